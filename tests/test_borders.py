@@ -73,12 +73,14 @@ def test_folds_over_a_second_parameter(way, values):
     assert set(values) <= set(at)
     assert len(points) > 4
     for point in points:
-        assert point.motion.mu == pytest.approx(1 / (8 * point.over), rel=3e-4)  # leading order
+        assert point.motion.parameter == pytest.approx(
+            1 / (8 * point.over), rel=3e-4
+        )  # leading order
         assert point.motion.size == pytest.approx(point.over**-0.5, rel=3e-4)
         assert point.residual < 1e-9
     for q in values:  # each line of a grid has its own
         (own,) = QUINTIC.folds(q, 0.8 / (8 * q), 1.2 * q**-0.5)
-        assert at[q].motion.mu == pytest.approx(own.mu, abs=1e-9)
+        assert at[q].motion.parameter == pytest.approx(own.parameter, abs=1e-9)
         assert at[q].motion.omega == pytest.approx(own.omega, rel=1e-9)
 
 
@@ -94,7 +96,7 @@ def test_a_border_ends_where_two_folds_meet():
     assert len(ends) >= 2
     for last in ends:
         assert last.over == pytest.approx(0.0, abs=2e-3)
-        assert last.motion.mu == pytest.approx(0.1, abs=2e-3)
+        assert last.motion.parameter == pytest.approx(0.1, abs=2e-3)
         assert last.motion.size == pytest.approx(1.0, abs=2e-2)
 
 
@@ -108,7 +110,7 @@ def test_a_border_ends_where_a_closed_branch_is_born():
         assert [q for q in (0.05, 0.1) if q in {point.over for point in points}] == [0.05, 0.1]
         ends.append(points[-1])
         assert ends[-1].over == pytest.approx(1 / 8, abs=1e-4)
-    assert ends[0].motion.mu * ends[1].motion.mu < 0.0
+    assert ends[0].motion.parameter * ends[1].motion.parameter < 0.0
 
 
 def test_a_border_of_folds_ends_on_that_of_hopf_points():

@@ -81,11 +81,11 @@ def test_multipliers_that_pass_the_unit_circle(at, bounds, event, exact, within)
     (found,) = [p for p in points if p.event]
     assert found.event == event
     assert found.apart == 0.0
-    assert found.motion.mu == pytest.approx(exact, abs=within)
+    assert found.motion.parameter == pytest.approx(exact, abs=within)
     stable = [p.multipliers.stable for p in points if not p.event]
     assert stable[0]
     assert not stable[-1]
-    assert points[-1].motion.mu == pytest.approx(bounds[0], abs=1e-12)
+    assert points[-1].motion.parameter == pytest.approx(bounds[0], abs=1e-12)
 
 
 def many(nu):
@@ -126,15 +126,15 @@ def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
     few, few_end = branch(many, folding, bounds, 1.0, stop, SHORT, highest=8.0)
     assert end == few_end == "hopf"
     (fold,), (near,) = ([p for p in found if p.event == FOLD] for found in (exact, few))
-    assert near.motion.mu == pytest.approx(fold.motion.mu, rel=1e-3)
+    assert near.motion.parameter == pytest.approx(fold.motion.parameter, rel=1e-3)
     assert near.motion.omega == pytest.approx(fold.motion.omega, rel=1e-4)
     tori, near = ([p for p in found if p.event == NS] for found in (exact, few))
     assert len(tori) == len(near) == 6
     for one, other in zip(tori, near, strict=True):
         assert one.apart == 0.0
-        assert abs(one.motion.mu - other.motion.mu) < other.apart
+        assert abs(one.motion.parameter - other.motion.parameter) < other.apart
     assert exact[-1].event == few[-1].event == HOPF
-    assert few[-1].motion.mu == pytest.approx(exact[-1].motion.mu, abs=1e-5)
+    assert few[-1].motion.parameter == pytest.approx(exact[-1].motion.parameter, abs=1e-5)
     assert max(p.error for p in few) < CURVE_BASIS_ERROR
     assert all(p.residual < projected.PROJECTED_TOLERANCE for p in few)
 
@@ -166,7 +166,7 @@ def isola():
         1.0,
         models.shrunk(osc, 1e-3),
     )
-    (fold,) = (p.motion.mu for p in points if p.event == FOLD)  # AUTO-07p: test_cycles_auto
+    (fold,) = (p.motion.parameter for p in points if p.event == FOLD)  # AUTO-07p: test_cycles_auto
     return inner, outer, np.sqrt(fold - LEAST)
 
 
@@ -181,13 +181,13 @@ def test_a_closed_branch_is_followed_once(isola, p, direction):
         on_isola, PeriodicMotion(outer.Q, outer.omega, p), ISOLA, direction, lambda _: ""
     )
     assert end == CLOSED
-    assert points[-1].motion.mu == pytest.approx(p, abs=1e-15)
+    assert points[-1].motion.parameter == pytest.approx(p, abs=1e-15)
     assert points[-1].motion.size == points[0].motion.size
-    folds = sorted(point.motion.mu for point in points if point.event)
+    folds = sorted(point.motion.parameter for point in points if point.event)
     assert folds == pytest.approx([-fold, fold], abs=1e-8)
-    mu = np.array([point.motion.mu for point in points])
+    mu = np.array([point.motion.parameter for point in points])
     assert np.abs(np.diff(mu)).sum() == pytest.approx(4 * fold, abs=1e-8)  # there and back
-    loud = [q for q in points if not q.event and abs(q.motion.mu) < 0.27]
+    loud = [q for q in points if not q.event and abs(q.motion.parameter) < 0.27]
     assert all(q.multipliers.stable == (q.motion.size > 1.05) for q in loud)
 
 
@@ -199,7 +199,7 @@ def test_a_closed_branch_on_a_basis_that_grows(folding, monkeypatch):
     start = PeriodicMotion(folding.Q, folding.omega, 0.0)
     _, curve, end = cycles_along(at, start, (-0.5, 0.5), 1.0, lambda _: "")
     assert end == CLOSED
-    folds = sorted(p.motion.mu for p in curve if p.event)
+    folds = sorted(p.motion.parameter for p in curve if p.event)
     assert len(folds) == 2
     assert folds[0] == pytest.approx(-folds[1], rel=2e-3)
 
@@ -255,7 +255,7 @@ def test_a_step_to_a_neighbour_on_a_closed_branch(isola):
     start = PeriodicMotion(outer.Q, outer.omega, 0.0)
     _, curve, end = cycles_along(on_isola, start, (0.0, 0.9 * fold), 1.0, lambda _: "")
     assert end == RANGE
-    assert curve[-1].motion.mu == 0.9 * fold
+    assert curve[-1].motion.parameter == 0.9 * fold
     assert curve[-1].motion.size > 1.05
 
 
@@ -290,7 +290,7 @@ def test_cycles_of_all_sizes_at_one_value_have_neither_folds_nor_branch_points()
 
     points, end = branch(loose, start, (0.1, 0.3 + 2 * p), -1.0, stop)
     assert end == SHRUNK
-    at_one_value = [q for q in points if abs(q.motion.mu - 0.3) < 1e-9]
+    at_one_value = [q for q in points if abs(q.motion.parameter - 0.3) < 1e-9]
     assert len(at_one_value) > 5
     assert [q.event for q in points if q.event] == [HOPF]
 

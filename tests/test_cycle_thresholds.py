@@ -151,7 +151,7 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
         assert "?" in judged.reason
         assert np.isfinite(judged.run.torque_rms) == (verdict == IF_KICKED)
         assert kicks(contact, found._replace(families=[(1, judged)]), 1.0) == {}
-    look = SecondLook(7, 3, open=[replace(family.loudest.motion, mu=-1.0)])
+    look = SecondLook(7, 3, open=[replace(family.loudest.motion, parameter=-1.0)])
     open_ = found._replace(families=[(1, replace(quiet, cycles=(), look=look, largest=None))])
     ((_, judged),) = decided_in_time(contact, open_, BAND, 1.0).families
     assert "from the motion nearest to growing lasts" in judged.reason
@@ -325,7 +325,7 @@ def test_a_lost_curve_has_no_cycle_where_large_motions_of_it_decay(hoffmann, siz
     curve = [{"contact_velocity": 1.0, "added_damping": -1.0}]
     lost = Family(family.lam, (), 0, curve, "basis", reason="lost", largest=last)
     if "look" in hint:  # of the coordinates of this model
-        hint = {"look": SecondLook(7, 3, [[CurveMotion(replace(last, mu=1.0), 0.0, 0.0)]])}
+        hint = {"look": SecondLook(7, 3, [[CurveMotion(replace(last, parameter=1.0), 0.0, 0.0)]])}
     open_ = found._replace(families=[(1, replace(lost, **hint))])
     reach = size * saddle.levels["contact_velocity"]
     ((_, judged),) = decided_in_time(contact, open_, BAND, reach).families
@@ -570,8 +570,8 @@ def test_zeros_that_more_harmonics_refute_are_no_cycles(friction, verdict, monke
 
     def shifted(projection, start, stop, steps):
         curve, end = whole(projection, start, stop, steps)
-        top = max(range(len(curve)), key=lambda k: curve[k].motion.mu)
-        moved = [replace(p.motion, mu=p.motion.mu + 0.25) for p in curve]
+        top = max(range(len(curve)), key=lambda k: curve[k].motion.parameter)
+        moved = [replace(p.motion, parameter=p.motion.parameter + 0.25) for p in curve]
         return [
             replace(p, motion=m, event="C" if k == top else "")
             for k, (p, m) in enumerate(zip(curve, moved, strict=True))

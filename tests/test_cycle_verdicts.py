@@ -83,7 +83,7 @@ def curve(*dampings):
     """Motions with these added dampings; zeros of round-off (None) between."""
     one = PeriodicMotion(np.zeros((3, 1)), 1.0)
     return [
-        CurveMotion(replace(one, mu=d or 0.0), 0.0, 0.0, "" if d is not None else "C")
+        CurveMotion(replace(one, parameter=d or 0.0), 0.0, 0.0, "" if d is not None else "C")
         for d in dampings
     ]
 

@@ -136,12 +136,12 @@ def test_added_damping_is_twice_the_growth_where_motions_are_small():
         )
         first = equations.motion(curve.points[0].u)
         shifted = models.linear_modes(
-            replace(contact.oscillator, C=contact.oscillator.C + first.mu * np.eye(2))
+            replace(contact.oscillator, C=contact.oscillator.C + first.parameter * np.eye(2))
         )[0]
         neutral = shifted[np.argmin(np.abs(shifted.real))]
         assert abs(neutral.real) < 1e-6 * abs(root)  # with it the mode neither grows nor decays
         assert neutral.imag == pytest.approx(first.omega, rel=1e-8)
-        assert first.mu == pytest.approx(2 * root.real, rel=0.15)
+        assert first.parameter == pytest.approx(2 * root.real, rel=0.15)
 
 
 # -- closed forms and published numbers -----------------------------------------------------------
@@ -287,8 +287,8 @@ def test_quintic_oscillator_folds():
     assert end == "hopf"
     fold, hopf = (p for p in points if p.event)
     assert (fold.event, hopf.event) == (FOLD, HOPF)
-    assert fold.motion.mu == pytest.approx(0.124993, abs=5e-7)
-    assert hopf.motion.mu == pytest.approx(0.0, abs=1e-8)
+    assert fold.motion.parameter == pytest.approx(0.124993, abs=5e-7)
+    assert hopf.motion.parameter == pytest.approx(0.0, abs=1e-8)
     assert fold.multipliers.stable is None  # two multipliers at one: neither can be said
 
 
@@ -322,7 +322,7 @@ def test_more_harmonics_see_a_cycle_that_one_does_not(k, lasting):
 
     curve, end = family_curve(projection, start, stop, Steps(0.1, largest=0.2))
     assert end == FAR
-    assert 1 / 8 - nu - 0.01 < max(p.motion.mu for p in curve) < 1 / 8 - nu + 1e-6
+    assert 1 / 8 - nu - 0.01 < max(p.motion.parameter for p in curve) < 1 / 8 - nu + 1e-6
     look = looked_again(osc, curve, (5, 9))
     assert look.grows == lasting
     assert not look.open
@@ -351,7 +351,7 @@ def test_small_motions_tell_nothing_of_larger_ones(large, seen, monkeypatch):
     curve.append(CurveMotion(motion(1.0, large), 0.0, 0.0))
 
     def more(osc, m, harmonics):
-        better = motion(m.Q[1, 0], m.mu + (0.01 if m.Q[1, 0] == 1.0 else 0.0))
+        better = motion(m.Q[1, 0], m.parameter + (0.01 if m.Q[1, 0] == 1.0 else 0.0))
         return None, CurveMotion(better, 0.0, 0.0)
 
     monkeypatch.setattr(growth, "_with_more", more)
@@ -373,7 +373,7 @@ def test_zeros_that_more_harmonics_move_are_found_again():
         assert abs(zero.omega / exact.omega - 1.0) > 1e-3
         found = found_again(osc, zero, 9)
         assert min(abs(m.omega / exact.omega - 1.0) for m in found) < 1e-5
-        assert all(abs(m.mu) < 1e-6 for m in found)
+        assert all(abs(m.parameter) < 1e-6 for m in found)
 
 
 def test_monodromy_of_a_linear_oscillator_is_an_exponential():

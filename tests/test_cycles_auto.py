@@ -73,9 +73,9 @@ def test_quintic_oscillator_through_its_fold(tmp_path):
     assert end == "hopf"
     (own_fold,) = (p for p in points if p.event == FOLD)
     assert [p.event for p in points if p.event] == [FOLD, HOPF]
-    assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)
+    assert points[-1].motion.parameter == pytest.approx(hopf.parameter, abs=EQUAL)
     (fold,) = (p for p in cycles if p.kind == "LP")
-    assert own_fold.motion.mu == pytest.approx(fold.parameter, abs=EQUAL)
+    assert own_fold.motion.parameter == pytest.approx(fold.parameter, abs=EQUAL)
     assert 2 * np.pi / own_fold.motion.omega == pytest.approx(fold.period, rel=EQUAL)
     inner, outer = (p for p in cycles if p.kind == "UZ")
     for own, judge in ((start, inner), (last, outer)):
@@ -110,7 +110,7 @@ def test_folds_of_the_quintic_oscillator_over_two_parameters(tmp_path):
         assert end == "range"
         found |= {p.over: p.motion for p in points}
     for nu, time, kappa in judges:
-        assert found[kappa].mu == pytest.approx(nu, abs=EQUAL)
+        assert found[kappa].parameter == pytest.approx(nu, abs=EQUAL)
         assert 2 * np.pi / found[kappa].omega == pytest.approx(time, rel=EQUAL)
 
 
@@ -234,12 +234,12 @@ def test_cubic_springs(tmp_path, name):
         models.shrunk(contact.oscillator, 1e-4),
     )
     assert end == "hopf"
-    assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)
+    assert points[-1].motion.parameter == pytest.approx(hopf.parameter, abs=EQUAL)
     folds = [p for p in points if p.event == FOLD]
     judges = [p for p in cycles if p.kind == "LP"]
     assert len(folds) == len(judges) == count - 1
     for motion, judge in zip(folds, judges, strict=True):
-        assert motion.motion.mu == pytest.approx(judge.parameter, abs=EQUAL)
+        assert motion.motion.parameter == pytest.approx(judge.parameter, abs=EQUAL)
         assert 2e3 * np.pi / motion.motion.omega == pytest.approx(judge.period, rel=EQUAL)
 
 
@@ -312,15 +312,15 @@ def test_a_brake_on_twelve_coordinates(tmp_path, prepared, name):
     )
     assert end == "hopf"
     hopf = next(p for p in rest if p.kind == "HB")
-    assert points[-1].motion.mu == pytest.approx(hopf.parameter, abs=EQUAL)
+    assert points[-1].motion.parameter == pytest.approx(hopf.parameter, abs=EQUAL)
     (fold,) = (p.motion for p in points if p.event == FOLD)
     (judge,) = (p for p in cycles if p.kind == "LP")
-    assert fold.mu == pytest.approx(judge.parameter, abs=EQUAL)
+    assert fold.parameter == pytest.approx(judge.parameter, abs=EQUAL)
     assert period(fold) == pytest.approx(judge.period, rel=EQUAL)
     tori = [p.parameter for p in cycles if p.kind == "TR"]
     for point in points:  # steps next to a fold are not looked through
         if point.event == NS:
-            assert min(abs(point.motion.mu - x) for x in tori) <= EQUAL
+            assert min(abs(point.motion.parameter - x) for x in tori) <= EQUAL
 
 
 def period(motion):

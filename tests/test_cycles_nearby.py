@@ -133,7 +133,7 @@ def test_a_motion_of_another_shape_is_left_open(monkeypatch, aside, left):
 def test_a_motion_that_is_lost_here_is_left_open(damped, first, monkeypatch):
     """However much damping it lacks at the design nearby."""
     path = first.families[0][1].path
-    top = max(path, key=lambda p: p.motion.mu).motion
+    top = max(path, key=lambda p: p.motion.parameter).motion
 
     def more(osc, motion, harmonics):
         if motion is not top:
@@ -143,8 +143,8 @@ def test_a_motion_that_is_lost_here_is_left_open(damped, first, monkeypatch):
     whole = growth._with_more
     monkeypatch.setattr(growth, "_with_more", more)
     osc = damped.at(friction=0.0782).oscillator
-    assert not [m for m in looked_again(osc, path, (7,)).open if m.mu < -36.0]
-    assert [m for m in looked_again(osc, path, (7,), 0.0).open if m.mu < -36.0]
+    assert not [m for m in looked_again(osc, path, (7,)).open if m.parameter < -36.0]
+    assert [m for m in looked_again(osc, path, (7,), 0.0).open if m.parameter < -36.0]
 
 
 def test_motions_are_apart_whatever_their_phase(first):

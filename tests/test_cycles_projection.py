@@ -55,7 +55,7 @@ def of_fastest_mode(osc):
 def found(osc, harmonics=5):
     projection, lam, phi = of_fastest_mode(osc)
     start = linear_motion(phi, lam, projection.weight, 1e-3)
-    start = PeriodicMotion(with_harmonics(start.Q, harmonics), start.omega, start.mu)
+    start = PeriodicMotion(with_harmonics(start.Q, harmonics), start.omega, start.parameter)
 
     def far(motion):
         return "far" if np.abs(motion.Q).max() > 4.0 else ""
@@ -74,7 +74,7 @@ def both():
         assert exact.complete
         patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
         few, near = found(osc)
-    return osc, exact.solve(cycle, DAMPING_HELD)[0], few, replace(near, mu=0.0)
+    return osc, exact.solve(cycle, DAMPING_HELD)[0], few, replace(near, parameter=0.0)
 
 
 def within(projection, motion):
@@ -131,7 +131,7 @@ def test_blocks_solve_each_harmonic_with_the_mean_tangents(both):
     """
     osc, exact, few, _ = both
     H, weight = exact.harmonics, few.weight
-    exact = replace(exact, mu=0.01)
+    exact = replace(exact, parameter=0.01)
     local = sampled(osc, osc.sampling(H), exact.Q, exact.omega)
     blocks = Blocks(osc, exact, local, weight)
     angle = 0.9 * np.arange(1, H + 1)[:, None]
@@ -140,7 +140,7 @@ def test_blocks_solve_each_harmonic_with_the_mean_tangents(both):
     other = replace(exact, Q=1.04 * np.vstack([exact.Q[:1], *turned]))
     R = np.random.default_rng(5).normal(size=exact.Q.shape)
     found = blocks.step(R, other)
-    K, C = mean_tangents(osc, local, exact.mu)
+    K, C = mean_tangents(osc, local, exact.parameter)
     change = [np.linalg.solve(K, -R[0])]
     for h in range(1, H + 1):
         w = h * exact.omega
@@ -162,7 +162,7 @@ def test_blocks_solve_each_harmonic_with_the_mean_tangents(both):
         still.step(R, other)
     # A q with omega + d, xi + e: -2 omega d + i omega e more, to first order
     assert found.omega == pytest.approx(-shift.real / (2.0 * exact.omega), rel=1e-4)
-    assert found.mu == pytest.approx(shift.imag / exact.omega, rel=1e-4)
+    assert found.parameter == pytest.approx(shift.imag / exact.omega, rel=1e-4)
 
 
 def test_absurd_motions_are_told_and_do_not_spoil_a_basis(both):
@@ -203,7 +203,7 @@ def test_a_basis_in_which_the_way_on_cannot_be_told_is_refused(both):
     with pytest.raises(ConvergenceError, match="which way"):
         path._here(exact, ahead, replace(exact, Q=1.2 * exact.Q))
     with pytest.raises(ConvergenceError, match="which way"):
-        path._here(exact, replace(exact, mu=exact.mu + 0.1))
+        path._here(exact, replace(exact, parameter=exact.parameter + 0.1))
 
 
 def test_a_curve_that_turns_back_by_mistake_says_so(monkeypatch):
@@ -221,7 +221,7 @@ def test_a_curve_that_turns_back_by_mistake_says_so(monkeypatch):
     monkeypatch.setattr(Path, "_again", turn)
     projection, lam, phi = of_fastest_mode(oscillator())
     start = linear_motion(phi, lam, projection.weight, 1e-3)
-    start = PeriodicMotion(with_harmonics(start.Q, 5), start.omega, start.mu)
+    start = PeriodicMotion(with_harmonics(start.Q, 5), start.omega, start.parameter)
     curve, end = family_curve(projection, start, lambda _: "", replace(STEPS, count=200))
     assert turned
     assert end == "retraced"
@@ -279,7 +279,7 @@ def test_a_lost_curve_is_taken_up_again_on_a_new_basis(monkeypatch, times, astra
     monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
     projection, lam, phi = of_fastest_mode(oscillator())
     start = linear_motion(phi, lam, projection.weight, 1e-3)
-    start = PeriodicMotion(with_harmonics(start.Q, 5), start.omega, start.mu)
+    start = PeriodicMotion(with_harmonics(start.Q, 5), start.omega, start.parameter)
 
     def far(motion):
         return "far" if np.abs(motion.Q).max() > 4.0 else ""
@@ -292,9 +292,9 @@ def test_a_lost_curve_is_taken_up_again_on_a_new_basis(monkeypatch, times, astra
     curve, reason = family_curve(projection, start, far, STEPS)
     assert lost
     assert reason == end
-    sizes, mu = np.array([(p.motion.size, p.motion.mu) for p in curve]).T
+    sizes, mu = np.array([(p.motion.size, p.motion.parameter) for p in curve]).T
     assert np.all(np.diff(sizes[[not p.event for p in curve]]) > 0)
-    known = [(p.motion.size, p.motion.mu) for p in smooth]
+    known = [(p.motion.size, p.motion.parameter) for p in smooth]
     assert mu == pytest.approx(np.interp(sizes, *zip(*known, strict=True)), abs=5e-3)
     assert ("C" in [p.event for p in curve]) == (end == "far")
 
@@ -393,7 +393,7 @@ def test_a_curve_holds_at_a_design_to_which_its_motions_need_little_change(both,
     monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
     lam, phi = of_fastest_mode(osc)[1:]
     start = linear_motion(phi, lam, few.weight, 1e-3)
-    start = PeriodicMotion(with_harmonics(start.Q, 3), start.omega, start.mu)
+    start = PeriodicMotion(with_harmonics(start.Q, 3), start.omega, start.parameter)
     curve, _ = family_curve(
         Projection(osc, phi, lam.imag), start, lambda m: "far" if m.size > 4.0 else "", STEPS
     )

@@ -51,7 +51,7 @@ class Blocks:
     ) -> None:
         self.motion, self._weight = motion, weight
         with np.errstate(over="ignore", invalid="ignore"):
-            K, C = mean_tangents(osc, local, motion.mu, np.float32)
+            K, C = mean_tangents(osc, local, motion.parameter, np.float32)
         if not max(np.abs(K).max(), np.abs(C).max() * motion.omega) < MAX_FLOAT32_STIFFNESS:
             raise ConvergenceError("not_finite", "contact is absurdly stiff in a periodic motion")
         scale = weight[:, None] * weight

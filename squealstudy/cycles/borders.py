@@ -44,7 +44,7 @@ class BorderPoint:
     over : float
         Value of the second parameter.
     motion : PeriodicMotion
-        Its `mu` is the value of the first; of a Hopf point without size.
+        Its `parameter` is the value of the first; of a Hopf point without size.
     residual : float
         Of the balance.
     criticality : str
@@ -72,7 +72,7 @@ def fold_near(
     oscillators : callable
         Oscillator of a value of the parameter.
     guess : PeriodicMotion
-        Its `mu` is a value of the parameter.
+        Its `parameter` is a value of the parameter.
     bounds : (low, high)
         Range of the parameter.
 
@@ -172,7 +172,7 @@ def _foreseen(points: list[BorderPoint], over: float) -> PeriodicMotion:
 
 
 def _border_coordinates(motion: PeriodicMotion, width: float) -> np.ndarray:
-    return np.array([motion.mu / width, motion.size, motion.omega])
+    return np.array([motion.parameter / width, motion.size, motion.omega])
 
 
 def _largest_rel_difference(one: PeriodicMotion, other: PeriodicMotion, width: float) -> float:

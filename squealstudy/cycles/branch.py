@@ -44,7 +44,7 @@ class BranchPoint:
     Attributes
     ----------
     motion : PeriodicMotion
-        Of all coordinates; its `mu` is the value of the parameter.
+        Of all coordinates; its `parameter` is the value of the parameter.
     multipliers : Floquet
     residual : float
         Of the balance in the basis.
@@ -181,7 +181,7 @@ def _folds_alone(curve: list[CurveMotion], one_value: float) -> list[CurveMotion
 
     Of the turns of such a part one is a fold if the parameter comes and leaves on the same side.
     """
-    values = np.array([point.motion.mu for point in curve])
+    values = np.array([point.motion.parameter for point in curve])
     folds, counted = list(curve), -1  # last point of the part whose turns are judged
     for k, point in enumerate(curve):
         if point.event != FOLD:
@@ -214,7 +214,7 @@ def branch(
     oscillators : callable
         Oscillator of a value of the parameter.
     start : PeriodicMotion
-        Its `mu` is the value.
+        Its `parameter` is the value.
     bounds : (low, high)
         Range of the parameter.
     direction : float
@@ -253,10 +253,10 @@ def _cut(
     """The curve to the end of the range, which its last point has passed."""
     last, before = curve[-1].motion, curve[-2].motion
     low, high = bounds
-    end = high if (last.mu - low) / (high - low) > 1.0 else low
-    share = (end - before.mu) / (last.mu - before.mu)
+    end = high if (last.parameter - low) / (high - low) > 1.0 else low
+    share = (end - before.parameter) / (last.parameter - before.parameter)
     try:
-        motion, residual = moving.at_value(replace(between(before, last, share), mu=end))
+        motion, residual = moving.at_value(replace(between(before, last, share), parameter=end))
     except ConvergenceError:
         return curve[:-1]
     return [*curve[:-1], CurveMotion(motion, residual, curve[-1].error)]
@@ -266,7 +266,7 @@ def _with_changes(
     moving: Moving, points: list[BranchPoint], highest: float, width: float
 ) -> list[BranchPoint]:
     """The points with those between them at which multipliers pass the unit circle."""
-    steps = np.abs(np.diff([point.motion.mu for point in points]))
+    steps = np.abs(np.diff([point.motion.parameter for point in points]))
     at_one_value = np.concatenate(([False], steps < ONE_VALUE_REL_WIDTH * width, [False]))
     with_changes = points[:1]
     for k, (one, other) in enumerate(itertools.pairwise(points)):
@@ -292,8 +292,8 @@ def _changes(
         event = _passing(moving, one, other, passing, highest, width)
         events.append(event)
         passing += 2 if event.event == NS else 1
-    back = other.motion.mu < one.motion.mu
-    return sorted(events, key=lambda p: -p.motion.mu if back else p.motion.mu)
+    back = other.motion.parameter < one.motion.parameter
+    return sorted(events, key=lambda p: -p.motion.parameter if back else p.motion.parameter)
 
 
 def _passing(
@@ -307,7 +307,7 @@ def _passing(
     """Where the multiplier of a number by size passes the unit circle."""
     ends = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (one, other)]
     share = ends[0] / (ends[0] - ends[1])
-    apart = abs(other.motion.mu - one.motion.mu)
+    apart = abs(other.motion.parameter - one.motion.parameter)
     near = min((one, other), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
     # sizes near the circle: what they err by moves the passing by so many steps
     wrong = max(float(p.multipliers.errors[number]) for p in (one, other))

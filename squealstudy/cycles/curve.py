@@ -145,7 +145,7 @@ class Path:
     def from_motion(
         self, start: PeriodicMotion, held: int = SIZE_HELD
     ) -> tuple[list[CurveMotion], str]:
-        """The curve through a motion, which keeps its size or its mu (`held`).
+        """The curve through a motion, which keeps its size or its parameter (`held`).
 
         Returns
         -------
@@ -349,5 +349,6 @@ def _change(one: PeriodicMotion, other: PeriodicMotion) -> PeriodicMotion:
 
 def between(one: PeriodicMotion, other: PeriodicMotion, share: float) -> PeriodicMotion:
     """A motion on the way from one to another of as many harmonics, in phase with it."""
-    omega, mu = (a + share * (b - a) for a, b in ((one.omega, other.omega), (one.mu, other.mu)))
-    return PeriodicMotion(one.Q + share * (other.Q - one.Q), omega, mu)
+    omega = one.omega + share * (other.omega - one.omega)
+    parameter = one.parameter + share * (other.parameter - one.parameter)
+    return PeriodicMotion(one.Q + share * (other.Q - one.Q), omega, parameter)

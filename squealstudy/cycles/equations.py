@@ -1,11 +1,11 @@
 """Unknowns and equations of a curve of periodic motions.
 
-    u = (Z, omega / omega_0, log a, mu),    q's series of the coordinates a Z / s,
+    u = (Z, omega / omega_0, log a, scaled parameter),    series of the coordinates q = a Z / s,
 
 with the first harmonic of Z of unit norm, so that a is its size: sqrt(2 a^2 / 2) of an energy in J.
 Equations are the balance over a, which has the complex mode as its limit for a -> 0; that norm;
-and the phase, <dZ_ref/dtheta, Z - Z_ref> = 0 with the last accepted motion. mu is the added damping
-xi / omega_0, or a parameter of the design from 0 to 1 over its range.
+and the phase, <dZ_ref/dtheta, Z - Z_ref> = 0 with the last accepted motion. The scaled parameter is
+the added damping xi / omega_0, or a parameter of the design from 0 to 1 over its range.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class PeriodicMotion:
         Its series about the steady state.
     omega : float
         rad/s.
-    mu : float
-        Added damping [1/s], or the value of a parameter.
+    parameter : float
+        Along which motions are followed: the added damping [1/s], or a parameter of the design.
     """
 
     Q: np.ndarray
     omega: float
-    mu: float = 0.0
+    parameter: float = 0.0
 
     @property
     def harmonics(self) -> int:
@@ -58,7 +58,7 @@ class PeriodicMotion:
     def changed(self, change: PeriodicMotion) -> PeriodicMotion:
         """The motion with a change of all that it is."""
         Q, omega = self.Q + change.Q, self.omega + change.omega
-        return PeriodicMotion(Q, omega, self.mu + change.mu)
+        return PeriodicMotion(Q, omega, self.parameter + change.parameter)
 
     def near(self, other: PeriodicMotion) -> bool:
         """Whether two motions are nearly of one size and frequency."""
@@ -112,7 +112,7 @@ class CycleEquations:
         self._at_u = b""
         self._local: LocalForces
 
-    # -- what mu is ------------------------------------------------------------------------------
+    # -- the parameter ---------------------------------------------------------------------------
     def balance(self, u: np.ndarray) -> Balance:
         """What is balanced at u."""
         return self._start
@@ -121,17 +121,17 @@ class CycleEquations:
         """Added damping xi at u, 1/s."""
         return float(u[-1]) * self.omega0
 
-    def value(self, mu: float) -> float:
-        """In its own unit, 1/s."""
-        return mu * self.omega0
+    def value(self, scaled: float) -> float:
+        """Value of the parameter in its own unit, here 1/s."""
+        return scaled * self.omega0
 
     def scaled(self, value: float) -> float:
-        """The other way."""
+        """Inverse of `value`."""
         return value / self.omega0
 
-    def _by_mu(self, u: np.ndarray, found: Balanced) -> np.ndarray:
-        """Derivative of the balance (m,) by mu."""
-        return found.by_xi * self.omega0
+    def _by_parameter(self, u: np.ndarray, balanced: Balanced) -> np.ndarray:
+        """Derivative of the balance (m,) by the scaled parameter."""
+        return balanced.by_xi * self.omega0
 
     # -- unknowns --------------------------------------------------------------------------------
     def unpack(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
@@ -143,7 +143,7 @@ class CycleEquations:
         """Unknowns of a motion of all coordinates, with as many harmonics as the equations have."""
         Z = self._start.lowered(with_harmonics(motion.Q, self.harmonics)) * self.scale
         a = float(np.linalg.norm(np.concatenate([Z[part] for part in self._parts[1]])))
-        rest = [motion.omega / self.omega0, np.log(a), self.scaled(motion.mu)]
+        rest = [motion.omega / self.omega0, np.log(a), self.scaled(motion.parameter)]
         return np.concatenate([Z / a, rest])
 
     def motion(self, u: np.ndarray) -> PeriodicMotion:
@@ -152,13 +152,13 @@ class CycleEquations:
         return PeriodicMotion(self._start.lifted(z), omega, self.value(float(u[-1])))
 
     def accepted(self, u: np.ndarray) -> None:
-        """Phases are counted from here on."""
+        """Count phases from the motion of u on."""
         turn = self._start.turned(u[:-3])
         self._phase, self._reference = turn / np.linalg.norm(turn), u[:-3].copy()
 
     # -- equations -------------------------------------------------------------------------------
     def forces(self, u: np.ndarray) -> LocalForces:
-        """Samples of forces at u; kept, for a line search ends where the next Jacobian begins."""
+        """Samples of forces at u, kept: the next Jacobian begins where a line search ended."""
         if (at := u.tobytes()) != self._at_u:
             z, omega, _ = self.unpack(u)
             self._at_u, self._local = at, self.balance(u).sampled(z, omega)
@@ -176,12 +176,12 @@ class CycleEquations:
         z, omega, _ = self.unpack(u)
         precision = np.float32 if self.rough else np.float64
         balanced = self.balance(u).balanced(z, omega, self.added(u), self.forces(u), precision)
-        slopes = balanced.J, balanced.by_omega, self._by_mu(u, balanced)
+        slopes = balanced.J, balanced.by_omega, self._by_parameter(u, balanced)
         return scaled_jacobian(u, balanced.R, *slopes, self.omega0, *self._closing)
 
     @property
     def _closing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What scales the equations, and what size and phase are told by."""
+        """Scale of the coordinates, then what the equations of size and phase are made of."""
         return self.scale, self._in_first, self._phase, self._reference
 
 
@@ -196,7 +196,7 @@ class BranchEquations(CycleEquations):
     omega : float
         rad/s, of a cycle on the branch.
     bounds : (low, high)
-        Range that is 0 to 1 of mu.
+        Range of the parameter; scaled 0 to 1.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class BranchEquations(CycleEquations):
         vectors: Sequence[np.ndarray] | None = None,
     ) -> None:
         self._oscillators, self._bounds, self._vectors = oscillators, bounds, vectors
-        self._known: dict[float, Balance] = {}
+        self._balances: dict[float, Balance] = {}
         super().__init__(oscillators(bounds[0]), harmonics, omega, tolerance, vectors)
         self.rough = False  # folds are where the tangent turns
 
@@ -218,29 +218,30 @@ class BranchEquations(CycleEquations):
         return self._at(float(u[-1]))
 
     def added(self, u: np.ndarray) -> float:
-        """None."""
+        """No damping is added on a branch."""
         return 0.0
 
-    def value(self, mu: float) -> float:
-        """The parameter's."""
+    def value(self, scaled: float) -> float:
+        """Value of the parameter in its own unit."""
         low, high = self._bounds
-        return low + mu * (high - low)
+        return low + scaled * (high - low)
 
     def scaled(self, value: float) -> float:
-        """The other way."""
+        """Inverse of `value`."""
         low, high = self._bounds
         return (value - low) / (high - low)
 
-    def _by_mu(self, u: np.ndarray, found: Balanced) -> np.ndarray:
+    def _by_parameter(self, u: np.ndarray, balanced: Balanced) -> np.ndarray:
         z, omega, _ = self.unpack(u)
         ahead = self._at(float(u[-1]) + PARAMETER_STEP).imbalance(z, omega, 0.0)
-        slope: np.ndarray = (ahead - found.R) / PARAMETER_STEP
+        slope: np.ndarray = (ahead - balanced.R) / PARAMETER_STEP
         return slope
 
-    def _at(self, mu: float) -> Balance:
-        if mu not in self._known:
-            while len(self._known) >= OSCILLATOR_CACHE_SIZE:
-                del self._known[next(iter(self._known))]
-            osc = self._oscillators(self.value(mu))
-            self._known[mu] = Balance(osc, self.harmonics, self._vectors)
-        return self._known[mu]
+    def _at(self, scaled: float) -> Balance:
+        """Balance at a scaled value; the last ones are kept."""
+        if scaled not in self._balances:
+            while len(self._balances) >= OSCILLATOR_CACHE_SIZE:
+                del self._balances[next(iter(self._balances))]
+            osc = self._oscillators(self.value(scaled))
+            self._balances[scaled] = Balance(osc, self.harmonics, self._vectors)
+        return self._balances[scaled]

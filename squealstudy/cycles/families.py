@@ -169,7 +169,7 @@ def _silent_nearby(
         return None
     scale = np.sqrt(np.abs(np.diag(contact.oscillator.K)) + lam.imag**2)
     start = linear_motion(phi, lam, scale, la.norm(scale * first.Q[[1, first.harmonics + 1]]))
-    change_of_damping = abs(start.mu - first.mu)
+    change_of_damping = abs(start.parameter - first.parameter)
     look = looked_again(
         contact.oscillator, near.path, _larger_harmonic_counts(first.harmonics), change_of_damping
     )
@@ -212,7 +212,7 @@ def _family(
     def stop(motion: PeriodicMotion) -> str:
         if contact.contact_velocity(motion) > search.reach:
             return FAR
-        missing = (min(start.mu, 0.0) - motion.mu) / (2.0 * start.omega)
+        missing = (min(start.parameter, 0.0) - motion.parameter) / (2.0 * start.omega)
         return DAMPED if not whole and missing > GIVE_UP_DAMPING_RATIO else ""
 
     try:
@@ -227,7 +227,12 @@ def _family(
     curve = without_noise(curve, noise)
     cycles: list[Cycle] = []
     lost, look = _confirmed(contact, curve, search, cycles), None
-    if end in SEARCHED_ENDS and start.mu <= 0.0 and not cycles and abs(start.mu) > noise:
+    if (
+        end in SEARCHED_ENDS
+        and start.parameter <= 0.0
+        and not cycles
+        and abs(start.parameter) > noise
+    ):
         look = looked_again(contact.oscillator, curve, _larger_harmonic_counts(harmonics))
         _confirmed(contact, chain(*look.pieces), search, cycles)
         if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
@@ -291,7 +296,7 @@ def _curve_rows(contact: ContactOscillator, curve: list[CurveMotion]) -> list[di
         {
             "contact_velocity": contact.contact_velocity(point.motion),
             "frequency_hz": point.motion.omega / (2 * np.pi),
-            "added_damping": point.motion.mu,
+            "added_damping": point.motion.parameter,
             "residual": point.residual,
             "basis_error": point.error,
             "event": point.event,

@@ -98,7 +98,10 @@ def without_noise(curve: Sequence[CurveMotion], noise: float) -> list[CurveMotio
 
     Motions of a mode without damping have none over a range of sizes, and any sign of round-off.
     """
-    sign = [0 if abs(p.motion.mu) <= noise else 1 if p.motion.mu > 0 else -1 for p in curve]
+    sign = [
+        0 if abs(p.motion.parameter) <= noise else 1 if p.motion.parameter > 0 else -1
+        for p in curve
+    ]
     certain = []
     for k, point in enumerate(curve):
         if point.event == ZERO:
@@ -120,11 +123,11 @@ def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
     share = (sizes[-1] - sizes[rose - 1]) / (sizes[rose] - sizes[rose - 1])
     there = between(passed[rose - 1], passed[rose], float(share))
     frequency, damping, alike = SAME_MOTION_TOLERANCES
-    most = max(abs(m.mu) for m in passed)
+    most = max(abs(m.parameter) for m in passed)
     one, other = (m.Q[1] - 1j * m.Q[m.harmonics + 1] for m in (there, last))
     mac = abs(one.conj() @ other) ** 2 / ((one.conj() @ one) * (other.conj() @ other)).real
     near = abs(there.omega / last.omega - 1.0) < frequency
-    return bool(near and abs(there.mu - last.mu) < damping * most and mac > alike)
+    return bool(near and abs(there.parameter - last.parameter) < damping * most and mac > alike)
 
 
 @dataclass
@@ -154,7 +157,7 @@ class SecondLook:
     @property
     def grows(self) -> bool:
         """Whether a motion with more harmonics does."""
-        return any(p.motion.mu > 0.0 for piece in self.pieces for p in piece)
+        return any(p.motion.parameter > 0.0 for piece in self.pieces for p in piece)
 
     def holds(self, motion: PeriodicMotion) -> bool:
         """Whether a piece passes a motion."""
@@ -190,11 +193,11 @@ def looked_again(
     look = SecondLook(curve[0].motion.harmonics)
     largest = max(2.0 * MIN_DAMPING_CHANGE * curve[0].motion.omega, moved or 0.0)
     failed: list[PeriodicMotion] = []
-    span = float(np.ptp([p.motion.mu for p in curve]))
+    span = float(np.ptp([p.motion.parameter for p in curve]))
     for motion, rise in _likeliest(curve):
         if (
             look.checked >= MIN_CHECKS
-            and motion.mu + HARMONIC_SAFETY_FACTOR * (rise + largest) < 0.0
+            and motion.parameter + HARMONIC_SAFETY_FACTOR * (rise + largest) < 0.0
         ):
             break
         if look.holds(motion):
@@ -214,9 +217,9 @@ def looked_again(
                 look.open.append(better)
                 break
             elsewhere = off * span  # a top that moved aside is higher there
-        largest = max(largest, change := abs(better.mu - motion.mu) + elsewhere)
+        largest = max(largest, change := abs(better.parameter - motion.parameter) + elsewhere)
         margin = HARMONIC_SAFETY_FACTOR * (rise + change)
-        if better.mu + margin < 0.0 or look.holds(better):
+        if better.parameter + margin < 0.0 or look.holds(better):
             continue
         if moved is not None:
             look.open.append(better)
@@ -227,11 +230,13 @@ def looked_again(
             failed.append(motion)
             continue
         look.pieces.append(piece)
-        top = max((p.motion for p in piece), key=lambda m: m.mu)
-        if top.mu <= 0.0:
+        top = max((p.motion for p in piece), key=lambda m: m.parameter)
+        if top.parameter <= 0.0:
             _settle(osc, top, ladder[1:], look)
     look.open += [
-        m for m in failed if m.mu + HARMONIC_SAFETY_FACTOR * largest >= 0.0 and not look.holds(m)
+        m
+        for m in failed
+        if m.parameter + HARMONIC_SAFETY_FACTOR * largest >= 0.0 and not look.holds(m)
     ]
     if not look.checked or moved is not None:
         look.open += [m for m in failed if m not in look.open]
@@ -277,16 +282,16 @@ def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float
     motions = [p.motion for p in curve]
     sizes = np.log2([m.size for m in motions])
     octaves = np.floor(sizes.max() - sizes)
-    mu = np.array([m.mu for m in motions])
-    ends = np.concatenate([[-np.inf], mu, [-np.inf]])
-    before, behind = mu - ends[:-2], mu - ends[2:]
+    damping = np.array([m.parameter for m in motions])
+    ends = np.concatenate([[-np.inf], damping, [-np.inf]])
+    before, behind = damping - ends[:-2], damping - ends[2:]
     tops = set(np.flatnonzero((before > 0) & (behind >= 0)).tolist())
     for octave in range(N_SIZE_OCTAVES):
         inside = np.flatnonzero(octaves == octave)
         if len(inside):
-            tops.add(int(inside[np.argmax(mu[inside])]))
+            tops.add(int(inside[np.argmax(damping[inside])]))
     likeliest = []
-    for k in sorted(tops, key=lambda k: -mu[k]):
+    for k in sorted(tops, key=lambda k: -damping[k]):
         drops = before[k], behind[k]
         rise = 0.0
         if min(drops) >= 0.0 and 0.0 < sum(drops) < np.inf:
@@ -312,8 +317,11 @@ def _settle(osc: Oscillator, top: PeriodicMotion, ladder: Sequence[int], found: 
             better = _with_more(osc, top, harmonics)[1].motion
         except ConvergenceError:
             break
-        found.harmonics, change = max(found.harmonics, harmonics), abs(better.mu - top.mu)
-        if better.mu + HARMONIC_SAFETY_FACTOR * change < 0.0:
+        found.harmonics, change = (
+            max(found.harmonics, harmonics),
+            abs(better.parameter - top.parameter),
+        )
+        if better.parameter + HARMONIC_SAFETY_FACTOR * change < 0.0:
             return
         top = better
     found.open.append(top)
@@ -329,8 +337,8 @@ def found_again(osc: Oscillator, zero: PeriodicMotion, harmonics: int) -> list[P
     """
     projection, balanced = _with_more(osc, zero, harmonics)
     start = balanced.motion
-    high = np.inf if start.mu > 0.0 else 0.0
-    piece = _piece(projection, start, -HARMONIC_SAFETY_FACTOR * abs(start.mu), high)
+    high = np.inf if start.parameter > 0.0 else 0.0
+    piece = _piece(projection, start, -HARMONIC_SAFETY_FACTOR * abs(start.parameter), high)
     return [p.motion for p in piece if p.event == ZERO]
 
 
@@ -340,7 +348,7 @@ def _piece(
     """The curve both ways from a motion while its added damping [1/s] is between bounds."""
 
     def ended(_: np.ndarray, motion: PeriodicMotion) -> str:
-        return "" if low <= motion.mu <= high else OUTSIDE
+        return "" if low <= motion.parameter <= high else OUTSIDE
 
     tests = {ZERO: lambda u, _: float(u[-1])}
     piece: list[CurveMotion] = []

@@ -240,7 +240,7 @@ def _starts(
     if family.look is not None:
         open_ = [*family.look.open, *(p.motion for piece in family.look.pieces for p in piece)]
         if open_:
-            yield "the motion nearest to growing", state_of(max(open_, key=lambda m: m.mu))
+            yield "the motion nearest to growing", state_of(max(open_, key=lambda m: m.parameter))
     if family.largest is not None:
         velocity = contact.contact_velocity(family.largest)
         for size, theta in itertools.product(START_SIZES, START_ANGLES_RAD):

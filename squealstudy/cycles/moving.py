@@ -15,7 +15,7 @@ Oscillators = Callable[[float], Oscillator]  # of a value of the parameter
 
 
 class Moving:
-    """A basis that moves along a parameter; mu of motions is its value.
+    """A basis that moves along a parameter; `parameter` of motions is its value.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ class Moving:
         self, oscillators: Oscillators, bounds: tuple[float, float], start: PeriodicMotion
     ) -> None:
         self._oscillators, self._bounds, self._omega = oscillators, bounds, start.omega
-        self._value = start.mu
-        self.fixed = Projection.about(oscillators(start.mu), start)
+        self._value = start.parameter
+        self.fixed = Projection.about(oscillators(start.parameter), start)
 
     @property
     def complete(self) -> bool:
@@ -56,8 +56,10 @@ class Moving:
         self, motion: PeriodicMotion, fresh: bool = True, local: LocalForces | None = None
     ) -> PeriodicMotion:
         """As of `Projection`, at the motion's own value."""
-        correction = self._at(motion.mu).correction(replace(motion, mu=0.0), fresh, local)
-        return replace(correction, mu=0.0)
+        correction = self._at(motion.parameter).correction(
+            replace(motion, parameter=0.0), fresh, local
+        )
+        return replace(correction, parameter=0.0)
 
     def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
         """Norm of a correction over that of the motion."""
@@ -67,10 +69,10 @@ class Moving:
         self, motion: PeriodicMotion, target: float, held: int
     ) -> tuple[PeriodicMotion, float, float]:
         """As of `Projection`, at the motion's own value: a cycle, or one of its size nearly."""
-        improved, error, residual = self._at(motion.mu).improve(
-            replace(motion, mu=0.0), target, held
+        improved, error, residual = self._at(motion.parameter).improve(
+            replace(motion, parameter=0.0), target, held
         )
-        return replace(improved, mu=motion.mu), error, residual
+        return replace(improved, parameter=motion.parameter), error, residual
 
     def remember(self, motion: PeriodicMotion) -> None:
         """A basis that begins anew will hold this motion."""
@@ -82,16 +84,18 @@ class Moving:
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
         """As of `Projection`, at the motion's own value."""
-        self._at(motion.mu).grow(replace(motion, mu=0.0), change)
+        self._at(motion.parameter).grow(replace(motion, parameter=0.0), change)
 
     def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
         """Multipliers of a cycle."""
-        return self._at(motion.mu).stability(replace(motion, mu=0.0), highest)
+        return self._at(motion.parameter).stability(replace(motion, parameter=0.0), highest)
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
         """The cycle near a motion at its own value in the basis, and the residual."""
-        cycle, residual = self._at(motion.mu).solve(replace(motion, mu=0.0), DAMPING_HELD)
-        return replace(cycle, mu=motion.mu), residual
+        cycle, residual = self._at(motion.parameter).solve(
+            replace(motion, parameter=0.0), DAMPING_HELD
+        )
+        return replace(cycle, parameter=motion.parameter), residual
 
     def _at(self, value: float) -> Projection:
         if value != self._value:

@@ -52,9 +52,9 @@ def _added(
     velocity = contact.contact_velocity(linear_motion(phi, lam, projection.weight, 1.0))
     size = share * abs(contact.point.speed) / velocity
     motion = linear_motion(phi, lam, projection.weight, size)
-    motion = PeriodicMotion(with_harmonics(motion.Q, HARMONICS), motion.omega, motion.mu)
+    motion = PeriodicMotion(with_harmonics(motion.Q, HARMONICS), motion.omega, motion.parameter)
     try:
         motion, _, _ = projection.improve(motion, CYCLE_BASIS_ERROR, SIZE_HELD)
     except ConvergenceError:
         return np.nan
-    return motion.mu + projection.correction(motion).mu
+    return motion.parameter + projection.correction(motion).parameter

@@ -129,7 +129,7 @@ class Projection:
         if blocks is None or blocks.harmonics < H or (fresh and not blocks_valid):
             blocks = self._blocks = Blocks(osc, motion, local, self.weight)
             self._moved = False
-        R = imbalance(osc, motion.Q, motion.omega, motion.mu, local)
+        R = imbalance(osc, motion.Q, motion.omega, motion.parameter, local)
         if not np.isfinite(R).all():
             raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
         return blocks.step(R, motion)
@@ -144,7 +144,7 @@ class Projection:
             return cycle
         change = self.correction(cycle)
         try:
-            with_damping, _ = self.solve(replace(cycle, mu=-change.mu), DAMPING_HELD)
+            with_damping, _ = self.solve(replace(cycle, parameter=-change.parameter), DAMPING_HELD)
         except ConvergenceError:
             with_damping = cycle
         return PeriodicMotion(with_damping.Q + change.Q, with_damping.omega + change.omega)
@@ -163,7 +163,7 @@ class Projection:
         without that and without modes above `highest`.
         """
         local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
-        K, C = mean_tangents(self.whole, local, motion.mu)
+        K, C = mean_tangents(self.whole, local, motion.parameter)
         lam, psi = dense_roots(C, K, (0.0, STABILITY_BAND_FACTOR * highest))
         low = np.abs(lam) <= highest
         own_directions = self._directions(self._unit(np.hstack(self.vectors)))[
@@ -271,7 +271,7 @@ class Projection:
         ConvergenceError
             Where there is none, or one of another size alone.
         """
-        start = replace(motion, Q=with_harmonics(motion.Q, harmonics), mu=0.0)
+        start = replace(motion, Q=with_harmonics(motion.Q, harmonics), parameter=0.0)
         try:
             cycle, _, residual = self.improve(start, CYCLE_BASIS_ERROR, DAMPING_HELD)
             if self.complete or _of_one_size(start, cycle):
@@ -281,7 +281,10 @@ class Projection:
                 raise
         # nearer on the curve, on a basis that holds it
         of_its_size = replace(
-            self.improve(replace(start, mu=motion.mu), CURVE_BASIS_ERROR, SIZE_HELD)[0], mu=0.0
+            self.improve(replace(start, parameter=motion.parameter), CURVE_BASIS_ERROR, SIZE_HELD)[
+                0
+            ],
+            parameter=0.0,
         )
         cycle, _, residual = self.improve(of_its_size, CYCLE_BASIS_ERROR, DAMPING_HELD)
         if not _of_one_size(start, cycle):
@@ -302,7 +305,7 @@ class Projection:
         """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
         change = self.correction(motion, True)
         self.join(motion, change)
-        return motion.changed(change if held == SIZE_HELD else replace(change, mu=0.0))
+        return motion.changed(change if held == SIZE_HELD else replace(change, parameter=0.0))
 
     def remember(self, motion: PeriodicMotion) -> None:
         """A basis that begins anew will hold this motion."""

@@ -100,18 +100,18 @@ def follow_borders(task: PlaneTask) -> tuple[list[dict[str, Any]], list[str]]:
     plane = Plane(task)
     borders: list[tuple[Mark, list[BorderPoint], tuple[str, str]]] = []
     rows, lost, differences = [], list[str](), dict[tuple[int, int], float]()
-    for over, mark in sorted(task.marks, key=lambda m: (m[1].event, m[0], m[1].motion.mu)):
+    for over, mark in sorted(task.marks, key=lambda m: (m[1].event, m[0], m[1].motion.parameter)):
         place = plane.passed(borders, over, mark)
         if place is None:
             try:
                 borders.append((mark, *plane.border(over, mark)))
             except FAILURES as error:
-                lost.append(f"{mark.event} at {task.along} {mark.motion.mu:g}: {error}")
+                lost.append(f"{mark.event} at {task.along} {mark.motion.parameter:g}: {error}")
                 continue
             place = plane.passed(borders, over, mark)
         if place is not None:
-            at = borders[place[0]][1][place[1]].motion.mu
-            differences[place] = at - mark.motion.mu
+            at = borders[place[0]][1][place[1]].motion.parameter
+            differences[place] = at - mark.motion.parameter
     for number, (mark, points, ends) in enumerate(borders):
         border_rows = [plane.row(mark, k, point) for k, point in enumerate(points)]
         for k, row in enumerate(border_rows):
@@ -144,7 +144,7 @@ class Plane:
         """The fold at a value of the second parameter."""
         way = self.way(over)
         fold = BorderPoint(over, *fold_near(way.oscillator, guess, way.bounds))
-        self._inside(fold.motion.mu)
+        self._inside(fold.motion.parameter)
         if reason := ended(way, fold.motion):
             raise ConvergenceError(reason, "the fold's cycle is too small or too large")
         return fold
@@ -153,7 +153,7 @@ class Plane:
         """The Hopf point there."""
         onset_value, hz, how = onset_near(self.way(over), guess, BRACKET_HALF_WIDTH * self.width)
         self._inside(onset_value)
-        motion = replace(guess, omega=2.0 * np.pi * hz, mu=onset_value)
+        motion = replace(guess, omega=2.0 * np.pi * hz, parameter=onset_value)
         return BorderPoint(over, motion, criticality=how)
 
     def _inside(self, value: float) -> None:
@@ -171,7 +171,7 @@ class Plane:
         """
         if (
             mark.event == FOLD
-            and self.way(over).oscillator(mark.motion.mu).n > MAX_UNPROJECTED_COORDINATES
+            and self.way(over).oscillator(mark.motion.parameter).n > MAX_UNPROJECTED_COORDINATES
         ):
             raise ConvergenceError(
                 "too_large",
@@ -193,7 +193,7 @@ class Plane:
         """Border and place on it of a fold or a Hopf point of a line; None where none passes it."""
         for number, (border_mark, points, _) in enumerate(borders):
             for k, point in enumerate(points if border_mark.event == mark.event else []):
-                near = abs(point.motion.mu - mark.motion.mu) < SAME_FOLD * self.width
+                near = abs(point.motion.parameter - mark.motion.parameter) < SAME_FOLD * self.width
                 same = abs(point.motion.omega / mark.motion.omega - 1.0) < NEAR_HZ
                 if point.over == over and near and same:
                     return number, k
@@ -203,14 +203,14 @@ class Plane:
         """Of the table of borders."""
         motion, levels = point.motion, {"torque_rms": 0.0, "contact_velocity": 0.0}
         if mark.event == FOLD:
-            all_levels = self.way(point.over).contact(motion.mu).levels(motion)
+            all_levels = self.way(point.over).contact(motion.parameter).levels(motion)
             levels = {name: all_levels[name] for name in levels}
         return {
             "point_id": mark.point_id,
             "event": mark.event,
             "n_step": k,
             "along": self.task.along,
-            "value": motion.mu,
+            "value": motion.parameter,
             "over": self.task.over,
             "over_value": point.over,
             "criticality": point.criticality,

@@ -74,7 +74,7 @@ class Start:
 
     @property
     def motion(self) -> PeriodicMotion:
-        """With the value as `mu`."""
+        """With the value as `parameter`."""
         return PeriodicMotion(self.Q, self.omega, self.value)
 
 
@@ -135,7 +135,7 @@ class Mark:
     event : str
         F or H.
     motion : PeriodicMotion
-        Its `mu` is the value of the parameter; of a Hopf point without size.
+        Its `parameter` is the value of the parameter; of a Hopf point without size.
     """
 
     point_id: str
@@ -171,13 +171,13 @@ def step_to_neighbour(task: StepTask) -> ContinuedBranches:
 
     def stop(motion: PeriodicMotion) -> str:
         nonlocal furthest
-        furthest = max(furthest, motion.mu)
-        return TURNED if motion.mu < furthest - MAX_RETRACED_SHARE else ended(way, motion)
+        furthest = max(furthest, motion.parameter)
+        return TURNED if motion.parameter < furthest - MAX_RETRACED_SHARE else ended(way, motion)
 
     try:
         _, curve, end = cycles_along(way.oscillator, task.start.motion, way.bounds, 1.0, stop)
         last = curve[-1].motion
-        if end == RANGE and last.mu > 0.5:
+        if end == RANGE and last.parameter > 0.5:
             _, contact = task.request.contact(points[1], gaps)
             cycle = _cycle_at(contact, last, task.request)
             continuation.cycles.append(Continued(points[1].point_id, task.start, cycle))
@@ -248,10 +248,11 @@ class Branch:
         crossings = []
         for one, other in pairwise(self.points):
             a, b = one.motion, other.motion
-            if a.mu != b.mu and (value - a.mu) * (value - b.mu) <= 0.0 and value != b.mu:
-                crossings.append(between(a, b, (value - a.mu) / (b.mu - a.mu)))
+            start, end = a.parameter, b.parameter
+            if start != end and (value - start) * (value - end) <= 0.0 and value != end:
+                crossings.append(between(a, b, (value - start) / (end - start)))
         last = self.points[-1].motion
-        return [*crossings, last] if value == last.mu else crossings
+        return [*crossings, last] if value == last.parameter else crossings
 
     def passes(self, way: Way, value: float, omega: float, level: float) -> bool:
         """Whether it passes a cycle of this frequency [rad/s] and contact velocity."""
@@ -266,12 +267,12 @@ class Branch:
         """Whether both have a fold in common."""
         width = SAME_FOLD * abs(way.bounds[1] - way.bounds[0])
         folds, others = (
-            [(p.motion.mu, p.motion.omega) for p in b.points if p.event == FOLD]
+            [(p.motion.parameter, p.motion.omega) for p in b.points if p.event == FOLD]
             for b in (self, other)
         )
         return any(
-            abs(mu - x) < width and abs(omega / w - 1.0) < NEAR_HZ
-            for mu, omega in folds
+            abs(fold_value - x) < width and abs(omega / w - 1.0) < NEAR_HZ
+            for fold_value, omega in folds
             for x, w in others
         )
 
@@ -283,7 +284,7 @@ class Branch:
 
     def _row(self, way: Way, along: str, k: int, point: BranchPoint) -> dict[str, Any]:
         motion, multipliers = point.motion, point.multipliers
-        contact = way.contact(motion.mu)
+        contact = way.contact(motion.parameter)
         levels = contact.levels(motion)
         largest = multipliers.multipliers[0] if len(multipliers.multipliers) > 1 else 0.0
         row = {
@@ -292,7 +293,7 @@ class Branch:
             "cycle_id": self.start.cycle_id,
             "n_step": k,
             "along": along,
-            "value": motion.mu,
+            "value": motion.parameter,
             "value_error": point.apart,
             "event": point.event,
             "criticality": "",
@@ -319,7 +320,7 @@ class Branch:
 
 def ended(way: Way, motion: PeriodicMotion) -> str:
     """Whether a cycle has shrunk to steady sliding, or is as large as was asked."""
-    contact = way.contact(motion.mu)
+    contact = way.contact(motion.parameter)
     velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
     if velocity < START * speed:
         return SHRUNK
@@ -353,7 +354,7 @@ def _branch(way: Way, start: Start) -> Branch:
         if point.event == HOPF:
             neighbour = points[1] if k == 0 else points[k - 1]
             with contextlib.suppress(SquealstudyError):  # it keeps what the curve has
-                half = abs(point.motion.mu - neighbour.motion.mu)
+                half = abs(point.motion.parameter - neighbour.motion.parameter)
                 onsets[k] = onset_near(way, point.motion, half)
     return Branch(start, points, (ends[0], ends[1]), onsets)
 

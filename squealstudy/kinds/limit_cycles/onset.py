@@ -23,7 +23,7 @@ def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, fl
     ----------
     way : Way
     motion : PeriodicMotion
-        A small cycle; its `mu` is a value near by.
+        A small cycle; its `parameter` is a value near by.
     half : float
         Of the bracket about that value; it is widened where stability does not change in it.
 
@@ -47,7 +47,7 @@ def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, fl
     width = abs(way.bounds[1] - way.bounds[0])
     half = max(half, MIN_BRACKET_HALF_WIDTH * width)
     for _ in range(MAX_BRACKET_DOUBLINGS):
-        low, high = motion.mu - half, motion.mu + half
+        low, high = motion.parameter - half, motion.parameter + half
         ends = [modes(value) for value in (low, high)]
         zeta = [-m.lam[place(m)].real / abs(m.lam[place(m)]) for m in ends]
         if (zeta[0] + way.asked.tolerance) * (zeta[1] + way.asked.tolerance) < 0:
