@@ -529,6 +529,15 @@ def test_the_least_kick_is_where_the_mode_crosses_the_unstable_cycle(belt):
     assert kicks(contact, found._replace(unstable_outside=True), 10.0) == {}
 
 
+def test_a_kick_from_which_contact_runs_away_is_too_large():
+    """By runs of Runge and Kutta .62 to .64 m/s start squeal, and all of 5.6 m/s run away."""
+    contact = models.Designs("hoffmann", models.BISTABLE | {"friction": 0.75}).at()
+    found = families(contact, (1.0, 1e6), [1], 1e-9, Search(None, 1e-2, 12.0))
+    (kick,) = kicks(contact, found, 20.0).values()
+    assert kick.status == "ok"
+    assert 0.55 < kick.velocity < 0.66
+
+
 def test_kicks_that_lead_nowhere_say_so(belt):
     contact, family = belt
     lam, psi = contact.oscillator.steady_modes(np.inf)

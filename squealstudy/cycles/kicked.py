@@ -76,7 +76,8 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
     A kick is a state Re(phi exp(i phase)) of displacements with the velocities that the mode has
     there. From twice the stable cycle's contact velocity, but `largest` at most, the size is halved
     until no phase leads to the cycle, and the last pair is bisected. Larger kicks may decay again:
-    what is found is the edge next to silence.
+    what is found is the edge next to silence. From the largest ones contact that softens may run
+    away: then half of them is tried.
 
     Parameters
     ----------
@@ -101,13 +102,15 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
         return trials.outcomes([start(size, phase) for phase in phases])
 
     high = min(2.0 * contact.contact_velocity(trials.cycle), largest)
-    top, worst, low = high, -1, 0.0
+    top, worst, low, too_large = high, -1, 0.0, False
     while True:
         size = high if worst < 0 else 0.5 * high if low == 0.0 else 0.5 * (low + high)
         outcomes = tried(size)
         if GROWS in outcomes:
             high, worst = size, outcomes.index(GROWS)
-        elif OPEN in outcomes:
+        elif OPEN in outcomes and worst < 0:
+            high, too_large = 0.5 * size, True
+        elif OPEN in outcomes or (too_large and worst < 0):
             return Kick(np.nan, np.nan, np.nan, np.nan, KICK_UNDECIDED)
         elif worst < 0:
             return Kick(np.nan, np.nan, np.nan, np.nan, NO_KICK)
