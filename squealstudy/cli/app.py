@@ -36,7 +36,7 @@ from squealstudy.machine.processes import InterruptedRun, cut_lifeline, interrup
 from squealstudy.screen import plain
 
 NAME = "squealstudy"
-UsageError: type[Any] = typer.BadParameter.mro()[1]
+UsageError: type[Any] = typer.BadParameter.mro()[1]  # click's, of which typer exports no name
 
 app = typer.Typer(
     help="Which modes of a brake squeal, why, and which design change silences them.",
@@ -64,7 +64,7 @@ def _version(wanted: bool) -> None:
 
 
 @app.callback()
-def extended(
+def load_extensions(
     extension: Annotated[
         list[Path] | None,
         typer.Option(
@@ -73,7 +73,7 @@ def extended(
             "first; a study names its own. Before the command; may be repeated.",
         ),
     ] = None,
-    version: Annotated[  # noqa: ARG001 - it ends before
+    version: Annotated[  # noqa: ARG001 - its callback ends the program
         bool,
         typer.Option(
             "--version", callback=_version, is_eager=True, help="Print versions, and end."
@@ -124,7 +124,7 @@ def main() -> None:
 
 @contextlib.contextmanager
 def warnings_told() -> Iterator[None]:
-    """Warnings of libraries as lines on stderr, which may quote what a file says."""
+    """Write warnings of libraries to stderr, one line each and without control characters."""
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_: _tell(f"warning: {message}")
         yield
@@ -163,7 +163,7 @@ def _outcome(arguments: list[str]) -> int:
         _tell(f"{NAME}: {what}; {DEBUG}=1 shows where")
         return FAULT
     finally:
-        cut_lifeline()  # workers whose results nobody waits for would be waited for
+        cut_lifeline()  # else Python would wait at its end for workers that nobody needs
     return DONE
 
 

@@ -46,7 +46,7 @@ class ContactForces:
         return LocalForces(f, by_y, by_w)
 
     def turning(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
-        """The same at even samples of a whole period, with what friction does between them."""
+        """The same at even samples of a period, with the turns of friction between samples."""
         forces = self(y, w)
         resolve_turns(self.points, self.law, y, w, (forces.f, forces.by_y, forces.by_w))
         return forces
@@ -91,12 +91,12 @@ class ContactOscillator:
         )
 
     def contact_velocity(self, motion: PeriodicMotion) -> float:
-        """Largest relative velocity of a contact point over the period, steady sliding off, m/s."""
+        """Largest velocity of a contact point over the period beside steady sliding, m/s."""
         w = self._observed(motion, LEVEL_SAMPLES // 4)[1][:, self.system.touching]
         return float(np.sqrt((w**2).sum(axis=2).max(initial=0.0)))
 
     def slip_apart(self, one: PeriodicMotion, other: PeriodicMotion) -> float:
-        """Largest difference of a point's sliding velocity at one angle of two motions, m/s."""
+        """Largest difference of two motions in the sliding velocity of a point, m/s."""
         touching = self.system.touching
         a, b = (self._observed(m, LEVEL_SAMPLES)[1][:, touching, 1] for m in (one, other))
         return float(np.abs(a - b).max(initial=0.0))
@@ -106,11 +106,11 @@ class ContactOscillator:
         weights = np.full(len(motion.Q), 0.25)
         weights[0] = 0.5
         h = motion.omega * np.concatenate([[0], *[np.arange(1, motion.harmonics + 1)] * 2])
-        per = (np.diag(self.oscillator.K) + h[:, None] ** 2) * motion.Q**2
-        return float(weights @ per.sum(axis=1))
+        energies = (np.diag(self.oscillator.K) + h[:, None] ** 2) * motion.Q**2
+        return float(weights @ energies.sum(axis=1))
 
     def levels(self, motion: PeriodicMotion, samples: int = LEVEL_SAMPLES) -> dict[str, float]:
-        """What the motion is like, at so many samples of the period.
+        """Torque, contact and powers of the motion, from `samples` of the period.
 
         Returns
         -------
@@ -119,8 +119,8 @@ class ContactOscillator:
             the mean), N m; ``contact_velocity`` m/s; ``stick_share``, ``open_share``: means over
             the period; ``stick_share_max``, ``open_share_max``; ``normal_force_rms`` N;
             ``friction_power``, ``damping_power``, ``belt_power`` W: means; ``power_imbalance``:
-            what the belt gives less what is dissipated, over what the motion changes in friction
-            power, or over damping power where that is more; ``energy`` J.
+            power of the belt less all dissipated, relative to the larger of damping power and the
+            change of belt power against steady sliding; ``energy`` J.
         """
         y, w = self._observed(motion, samples)
         touching = self.system.touching

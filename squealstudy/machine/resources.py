@@ -13,18 +13,15 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import psutil
 
-if TYPE_CHECKING:
-    pass
-
 BYTES_PER_MB = 2**20
-MOST_WORKERS = 61 if sys.platform == "win32" else 2**16  # that Python can wait for there
-STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")  # Linux alone
-GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")  # Linux alone
-
+# Python can wait for 61 processes on Windows
+MOST_WORKERS = 61 if sys.platform == "win32" else 2**16
+# files of Linux alone
+STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # numbers of these settings in <malloc.h>
 # bytes; the latter is where glibc's own setting would end
@@ -122,8 +119,8 @@ def give_back_memory() -> None:
 def memory_returned() -> Iterator[None]:
     """Give back all memory that is freed within; Linux only.
 
-    Arrays are mapped one by one meanwhile: the C library would soon take them from one heap, in
-    which what stays between them keeps them all.
+    Large arrays are mapped one by one meanwhile. In one heap an array that stays would keep the
+    freed memory below it from the machine.
     """
     _of_glibc("mallopt", MMAP_THRESHOLD, MMAP_THRESHOLD_BYTES)
     try:
@@ -136,7 +133,7 @@ def memory_returned() -> Iterator[None]:
 def keep_free_memory() -> None:
     """Keep what is freed, up to 256 MB, for the next arrays; Linux only.
 
-    The C library gives it back at once else, and the machine clears it again for the next design
+    Else the C library gives it back at once, and the machine has to clear it for the next design
     point.
     """
     _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED_LATER)

@@ -31,7 +31,7 @@ UNUSED = ("contact_factor", "contact_stiffness", "prewarp", "single_storage", "c
 
 @dataclass(frozen=True, kw_only=True)
 class HybridMotion(Motion):
-    """A motion and what the sparse factor had to do.
+    """A motion, and how often the sparse factor was used.
 
     Attributes
     ----------
@@ -242,7 +242,7 @@ class Recorder:
     modes : ndarray (ns,) of int
         Places of the modes of the model whose amplitudes are kept.
     watching : ndarray (m, n)
-        Rows whose products with q and q' are kept behind them.
+        Sensors: their products with q and q' are kept after these amplitudes.
     excess : ndarray (nc,)
         Contact tangents in the stiffness beyond those that modal energies are of, N/m.
     """
@@ -275,7 +275,8 @@ class Recorder:
     def stored(self) -> tuple[float, float]:
         """Mechanical energy with the stiffness of modal energies, and with the contact, J.
 
-        Modes are orthogonal in M and K: theirs replaces that of the sparse part.
+        Modes are orthogonal in M and K: the energy of the modes replaces the part of it that the
+        sparse motion has.
         """
         x, modes, w2 = self.state.vectors, self.state.modes, self.hybrid.omega2
         v = x[layout.V]
@@ -312,7 +313,7 @@ class Recorder:
         return {name: rows[:, i].copy() for i, name in enumerate(newmark.HISTORY)}
 
     def sensed(self) -> np.ndarray:
-        """Of q and q' (rows, 2, ns + 8 m): amplitudes, then what watches growing modes."""
+        """Amplitudes, then sensors of growing modes, of q and q' (rows, 2, ns + 8 m)."""
         ns = len(self.modes) + len(self.watching)
         return np.array(self._sensed).reshape(-1, 2, ns)
 

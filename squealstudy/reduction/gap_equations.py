@@ -1,7 +1,7 @@
 """The gaps of steady sliding: their imbalance, and Newton's matrix by its low rank.
 
-THEORY.md eq. (13), (14). Contact points are more than the freedoms of their nodes, so that
-dF/dg = I + S_N W with r rows W, and a factor of r x r serves for it (Woodbury 1950).
+THEORY.md eq. (13), (14). There are more contact points than freedoms r of their nodes:
+dF/dg = I + S_N W, where W has r rows, and a factor of r x r solves it (Woodbury 1950).
 """
 
 from __future__ import annotations
@@ -58,8 +58,9 @@ class GapEquations:
         if j:
             shape_forces = space.pressed(s) @ space.C_NU[:, j] - space.rubbed(t) @ space.C_TU[:, j]
             shape_forces += self._load @ space.C_fU[:, j]
-            lost = np.array([core @ x for core, x in zip(self._cores, shape_forces, strict=True)])
-            displacement -= lost @ space.C_NU[:, j].T
+            pairs = zip(self._cores, shape_forces, strict=True)
+            change_forces = np.array([core @ force for core, force in pairs])
+            displacement -= change_forces @ space.C_NU[:, j].T
         return space.gaps(displacement)
 
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -70,8 +71,8 @@ class GapEquations:
             for o, row in zip(self.operating, g, strict=True)
         ]
         p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
-        pairs_p = zip(self.operating, p, strict=True)
-        drag = np.array([o.traction(row, space.speed_factor) for o, row in pairs_p])
+        by_point = zip(self.operating, p, strict=True)
+        drag = np.array([o.traction(row, space.speed_factor) for o, row in by_point])
         s = space.area * (p + space.k_c * (g - space.gap0))
         F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
         return F, p, kappa
@@ -102,10 +103,10 @@ class GapJacobian:
     def __init__(
         self, space: ContactSpace, point: OperatingPoint, p: np.ndarray, kappa: np.ndarray
     ) -> None:
-        grip = space.frictional * point.friction_at(p, space.speed_factor).following(p)
+        drag_slope = space.frictional * point.friction_at(p, space.speed_factor).following(p)
         self._space = space
         self._normal = space.area * (kappa - space.k_c)
-        self._sliding = space.area * grip * kappa
+        self._sliding = space.area * drag_slope * kappa
         normal, sliding = space.by_point
         forces = self._normal[:, None] * normal - self._sliding[:, None] * sliding
         core = space.pressed(forces.T).T  # of the transposed matrix

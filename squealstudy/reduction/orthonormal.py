@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-GRAM_RESOLUTION = 1e-6  # of singular values: Gram matrices tell no smaller ones from round-off
+GRAM_RESOLUTION = 1e-6  # of singular values: smaller ones are round-off in Gram matrices
 MODE_TOLERANCE = 1e-7  # of the assembly modes' singular values; 1e-6 costs them 3e-8 of frequency
 
 
@@ -85,9 +85,10 @@ def _gram(M: sp.spmatrix, X: np.ndarray) -> np.ndarray:
 def outside(
     M: sp.spmatrix | np.ndarray, K: sp.spmatrix | np.ndarray, block: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a component's displacements have outside of its block, and twice its elastic energies.
+    """Part of a component's displacements `own` outside the span of `block`.
 
-    Directions (n, k) are orthogonal in K, those of round-off left out.
+    Returns directions (n, k), orthogonal in K and without those of round-off, and twice the elastic
+    energy of each.
     """
     M_block = M @ block
     largest = la.norm(own, axis=0).max(initial=0.0)

@@ -29,7 +29,7 @@ LEAST_GROUPS = 8  # base points of sobol_indices: fewer tell nothing
 LEAST_SWEEPS = {"sobol": 1, "latin_hypercube": 1, "sobol_indices": 2, BOUNDARY: 1}
 MOST_BOUNDARY_SWEEPS = 3
 MOST_NODES = 1_000_000  # of the full grid of a boundary design, which its map holds
-SCATTER = ("distribution", "mean", "std", "median", "sigma")
+DISTRIBUTION_KEYS = ("distribution", "mean", "std", "median", "sigma")
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def read_sweep(
     source: SourceText,
     keys: KeyPath,
 ) -> Sweep:
-    """One table of the form of a [[sweep]], which stands at `keys`; StudyFileError."""
+    """The sweep of a table like [[sweep]], which stands at `keys`; raises StudyFileError."""
     return _SweepReader(section, design, model, source, keys).read()
 
 
@@ -129,7 +129,7 @@ class _SweepReader:
         return Sweep(parameter, values, low, high, self.section.scale)
 
     def _random(self, parameter: StudyParameter) -> Sweep:
-        """A sweep with its distribution; both tails are values that the parameter can take."""
+        """A sweep with its distribution, both tails of which the parameter must be able to take."""
         section, name = self.section, self.section.distribution
         start, stop = -math.inf, math.inf
         if "start" in KEYS[name]:
@@ -166,7 +166,7 @@ class _SweepReader:
         if self.design.type in RANDOM_DESIGNS:
             self._check_random_keys(keys)
             return
-        for key in SCATTER:
+        for key in DISTRIBUTION_KEYS:
             if key in keys:
                 designs = ", ".join(RANDOM_DESIGNS)
                 raise self._error(key, f"only {designs} designs have '{key}'")
@@ -231,7 +231,8 @@ class _SweepReader:
             raise self._error("stop", f"{what}: nothing to divide")
         if self.design.type in RANDOM_DESIGNS or section.num is None:
             return (start, stop)
-        # of a boundary design every 2^levels-th value of its full grid: rounded once
+        # the coarse grid of a boundary design: every 2^levels-th value of the full grid, so that
+        # both have the same rounded values
         every = 2**self.design.levels if self.design.type == BOUNDARY else 1
         return levels(start, stop, (section.num - 1) * every + 1, section.scale, every, zero)
 
@@ -247,11 +248,13 @@ class _SweepReader:
 
 def beyond_range_text(distribution: Distribution, message: str) -> str:
     """What to say where a distribution has values that the parameter cannot take."""
-    cure = "" if distribution.bounded else "; distribution = 'truncated_normal' has start and stop"
+    advice = (
+        "" if distribution.bounded else "; distribution = 'truncated_normal' has start and stop"
+    )
     tails = (
         "" if distribution.bounded else f" in its tails of probability {DISPLAY_TAIL_PROBABILITY:g}"
     )
-    return f"the {distribution.name} distribution has such values{tails}: {message}{cure}"
+    return f"the {distribution.name} distribution has such values{tails}: {message}{advice}"
 
 
 def zero_of(parameter: StudyParameter) -> float:

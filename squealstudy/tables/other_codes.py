@@ -7,21 +7,21 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 
-NEEDED = ("frequency_hz", "growth_rate", "overdamped")
+REQUIRED_COLUMNS = ("frequency_hz", "growth_rate", "overdamped")
 UNITS = {"damped_frequency_hz": "Hz", "stability_hz": "Hz", "effective_damping": ""}
 
 
 def roots_of(modes: pd.DataFrame) -> np.ndarray:
     """Roots lambda (n,) [rad/s] of a modes table, from abs(lambda) and Re lambda.
 
-    A mode that oscillates with a damping ratio of 1 - d has Im lambda to about 1e-16 / d of it.
+    Near critical damping, at a damping ratio of 1 - d, Im lambda has a relative error of 1e-16 / d.
 
     Raises
     ------
     ResultsError
         A table without the columns of complex modes.
     """
-    if missing := [name for name in NEEDED if name not in modes]:
+    if missing := [name for name in REQUIRED_COLUMNS if name not in modes]:
         raise ResultsError(
             f"expected a table of complex modes, this one has no column {', '.join(missing)}"
         )

@@ -36,7 +36,7 @@ UNREFINED = {
     BROKEN: BROKEN,
 }
 EXPECTED_SOLVES_PER_ONSET = 8  # evaluations an onset
-IN_STEP = 4096  # brackets of a batch of small models that are refined in step
+BRACKETS_PER_BATCH = 4096  # of small models, refined side by side as arrays
 # brackets refined together; fixed, so that results do not depend on the workers
 BRACKETS_PER_ROUND = 32
 
@@ -90,8 +90,8 @@ class OnsetSearch:
         self._track = tracks.labels.flat
         self._ambiguous = tracks.ambiguous.flat
         self._lam, self._zeta = lam, damping_ratios(lam)
-        self._any = np.zeros(len(lams), dtype=bool)  # points with an unstable mode
-        self._any[self._point[self._zeta < -self._tolerance]] = True
+        self._has_unstable = np.zeros(len(lams), dtype=bool)  # of each point
+        self._has_unstable[self._point[self._zeta < -self._tolerance]] = True
         self._neutral = (damping_ratios(lams.flat) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
         ok = (points["status"] == "ok").to_numpy(bool)
@@ -104,24 +104,18 @@ class OnsetSearch:
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """The table of onsets, and how they came about.
 
-        Of the `budget` so many points are `spent` already. The summary counts onsets that it
-        ``left`` unrefined: their status tells it by the row.
+        `spent` design points of the `budget` are used already. The summary counts onsets by
+        status, evaluations, and onsets ``left`` unrefined.
 
-        Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low`` and
-        ``bracket_high`` (values of the parameter at both ends), ``frequency_hz`` there,
-        ``direction`` ("in" or "out" of instability as the parameter ascends), ``status``
-        ("refined" by root finding, "cubic" where five or six neighbouring points tell as much,
-        "interpolated" linearly, "within_error" put at a point that grows by less than its error,
-        with a bracket to the next point beyond that does not (NaN where there is none), "failed"
-        refinement of such a value or the next, "renumbered" where refinement finds that the
-        unstable mode stays so and only its number changes: NaN, "bracketed" where nothing is damped
-        on the stable side: put at the unstable end, "below_range" for a mode that is unstable at
-        the beginning of a line: NaN, "first_seen" for a track that begins unstable: an upper
-        bound, "broken" for one that begins so beside a track that ends, the same mode perhaps:
-        NaN),
-        ``error_estimate`` of the value (that of root finding or of the interpolation, and what the
-        errors of the roots make of it; NaN where there is none), ``evaluations``,
-        ``point_before``, ``point_after``. Lines of one point have none.
+        Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low``,
+        ``bracket_high`` (values at both ends), ``frequency_hz``, ``direction`` ("in" or "out" of
+        instability as the parameter ascends), ``status``, ``error_estimate`` of the onset (by the
+        method and the roots; NaN where not known), ``evaluations``, ``point_before``,
+        ``point_after``. A line of one design point has none. What a status means:
+        docs/reference/words-in-tables.md. Beyond that: the bracket of "within_error" reaches to the
+        next point whose growth is not within its error, NaN where there is none; "failed" keeps the
+        value from before; "bracketed" has that of the unstable end, "first_seen" an upper bound;
+        "renumbered", "below_range" and "broken" have NaN.
         """
         events = self._crossings.events(self._zeta, self._tolerance)
         table = self._unrefined(events)
@@ -173,7 +167,7 @@ class OnsetSearch:
         return table
 
     def _place_neutral(self, events: pd.DataFrame, table: Cells) -> None:
-        """Crossings at an end that grows by less than its error: there, as far as can be told."""
+        """Put crossings at their stable end where its growth is within its error."""
         into = (events["direction"] == INTO).to_numpy()
         before, after = (events[end].to_numpy() for end in ("before", "after"))
         stable = np.where(into, before, after)
@@ -182,11 +176,11 @@ class OnsetSearch:
             return
         x = self._plan.coordinates[:, self._column][self._point]
         values = self._points[self._along].to_numpy()[self._point]
-        outward = self._neighbours()
+        track_before, track_after = self._neighbours()
         at, inwards = stable[rows], into[rows]
         end = at
         while (neutral := (end >= 0) & self._neutral[end]).any():
-            further = np.where(inwards, outward[0][end], outward[1][end])
+            further = np.where(inwards, track_before[end], track_after[end])
             end = np.where(neutral, further, end)
         inside = self._shift(before[rows], after[rows])
         has_end = end >= 0
@@ -197,7 +191,7 @@ class OnsetSearch:
             table[bracket][rows[side]] = np.where(has_end, values[end], np.nan)[side]
 
     def _interpolate(self, events: pd.DataFrame, table: Cells) -> None:
-        """Crossings whose neighbours tell them to the precision, in place."""
+        """Enter crossings that a cubic through neighbouring points locates precisely enough."""
         crossing = self._open(events, table)
         ends = events[["before", "after"]].to_numpy()[crossing]
         before, after = self._neighbours()
@@ -217,7 +211,7 @@ class OnsetSearch:
         table["status"][crossing[good]] = CUBIC
 
     def _open(self, events: pd.DataFrame, table: Cells) -> np.ndarray:
-        """Rows of crossings that may yet be told better."""
+        """Rows of crossings that no method has located yet."""
         is_settled = np.isfinite(table["error_estimate"]) | (table["status"] == WITHIN_ERROR)
         rows: np.ndarray = np.flatnonzero((events["before"] >= 0).to_numpy() & ~is_settled)
         return rows
@@ -252,9 +246,10 @@ class OnsetSearch:
         spent: int,
         workers: Workers,
     ) -> int:
-        """Refine crossings in place: those where the first mode turns unstable on a line, or the
-        last one stable, which bound stability; of others the first of each track first, within the
-        budget. The number of those that it leaves.
+        """Refine crossings within the budget; the number of those that are left.
+
+        First come those that bound stability: at one of their ends no mode is unstable. Of the
+        others the first of each track comes first.
         """
         brackets = self._brackets(events, table)
         bounding = self._bounding(events)
@@ -270,7 +265,7 @@ class OnsetSearch:
     def _bounding(self, events: pd.DataFrame) -> set[int]:
         """Rows of crossings at one end of which no mode is unstable."""
         ends = events[events["before"] >= 0]
-        before, after = (self._any[self._point[ends[end]]] for end in ("before", "after"))
+        before, after = (self._has_unstable[self._point[ends[end]]] for end in ("before", "after"))
         return set(ends.index[before != after].tolist())
 
     def _refine_within(
@@ -281,12 +276,12 @@ class OnsetSearch:
         table: Cells,
         workers: Workers,
     ) -> tuple[int, int]:
-        """Refine these in their order, until so many design points are solved for it.
+        """Refine brackets in order, with at most `budget` design points.
 
-        How many were, and the rows that are left.
+        Returns the number of points solved and that of rows left.
         """
         spent = done = 0
-        most = IN_STEP if self._plan.stacked else BRACKETS_PER_ROUND
+        most = BRACKETS_PER_BATCH if self._plan.stacked else BRACKETS_PER_ROUND
         while done < len(brackets) and spent < budget:
             workers.report("onsets", done, len(brackets))
             batch: list[list[int]] = []
@@ -298,7 +293,7 @@ class OnsetSearch:
                 batch.append(rows)
             remaining = batch
             if self._plan.stacked:
-                remaining, used = self._in_step(batch, events, table)
+                remaining, used = self._refine_batch(batch, events, table)
                 spent += used
             tasks = [self._task(events, rows) for rows in remaining]
             for results in workers.each(refine_onsets, tasks):
@@ -309,10 +304,10 @@ class OnsetSearch:
             workers.report("onsets", done, done)
         return spent, sum(map(len, brackets[done:]))
 
-    def _in_step(
+    def _refine_batch(
         self, brackets: list[list[int]], events: pd.DataFrame, table: Cells
     ) -> tuple[list[list[int]], int]:
-        """Refine crossings of a batch in place; those that are left, and the points solved."""
+        """Refine crossings of small models as arrays; brackets left, and points solved."""
         rows = np.array([row for bracket_rows in brackets for row in bracket_rows], dtype=int)
         before, after = (events[end].to_numpy()[rows] for end in ("before", "after"))
         batch = BatchOnsets(
@@ -335,7 +330,7 @@ class OnsetSearch:
         return [bracket_rows for bracket_rows in remaining if bracket_rows], spent
 
     def _brackets(self, events: pd.DataFrame, table: Cells) -> list[list[int]]:
-        """Rows of crossings in lists of the same two points; what matters most first."""
+        """Rows of crossings, those between the same two points in one list, in their order."""
         rows = self._open(events, table)
         crossing = events.iloc[rows]
         a, b = (self._point[crossing[end].to_numpy()] for end in ("before", "after"))
@@ -368,7 +363,7 @@ class OnsetSearch:
         )
 
     def _precision(self) -> float:
-        """Of the coordinate; half of what is promised, which Brent's method may use up twice."""
+        """Tolerance of the coordinate: half the promised one, as Brent's method may err by two."""
         if self._follower.near.logarithmic(self._column) or self._along == ONSET_PARAMETER:
             return ONSET_TOLERANCE / 2
         return ONSET_TOLERANCE / 2 * float(np.ptp(self._plan.coordinates[:, self._column]))

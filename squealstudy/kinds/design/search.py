@@ -5,10 +5,10 @@ The cost sum c_j |x_j| is split at today's design, x = p - n with p, n >= 0, and
     min  c (p + n) + nu t   with  v_i + s_i (x - x_k) + t >= 0  for every mode i of every point,
     |x - x_k| <= radius, bounds, t >= 0,
 
-v_i being what damping ratio i exceeds the margin by and s_i its closed-form slopes. All modes near
-the margin stand in it, not the worst alone: where two cross the step keeps both (minimax in
-epigraph form). The radius shrinks where first order does not hold, as near a
-coalescence (THEORY.md eq. (115)).
+where v_i is damping ratio i less the margin, and s_i are its closed-form slopes. All modes near the
+margin are constraints, not the worst alone: where two cross the step heeds both (minimax in
+epigraph form). The radius shrinks where first order does not hold, as near a coalescence
+(THEORY.md eq. (115)).
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """What is known of a design.
+    """Damping ratios of a design beside the margin, and their slopes.
 
     Attributes
     ----------
     excess : ndarray (m,)
-        Damping ratios less what is asked of them, modes of all operating points.
+        Damping ratios less the margin, modes of all operating points.
     slopes : ndarray (m, d)
         By changes in units of the ranges; 0 where they are not known.
     """
@@ -76,30 +76,30 @@ Steps = dict[tuple[bytes, ...], tuple[np.ndarray, float]]
 def descend(
     box: Box, start: np.ndarray, margin: float, steps: Steps
 ) -> Generator[np.ndarray, Constraints | None, np.ndarray]:
-    """From one design to a local least cost; asks for designs (d,), is sent what is known of them.
+    """From one design to a local least cost. Returns the last design.
 
-    None stands for a design that cannot be solved: the step is refused. Returns the last design.
-    `steps` keeps the linear programs that were solved, for a search that is gone through again.
+    Yields designs (d,) and is sent their constraints, or None where one cannot be solved: that
+    step is refused. `steps` keeps solved linear programs for a search that is repeated.
     """
     z = start
     here = yield z
     if here is None:
         return z
     aim = MARGIN_OVERSHOOT + REL_MARGIN_OVERSHOOT * abs(margin)
-    radius, taken = FIRST_RADIUS, 0
+    radius, n_steps = FIRST_RADIUS, 0
     for nu in PENALTY_WEIGHTS:
         weight = nu * float(box.cost.sum())
         radius = max(radius, 10 * LEAST_RADIUS)
-        while taken < MOST_STEPS and radius >= LEAST_RADIUS:
-            numbers = (z, here.excess, here.slopes, np.array([radius, weight, aim]))
-            key = tuple(a.tobytes() for a in numbers)
+        while n_steps < MOST_STEPS and radius >= LEAST_RADIUS:
+            inputs = (z, here.excess, here.slopes, np.array([radius, weight, aim]))
+            key = tuple(a.tobytes() for a in inputs)
             if key not in steps:
                 steps[key] = _step(box, z, here, radius, weight, aim)
             trial, predicted = steps[key]
             before = _merit(box, z, here, weight, aim)
             if before - predicted <= MIN_REL_PREDICTED_DECREASE * float(box.cost.sum()):
                 break
-            taken += 1
+            n_steps += 1
             there = yield trial
             gain = -np.inf if there is None else before - _merit(box, trial, there, weight, aim)
             ratio = gain / (before - predicted)
@@ -128,10 +128,10 @@ def _step(
     low, high = np.maximum(box.low, z - radius), np.minimum(box.high, z + radius)
     rows = np.hstack([-here.slopes, here.slopes, -np.ones((len(here.slopes), 1))])
     bound = here.excess - aim - here.slopes @ z
-    turn = np.hstack([np.eye(d), -np.eye(d), np.zeros((d, 1))])
+    change = np.hstack([np.eye(d), -np.eye(d), np.zeros((d, 1))])  # x = p - n
     solution = linprog(
         np.concatenate([box.cost, box.cost, [weight]]),
-        A_ub=np.vstack([rows, turn, -turn]),
+        A_ub=np.vstack([rows, change, -change]),
         b_ub=np.concatenate([bound, high, -low]),
         bounds=[(0.0, None)] * (2 * d + 1),
         method="highs",

@@ -314,14 +314,14 @@ def _energy(row: dict[Hashable, Any], varied: bool) -> list[str]:
     ]
 
 
-def _ended_early(found: Mapping[str, Any] | None) -> Rows:
-    """What runs that stopped once their outcome was known have saved; nothing where none may."""
-    if found is None:
+def _ended_early(saved: Mapping[str, Any] | None) -> Rows:
+    """Simulated time that was saved by runs that ended early; nothing where runs may not."""
+    if saved is None:
         return []
-    share = 100 * found["saved_s"] / found["asked_s"] if found["asked_s"] else 0.0
+    share = 100 * saved["saved_s"] / saved["asked_s"] if saved["asked_s"] else 0.0
     text = (
-        f"{found['saved_s']:.3g} of {found['asked_s']:.3g} s not simulated ({share:.0f} %): "
-        f"{found['settled']} runs had settled, {found['decayed']} had decayed"
+        f"{saved['saved_s']:.3g} of {saved['asked_s']:.3g} s not simulated ({share:.0f} %): "
+        f"{saved['settled']} runs had settled, {saved['decayed']} had decayed"
     )
     return [("ended early", text)]
 

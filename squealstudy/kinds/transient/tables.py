@@ -167,11 +167,11 @@ def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
 def _modes(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:
     names = [f"energy_{c}" for c in (*plan.study.model.components, "interfaces")]
     fields: Fields = (*MODE_FIELDS, *((name, REAL) for name in names))
-    spread = [
+    with_shares = [
         {**row, "modes": [m | dict(zip(names, m["energies"], strict=True)) for m in row["modes"]]}
         for row in rows
     ]
-    return nested(spread, "modes", fields)
+    return nested(with_shares, "modes", fields)
 
 
 def _growth(rows: Sequence[dict[str, Any]]) -> pa.Table:
@@ -191,9 +191,9 @@ SCHEMA = pa.schema(
 )
 
 
-def row(point_id: str, wall_s: float, status: str, message: str, **found: Any) -> dict[str, Any]:
-    """Chunk row of a design point: columns as found, others empty."""
-    return failed_row(SCHEMA, point_id, status, message, wall_s) | found
+def row(point_id: str, wall_s: float, status: str, message: str, **cells: Any) -> dict[str, Any]:
+    """Chunk row of a design point with these cells; all other columns are empty."""
+    return failed_row(SCHEMA, point_id, status, message, wall_s) | cells
 
 
 def lost_row(point_id: str, status: str, message: str) -> dict[str, Any]:

@@ -25,7 +25,7 @@ class OwnKernel(OneByOne):
         """Integrate design 0 of the case to its end or failure."""
 
     def iteration(self) -> Newmark:
-        """Newmark's method as far as this one makes use of its arrays and of its iteration."""
+        """Newmark's method with the options that this one shares with it."""
         return Newmark(max_halvings=0, mockup="never")
 
     def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
@@ -60,7 +60,7 @@ class Iterated(OwnKernel):
 
 
 def own_arrays(system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> KernelRun:
-    """Arrays of one design point, with what the kernels beside Newmark's add to them.
+    """Arrays of one design point, with the rows that kernels of other methods need as well.
 
     Raises
     ------

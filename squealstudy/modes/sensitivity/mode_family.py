@@ -46,7 +46,7 @@ class ModeNeighbourhood:
 
         1 for an undamped symmetric mode, 1/sqrt(1 - zeta^2) for a damped oscillator, infinite
         where two modes coalesce. Norms are those of the mass, not of the matrices (Tisseur 2000
-        has these): it says how much more this mode moves than a real one under the same change.
+        has these): under the same change this mode moves that much more than a real one.
         """
         size = float(np.abs(self.norm[0]))
         return 2.0 * float(np.abs(self.lam[0])) / size if size > 0 else float("inf")
@@ -64,14 +64,14 @@ def mode_family(
     """
     sigma = lam * (1.0 + OFFSET)
     roots = nearest_two_sided(pencil, pencil.factor(sigma), sigma, count)
-    first = np.argsort(np.abs(roots.lam - lam), kind="stable")  # not that beside the shift
+    first = np.argsort(np.abs(roots.lam - lam), kind="stable")  # nearest to lam, not to sigma
     return _neighbourhood(pencil, *roots.take(first))
 
 
 def known_mode(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> ModeNeighbourhood:
-    """A mode of which root and right vector x (n,) are known, without neighbours.
+    """A mode whose root and right vector x (n,) are known, without neighbours.
 
-    Its left vector alone is solved for: by `mode_family` where another root is as near.
+    Only its left vector is solved for; all of it by `mode_family` where another root is as near.
     """
     sigma = lam * (1.0 + OFFSET)
     left_pair = nearest_left(pencil, pencil.factor(sigma), sigma, x.conj())

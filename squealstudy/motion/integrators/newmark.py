@@ -11,7 +11,7 @@ WARP_LIMIT = 2.0  # omega h up to which a mode is pre-warped
 
 
 class AverageAcceleration(KernelIntegrator):
-    """Newmark's method with beta = 1/4 and gamma = 1/2, however its forces are found."""
+    """Newmark's method with beta = 1/4 and gamma = 1/2, for any iteration of the forces."""
 
     order = 2
 
@@ -24,7 +24,7 @@ class AverageAcceleration(KernelIntegrator):
         return average_acceleration(w2, c, h)
 
     def modes(self, w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """Those of free modes whose period and decay are kept, with `prewarp`."""
+        """With `prewarp` those with which free modes keep their period and decay."""
         return prewarped(w2, c, h) if self.prewarp else (w2, c)
 
 
