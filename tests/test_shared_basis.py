@@ -249,3 +249,16 @@ def test_ranges_of_the_generated_brake_are_of_what_leaves_its_nodes():
     assert swept(lining, ("friction", 0.3, 0.6)).names == (lining[0],)
     assert swept(lining, thickness) is swept(thickness) is swept(angle) is None
     assert swept(("friction", 0.3, 0.6)) is None
+
+
+def test_a_basis_serves_no_other_contact_than_it_was_made_for(blocks):
+    """Where one entry of a row of gaps is another, the rest equal."""
+    key = next(iter(blocks.structures))
+    task = build_task(blocks, blocks.structures[key], 1)
+    reduced_with_basis(task)
+    basis, assembly = reduced._shared_of(task, task.shared), task.point.assembly()
+    assert basis.serves(assembly)
+    N = assembly.contact.N.copy()
+    N.data[0] *= 1.0 + 1e-9
+    other = replace(assembly, contact=replace(assembly.contact, N=N))
+    assert not basis.serves(other)
