@@ -10,6 +10,7 @@ import pytest
 import scipy.linalg as la
 from scipy.integrate import solve_ivp
 
+import squealstudy as sq
 from squealstudy.cycles import growth
 from squealstudy.cycles.balance import Balance
 from squealstudy.cycles.branch import FOLD, HOPF, branch
@@ -483,3 +484,24 @@ def test_sticking_and_opening_are_counted():
     assert found["stick_share"] == pytest.approx((angles[0] - angles[1]) / np.pi, abs=4 / 512)
     assert (found["stick_share_max"], found["open_share_max"]) == (1.0, 0.0)
     assert found["contact_velocity"] == pytest.approx(2 * speed, rel=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.398974, 0.42])
+def test_multipliers_of_few_harmonics_are_within_their_errors(friction):
+    """Friction that ends where the contact pulls has corners; 60 harmonics judge, and a run."""
+    laws = {"contact_law": "cubic", "contact.cubic_stiffness": 5e17}
+    system = sq.model("hulten", friction=friction, damping_ratio=0.01, **laws).at()
+    largest = {}
+    for harmonics in (7, 11, 17, 60):
+        (cycle, *_) = [c for mode, c in system.limit_cycles(harmonics).cycles if mode == 1]
+        assert cycle.attracts is not False
+        multipliers = cycle.multipliers
+        largest[harmonics] = abs(multipliers.multipliers[0]), multipliers.error
+    judge, judge_error = largest.pop(60)
+    assert judge + judge_error < 1.0
+    for size, error in largest.values():
+        assert abs(size - judge) <= error + judge_error
+    run = system.simulate(5.0, 2e-5, save_every=0, perturbation=5.0 if friction < 0.4 else 1.0)
+    row = run.summary().iloc[0]
+    assert row["class"] == "limit_cycle"
+    assert row["torque_rms"] == pytest.approx(cycle.levels["torque_rms"], rel=2e-3)

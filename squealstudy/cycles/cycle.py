@@ -157,7 +157,9 @@ def cycle_near(
     errors = with_peak_and_tolerance(contact, last, errors, other)
     return Cycle(
         last.motion,
-        projection.stability(last.motion, search.highest, rougher),
+        projection.stability(
+            last.motion, search.highest, other if projection.complete else rougher
+        ),
         last.levels,
         contact.torque_harmonics(last.motion),
         errors.level,

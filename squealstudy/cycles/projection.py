@@ -206,18 +206,19 @@ class Projection:
         return np.asarray(left_vectors[:, values > MODE_RANK_TOLERANCE * max(values[0], 1.0)])
 
     def stability(
-        self, motion: PeriodicMotion, highest: float, rougher: PeriodicMotion | None = None
+        self, motion: PeriodicMotion, highest: float, other: PeriodicMotion | None = None
     ) -> Floquet:
         """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis.
 
-        `rougher` is the same cycle with fewer harmonics, for their errors. Without it multipliers
-        are of double precision: on branches they are followed to where they pass 1.
+        `other` is the same cycle with another number of harmonics, for their errors; of a
+        projection with fewer. Without it multipliers are of double precision: on branches they are
+        followed to where they pass 1.
         """
         if self.complete:
-            return floquet(self.whole, motion)
+            return floquet(self.whole, motion, other)
         V, few = self.deviations(motion, highest)
-        precision = np.float64 if rougher is None else np.float32
-        return floquet_on(self.whole, V, few, motion, rougher or motion, precision)
+        precision = np.float64 if other is None else np.float32
+        return floquet_on(self.whole, V, few, motion, other or motion, precision)
 
     # -- enrichment --------------------------------------------------------------------------------
     def improve(
