@@ -53,8 +53,8 @@ class BranchPoint:
     event : str
         H, F, NS, PD, BP or nothing.
     apart : float
-        The value of an event is known to so much: the step in which it is, and beside that what
-        multipliers err by; 0 where it was located.
+        The value of an event is known to so much: what multipliers err by, and beside that the
+        step in which it is unless it was located there.
     """
 
     motion: PeriodicMotion
@@ -318,7 +318,7 @@ def _passing(
 
         def at(share: float) -> BranchPoint:
             motion, residual = moving.at_value(between(one.motion, other.motion, share))
-            return BranchPoint(motion, moving.stability(motion, highest), residual)
+            return BranchPoint(motion, moving.stability(motion, highest, False), residual)
 
         def size(share: float) -> float:
             return float(np.log(np.abs(at(share).multipliers.multipliers[number])))
@@ -326,6 +326,8 @@ def _passing(
         try:
             precision = min(0.5, BIFURCATION_REL_TOLERANCE * width / apart) if apart else 0.5
             point = at(float(brentq(size, 0.0, 1.0, xtol=precision)))
+            judged = moving.stability(point.motion, highest)
+            point = replace(point, multipliers=judged, apart=apart * beside)
         except (ConvergenceError, ValueError):  # it stays known to the step
             pass
     passing = complex(point.multipliers.multipliers[number])

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 from squealstudy.cycles.continuation import TOLERANCE
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
+from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import DAMPING_HELD, PROJECTED_TOLERANCE, Projection
+from squealstudy.errors import ConvergenceError
 
+# harmonics of the cycle that judges another's multipliers, over those of that
+FINER_HARMONIC_FACTORS, MAX_FINER_HARMONICS = (2.25, 1.5), 39  # the second where none is found
 Oscillators = Callable[[float], Oscillator]  # of a value of the parameter
 
 
@@ -86,9 +92,27 @@ class Moving:
         """As of `Projection`, at the motion's own value."""
         self._at(motion.parameter).grow(replace(motion, parameter=0.0), change)
 
-    def stability(self, motion: PeriodicMotion, highest: float) -> Floquet:
-        """Multipliers of a cycle."""
-        return self._at(motion.parameter).stability(replace(motion, parameter=0.0), highest)
+    def stability(
+        self, motion: PeriodicMotion, highest: float, series_errors: bool = True
+    ) -> Floquet:
+        """Multipliers of a cycle; their errors hold those of the series where the basis is whole.
+
+        These cost the same cycle with more harmonics.
+        """
+        projection, cycle = self._at(motion.parameter), replace(motion, parameter=0.0)
+        other = self._finer(projection, cycle) if series_errors and self.complete else None
+        return projection.stability(cycle, highest, other)
+
+    @staticmethod
+    def _finer(projection: Projection, cycle: PeriodicMotion) -> PeriodicMotion | None:
+        """The same cycle with more harmonics; None where it is not found."""
+        for factor in FINER_HARMONIC_FACTORS:
+            harmonics = min(math.ceil(factor * cycle.harmonics), MAX_FINER_HARMONICS)
+            finer = replace(cycle, Q=with_harmonics(cycle.Q, harmonics))
+            with suppress(ConvergenceError):
+                if harmonics > cycle.harmonics:
+                    return projection.solve(finer, DAMPING_HELD)[0]
+        return None
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
         """The cycle near a motion at its own value in the basis, and the residual."""

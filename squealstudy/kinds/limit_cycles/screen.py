@@ -41,6 +41,7 @@ MAX_SHORT_REASON_CHARACTERS = 12
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
+SHOWN_REL_ERROR = 1e-3  # of an event's value, from which on it is told
 EVENTS = {"F": "folds", "H": "Hopf points"}
 EVENT_WORDS = {
     "H": "Hopf point",
@@ -187,6 +188,7 @@ def _branches(results: ResultTables) -> Rows:
         event_texts = [
             f"{EVENT_WORDS.get(e['event'], e['event'])} at "
             + amount(e["value"], units.get(along, ""))
+            + _uncertainty(e, units.get(along, ""))
             + (f" ({e['criticality']})" if e["criticality"] else "")
             for e in events.head(MOST_EVENTS).to_dict("records")
         ]
@@ -206,6 +208,13 @@ def _branches(results: ResultTables) -> Rows:
     if (n_more := len(rows) - MOST_BRANCHES) > 0:
         rows[MOST_BRANCHES:] = [("", f"{n_more} more in the branches table")]
     return rows
+
+
+def _uncertainty(event: Mapping[str, Any], unit: str) -> str:
+    """The error of an event's value, where the value as it is shown does not hold it."""
+    error = event["value_error"]
+    shown = error > SHOWN_REL_ERROR * abs(event["value"])
+    return f" (+- {amount(error, unit, digits=2)})" if shown else ""
 
 
 def _borders(borders: pd.DataFrame) -> Rows:
