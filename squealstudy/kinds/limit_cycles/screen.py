@@ -212,7 +212,7 @@ def _branches(results: ResultTables) -> Rows:
 
 def _uncertainty(event: Mapping[str, Any], unit: str) -> str:
     """The error of an event's value, where the value as it is shown does not hold it."""
-    error = event["value_error"]
+    error = event.get("value_error", 0.0)  # results of before have none
     shown = error > SHOWN_REL_ERROR * abs(event["value"])
     return f" (+- {amount(error, unit, digits=2)})" if shown else ""
 
