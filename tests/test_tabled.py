@@ -9,7 +9,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from scipy.interpolate import RegularGridInterpolator
-from study_runs import plan_of, solved
+from study_runs import command, plan_of, solved
 
 import squealstudy
 from squealstudy.engine.report import report
@@ -227,6 +227,18 @@ def test_fields_of_results_and_what_can_be_read_again(warm):
     field = pq.read_schema(warm.directory / "points.parquet").field("temperature")
     assert field.metadata[b"unit"] == b"degC"
     pd.testing.assert_frame_equal(again.points, warm.points)
+
+
+def test_check_calls_constant_what_is_constant(tmp_path, capsys):
+    """What is given, too; not what follows a table over what is swept."""
+    path = tmp_path / "study.toml"
+    for swept, friction in (("", "friction = 0.22, "), (OVER, "")):
+        path.write_text(HEAD + "normal_force = 200.0\n" + FRICTION + swept)
+        assert command("check", str(path)) == 0
+        screen = " ".join(capsys.readouterr().out.split())
+        given = "normal_force = 200 N, contact_law"
+        assert f"constant {friction}sliding_speed = 0.5 m/s, damping_ratio = 0, " in screen
+        assert given in screen
 
 
 BAD = {

@@ -33,6 +33,7 @@ from squealstudy.kinds.complex_modes.boundary import most_points
 from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
 from squealstudy.laws.registry import LawDefinition
 from squealstudy.machine.resources import available_memory_mb
+from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -42,10 +43,10 @@ from squealstudy.models.operating import (
     PRESSURE,
     SLIDING_SPEED,
 )
+from squealstudy.models.parameter_names import parse_parameter
 from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
 from squealstudy.study.definition import ResolvedStudy
-from squealstudy.study.preparations import preparations
 from squealstudy.study.sweeps import RANDOM_DESIGNS, Sweep
 from squealstudy.tables.validity import broken_rules
 from squealstudy.wording import amount, duration, plural, setting
@@ -273,24 +274,27 @@ def _ranges(study: ResolvedStudy) -> Rows:
 
 
 def _constant(study: ResolvedStudy) -> Rows:
-    """The operating point as far as it is not swept, defaults too, and the laws."""
-    swept = {sweep.name for sweep in study.sweeps}
-    texts = [
-        setting(p.name, study.values[p.name], p.unit)
-        for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING)
-        if p.name in study.values and p.name not in swept
-    ]
+    """The operating point as far as it is not swept, defaults too, what is given, and the laws."""
+    constant = study.constant
+    operating = [p for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING) if p.name in study.values]
+    set_there = [parse_parameter(name, study.model) for name in study.definition.parameters]
+    units = {p.name: p.unit for p in (*operating, *set_there) if p.name in constant}
+    texts = [setting(name, constant[name], unit) for name, unit in units.items()]
     for option, laws in ((CONTACT_OPTION, CONTACT_LAWS), (FRICTION_OPTION, FRICTION_CURVES)):
         if option.name in study.options:
             law = laws[str(study.options[option.name])]
-            texts.append(f"{option.name} = {law.name}{_plain(law, study.values, swept)}")
+            texts.append(f"{option.name} = {law.name}{_plain(law, study.values, constant)}")
     rows = [("  constant", ", ".join(texts))] if texts else []
-    return [*rows, *(("  model file", text) for text in preparations(study))]
+    if isinstance(study.model, FileDefinition):
+        from squealstudy.study.preparations import preparations  # meshes are slow to load
+
+        rows += [("  model file", text) for text in preparations(study)]
+    return rows
 
 
-def _plain(law: LawDefinition, values: Mapping[str, float], swept: Collection[str]) -> str:
+def _plain(law: LawDefinition, values: Mapping[str, float], constant: Collection[str]) -> str:
     """In brackets, what a law has become by parameters that switch it off; else empty."""
-    if law.plain is None or any(p.name in swept for p in law.parameters):
+    if law.plain is None or any(p.name not in constant for p in law.parameters):
         return ""
     text = law.plain(*(values[p.name] for p in law.parameters))
     return f" ({text})" if text else ""

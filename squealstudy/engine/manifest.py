@@ -41,7 +41,6 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.family import data_folder
-from squealstudy.study.preparations import preparations
 from squealstudy.version import __version__
 
 SIDE_STUDIES = "beside"  # key: folders of studies run with it, and why one could not be
@@ -144,6 +143,8 @@ def _model_file(study: ResolvedStudy) -> dict[str, Any]:
     model = study.model
     if not isinstance(model, FileDefinition):
         return {}
+    from squealstudy.study.preparations import preparations  # meshes are slow to load
+
     content = {
         "path": model.path,
         "files": list(model.files),

@@ -90,8 +90,9 @@ class ResolvedStudy:
     @property
     def constant(self) -> dict[str, float]:
         """Values of the parameters that are the same at all design points and designs."""
-        varied = {s.name for s in self.sweeps} | {t.name for t in self.model.tables}
+        varied = {s.name for s in self.sweeps}
         varied |= {v.parameter for v in getattr(self.definition, "variable", ())}
+        varied |= {t.name for t in self.model.tables if varied.intersection(t.over)}
         return {name: v for name, v in self.values.items() if name not in varied}
 
     @property
