@@ -346,7 +346,7 @@ def test_stability_in_the_modes_about_a_cycle(both):
 
 
 def test_slow_changes_of_a_cycle_are_among_its_deviations(both):
-    """Which modes and vectors lack in part."""
+    """Few modes and vectors lack them in part, by ten times as much with three BLAS kernels."""
     osc, exact, _, _ = both
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
@@ -357,9 +357,9 @@ def test_slow_changes_of_a_cycle_are_among_its_deviations(both):
     for aside in (few._aside, lambda motion: []):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(few, "_aside", aside)
-            known, _ = np.linalg.qr(few.weight[:, None] * few.deviations(cycle, 3.0)[0])
+            known, _ = np.linalg.qr(few.weight[:, None] * few.deviations(cycle, 1.0)[0])
         off.append(np.linalg.norm(ways - ways @ known @ known.T))
-    assert off[0] < 0.5 * off[1]
+    assert off[0] < 0.2 * off[1]
 
 
 def test_errors_of_multipliers_tell_what_a_basis_lacks(both):
