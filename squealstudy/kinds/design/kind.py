@@ -116,7 +116,7 @@ class Design(ModelKind):
         return count_points(study.operation)
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
-        """Fills in the speed at which friction saturates, as in studies in time."""
+        """Fills in the regularisation speed of friction, as in studies in time."""
         operation = study.operation if isinstance(study, DesignStudy) else study
         return partial(with_speed, slowest=slowest_speed(operation))
 
@@ -133,11 +133,11 @@ class Design(ModelKind):
         return [[folder, other.study_hash] for folder, other in plans(_design_plan(plan)).items()]
 
     def beside(self, plan: Plan) -> dict[str, Plan]:
-        """The variants."""
+        """Plans of the variants, by their folders."""
         return dict(plans(_design_plan(plan)))
 
     def check(self, plan: Plan) -> None:
-        """Variables must be held by every basis, and leave the mesh as it is; variants', too."""
+        """Refuse variables that a basis does not have or that change the mesh; of variants too."""
         study = _design_plan(plan).design_study
         for number, other in enumerate(plans(_design_plan(plan)).values()):
             try:
@@ -196,7 +196,7 @@ class Design(ModelKind):
         ]
 
     def grown(self, plan: Plan, store: Store) -> Plan:
-        """With what the search needs next; the plan itself where points of it are not finished."""
+        """The plan with the points that the search asks for next; unchanged while some are open."""
         design_plan = _design_plan(plan)
         while (search := self.search(design_plan, store)) is not None and search.pending:
             design_plan = DesignPlan(
@@ -205,7 +205,7 @@ class Design(ModelKind):
         return design_plan
 
     def search(self, plan: DesignPlan, store: Store) -> DesignSearch | None:
-        """The search as far as the rows go; None where points of the plan are not finished."""
+        """The search with all rows so far; None while points of the plan are unsolved."""
         ids = plan.tasks.ids.astype(str).tolist()
         if any(name not in plan.known for name in ids):
             for table in store.chunks(SCHEMA, read=plan.read):
@@ -356,7 +356,7 @@ def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
 
 
 def cyclic(plan: Plan) -> bool:
-    """Whether limit cycles and runs can be looked for: of models that are small enough."""
+    """Whether the model is small enough for limit cycles and runs in time."""
     first = plan.tasks[0].structure
     return is_prepared(first) and prepared_model(first).model.n <= MAX_COORDINATES
 
