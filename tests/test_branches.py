@@ -312,3 +312,9 @@ def test_turns_by_round_off_are_no_folds(values, turns, folds):
         )
     ]
     assert [k for k, p in enumerate(_folds_alone(curve, 1e-7)) if p.event == FOLD] == folds
+
+
+def test_the_error_of_an_event_is_told_where_the_value_does_not_hold_it():
+    told = [screen._uncertainty({"value": 0.4163, "value_error": e}, "") for e in (0.0388, 1e-6)]
+    assert told == [" (+- 0.039)", ""]
+    assert screen._uncertainty({"value": 5e5}, "Pa") == ""

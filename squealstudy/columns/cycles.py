@@ -181,8 +181,8 @@ OF_A_CYCLE = (
 )
 STABLE = (
     flag("stable", "Whether motions near it come to it; missing where that is not known."),
-    count("n_unstable", "Floquet multipliers outside the unit circle."),
-    number("multiplier", "Largest modulus of a Floquet multiplier.", "multiplier_error"),
+    count("n_unstable", "Floquet multipliers outside the unit circle by more than they err."),
+    number("multiplier", "Modulus of the Floquet multiplier that decides.", "multiplier_error"),
     number("multiplier_error", "Error of multiplier.", leaves_out="It is itself an error."),
 )
 N_HARMONICS = count("n_harmonics", "Harmonics of its series.")
@@ -251,7 +251,7 @@ BRANCHES = (
     *ALONG,
     ALONG_RMS,
     number("value", "Value of the parameter along which the branch goes.", "value_error"),
-    number("value_error", "Error of value at a fold or onset.", leaves_out="It is itself one."),
+    number("value_error", "Error of value at an event.", leaves_out="It is itself one."),
     number(
         "open_share_max",
         "Largest share of the contact area that is open at once.",

@@ -101,10 +101,14 @@ class Floquet:
         return self.n_unstable == 1 and int(inside.sum()) == len(inside) - 1
 
     @property
+    def modulus(self) -> float:
+        """Of the multiplier that decides; 0 where there is none but the trivial one."""
+        return float(np.abs(self.multipliers[self.deciding])) if len(self.multipliers) > 1 else 0.0
+
+    @property
     def growth_rate(self) -> float:
         """Of the deviation that decides, 1/s."""
-        size = float(np.abs(self.multipliers[self.deciding])) if len(self.multipliers) > 1 else 0.0
-        return float(np.log(max(size, 1e-300)) / self.period)
+        return float(np.log(max(self.modulus, 1e-300)) / self.period)
 
     @property
     def instability(self) -> str:

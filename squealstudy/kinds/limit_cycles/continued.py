@@ -286,7 +286,6 @@ class Branch:
         motion, multipliers = point.motion, point.multipliers
         contact = way.contact(motion.parameter)
         levels = contact.levels(motion)
-        largest = multipliers.multipliers[0] if len(multipliers.multipliers) > 1 else 0.0
         row = {
             "point_id": self.start.point_id,
             "mode": self.start.mode,
@@ -304,7 +303,7 @@ class Branch:
             "open_share_max": levels["open_share_max"],
             "stable": multipliers.stable,
             "n_unstable": multipliers.n_unstable,
-            "multiplier": float(np.abs(largest)),
+            "multiplier": multipliers.modulus,
             "multiplier_error": multipliers.error,
             "n_harmonics": motion.harmonics,
             "harmonic_tail": motion.tail,

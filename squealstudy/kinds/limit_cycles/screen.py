@@ -210,7 +210,7 @@ def _branches(results: ResultTables) -> Rows:
     return rows
 
 
-def _uncertainty(event: Mapping[str, Any], unit: str) -> str:
+def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:
     """The error of an event's value, where the value as it is shown does not hold it."""
     error = event.get("value_error", 0.0)  # results of before have none
     shown = error > SHOWN_REL_ERROR * abs(event["value"])

@@ -330,7 +330,6 @@ def _cycles(
 def cycle_row(name: str, mode: int, cycle: Cycle, law_kind: str) -> dict[str, Any]:
     """Row of a cycle."""
     motion, multipliers = cycle.motion, cycle.multipliers
-    largest = multipliers.multipliers[0] if len(multipliers.multipliers) > 1 else 0.0
     return {
         "cycle_id": name,
         "mode": mode,
@@ -343,7 +342,7 @@ def cycle_row(name: str, mode: int, cycle: Cycle, law_kind: str) -> dict[str, An
         "stable": cycle.attracts,
         "instability": multipliers.instability,
         "n_unstable": multipliers.n_unstable,
-        "multiplier": float(np.abs(largest)),
+        "multiplier": multipliers.modulus,
         "multiplier_error": multipliers.error,
         "growth_rate": multipliers.growth_rate,
         "n_harmonics": motion.harmonics,
