@@ -107,7 +107,7 @@ class OneLine:
         now = self._clock()
         state = self._stages.get(stage)
         if state is None or done < state.told:
-            state = self._stages[stage] = _Stage(now, done, now, done)
+            state = self._stages[stage] = _Stage(now, done, now, done, total)
         state.told = done
         text = f"{stage}: {done:,} of {total:,} done" if total > 1 else stage
         if done == total:
@@ -182,6 +182,7 @@ class _Stage:
     at_first: int
     told_at: float
     told: int
+    total: int  # of the stage as it began, or more: it may end earlier, its budget spent
 
 
 class Lines:
@@ -208,16 +209,18 @@ class Lines:
         now = self._clock()
         state = self._stages.get(stage)
         if state is None or done < state.told:  # a new one, or the same once more
-            state = self._stages[stage] = _Stage(now, done, now, done)
+            state = self._stages[stage] = _Stage(now, done, now, done, total)
             text = "begins" + (f", {done:,} of {total:,} done" if total > 1 else "")
         elif done == total and state.told < total:
             count = f"{total:,} " if total > 1 else ""
+            count += f"of {state.total:,} " if total < state.total else ""
             text = f"{count}done in {duration(now - state.began)}"
         elif done < total and self._due(state, now, done, total):
             left_text = f"{duration(self._left(state, now, done, total))} left"
             text = f"{done:,} of {total:,} done, {self._rate(state, now, done)}, {left_text}"
         else:
             return
+        state.total = max(state.total, total)
         state.told_at, state.told = now, done
         self._write(f"{stage}: {text}" + (f", {failed:,} failed" if failed else ""))
 

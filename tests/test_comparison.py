@@ -335,8 +335,20 @@ def test_the_order_of_the_directories_does_not_matter(studies, capsys):
 
 
 def test_two_studies_of_one_kind_are_refused(studies):
-    with pytest.raises(ResultsError, match=r"freq is complex_modes, .*freq is complex_modes"):
+    told = (
+        r"freq is complex_modes, .*freq is complex_modes; squealstudy rank tells the modes of each"
+    )
+    with pytest.raises(ResultsError, match=told):
         cli.compare(studies[0], studies[0])
+    with pytest.raises(ResultsError, match=r"is transient$"):
+        cli.compare(studies[1], studies[1])
+
+
+def test_columns_of_results_are_those_of_their_kind(studies, capsys):
+    cli.columns(str(studies[0]), "points")
+    of_results = capsys.readouterr().out
+    cli.columns("complex_modes", "points")
+    assert of_results == capsys.readouterr().out != ""
 
 
 def test_a_growth_table_of_an_earlier_version_is_one_clear_error(studies):

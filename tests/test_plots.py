@@ -578,7 +578,7 @@ def test_map_of_growth():
 
 
 @pytest.mark.parametrize("measure", ["count", "growth"])
-def test_static_divergence_is_unstable_on_the_map(measure):
+def test_growth_without_oscillation_is_unstable_on_the_map(measure):
     points, modes = grid()
     modes = modes[modes["track"] == 3]
     real = modes.assign(overdamped=True, track=-1, growth_rate=50.0, damping_ratio=-1.0)
@@ -786,7 +786,7 @@ def test_bars_of_divergence_untracked_and_nan_energies():
     modes[energies] = np.nan
     figure = ranking(points, modes)
     names = {t.get_text().split("   ")[0] for t in figure.axes[0].get_yticklabels()}
-    assert names == {"static divergence", "untracked"}
+    assert names == {"non-oscillating", "untracked"}
     drawn(figure)
     bare = modes.drop(columns=energies)
     drawn(ranking(points, bare))

@@ -94,6 +94,14 @@ def test_the_rate_counts_what_this_run_did_alone() -> None:
     assert lines[1][1] == "points: 550 of 1,000 done, 1 a second, 8 min left, 5 failed"
 
 
+def test_a_stage_that_ends_early_tells_how_many_of_those_it_began_with() -> None:
+    lines: list[str] = []
+    say = Lines(lines.append, lambda: 0.0)
+    say("tracking", 0, 10)
+    say("tracking", 4, 4)
+    assert lines == ["tracking: begins, 0 of 10 done", "tracking: 4 of 10 done in 0.00 s"]
+
+
 def test_one_task_needs_no_count_and_a_stage_may_come_again() -> None:
     lines: list[str] = []
     say = Lines(lines.append, lambda: 0.0)

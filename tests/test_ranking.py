@@ -291,7 +291,7 @@ def test_divergence_and_untracked_modes_are_rows_of_their_own():
     modes["overdamped"] = modes["overdamped"].astype(bool)
     ranking = rank_modes(points, modes, along="friction").set_index("track")
     assert set(ranking.index) == {1, -1, -2, -3}  # 700 Hz is another mode than 750 and 760 Hz
-    kinds = ["static divergence", "untracked", "untracked"]
+    kinds = ["non-oscillating", "untracked", "untracked"]
     assert list(ranking.loc[[-1, -2, -3], "kind"]) == kinds
     assert list(ranking.loc[[-1, -2, -3, 1], "unstable_points"]) == [2, 1, 1, 1]
     assert list(ranking.loc[[-1, -2, -3], "threshold"]) == [0.1, 0.1, 0.3]

@@ -164,7 +164,9 @@ def test_of_a_study_without_any_result_it_says_so(tmp_path):
     assert not re.search(r"\bnan\b", re.sub(r"base64,[^\"]*", "", page))
 
 
-def test_of_limit_cycles_beside_static_divergence_it_says_that_the_design_diverges(tmp_path):
+def test_of_limit_cycles_beside_growth_without_oscillation_it_says_that_the_design_diverges(
+    tmp_path,
+):
     """A contact spring beyond the force at which it gives way."""
     text = study_text("gives_way", "limit_cycles", "hoffmann") + 'contact_law = "cubic"\n'
     text += "[parameters]\nk1 = 1.31e6\nk2 = 1.356e6\ncontact_stiffness = 2.6e6\nfriction = 0.6\n"

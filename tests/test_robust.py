@@ -230,7 +230,7 @@ def test_a_mode_that_may_stand_under_another_number_counts_neither_way():
     assert robust_table(points, modes).set_index("track").loc[1, "unknown_points"] == 3
 
 
-def test_static_divergence_is_an_instability():
+def test_growth_without_oscillation_is_an_instability():
     x = np.linspace(0, 1, 12).reshape(4, 3)
     points, modes = tables(x, np.full(4, -3.0))
     real = modes.iloc[:2].assign(overdamped=True, track=-1, growth_rate=[40.0, -50.0])

@@ -57,7 +57,7 @@ def test_uncertain_modes_without_a_track_and_overdamped_ones_have_their_groups()
     table = rank_modes(points, labelled(modes, 0.1)).set_index("kind")
     bounds = ["unstable_points", "unstable_points_low", "unstable_points_high"]
     assert table.loc["untracked", bounds].tolist() == [2, 2, 3]
-    assert table.loc["static divergence", bounds].tolist() == [1, 1, 2]
+    assert table.loc["non-oscillating", bounds].tolist() == [1, 1, 2]
 
 
 def test_bounds_of_a_probability():

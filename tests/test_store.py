@@ -288,7 +288,8 @@ def test_a_run_says_what_it_takes_over(results):
     assert (told, report.n_reused) == ([], 5)
     told, report = run(results, lockin(3))
     assert report.n_solved == 0
-    assert "3 of 9 design points solved before belong to this study now; 6 others stay" in told[0]
+    assert "3 of 9 design points solved before belong to this study as it is now" in told[0]
+    assert "for the study or the code changed; 6 others stay" in told[0]
 
 
 def test_settings_that_add_no_point_make_the_tables_anew(tmp_path):

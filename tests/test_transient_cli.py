@@ -277,6 +277,16 @@ def test_check_warns_of_friction_too_stiff_for_the_step(study, capsys):
     assert 0 < slope < 1e14
 
 
+@pytest.mark.parametrize(("kt", "step"), [(2e9, None), (2e10, "1.5e-05")])
+def test_check_tells_the_step_at_which_runs_that_stick_are_decided(study, capsys, kt, step):
+    """Stick numbers of 20 and 200: levels are not known beyond 30, steps converge up to 1000."""
+    name = study(("[[sweep]]", f"[parameters]\ncontact.kt = {kt:g}\n\n[[sweep]]"))
+    assert command("check", name, "--jobs", "1") == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert ("half of the contact sticks will be undecided" in told) == (step is not None)
+    assert step is None or f"(h k_t |T|^2 / 2 is 200). A step of {step} s avoids it" in told
+
+
 def test_check_warns_of_growth_above_the_band(study, capsys):
     name = study(
         ("[10.0, 1000.0]", "[10.0, 80.0]"),

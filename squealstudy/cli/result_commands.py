@@ -202,14 +202,20 @@ def shape(
 
 def columns(
     kind: Annotated[
-        str | None, typer.Argument(help="Kind of study, as complex_modes; without, a list.")
+        str | None,
+        typer.Argument(
+            metavar="[KIND|RESULTS]", help="Kind of study, as complex_modes, or its results."
+        ),
     ] = None,
     table: Annotated[str | None, typer.Argument(help="One table alone, as points.")] = None,
 ) -> None:
     """What the columns of result tables mean: unit, definition, error."""
-    from squealstudy import screen
+    from squealstudy import face, screen
     from squealstudy.cli.columns import described, kinds_and_tables
+    from squealstudy.columns import COLUMNS
 
+    if kind is not None and kind not in COLUMNS and Path(kind).is_dir():
+        kind = face.open_results(Path(kind)).kind
     screen.show(*(kinds_and_tables() if kind is None else described(kind, table)))
 
 

@@ -308,7 +308,7 @@ def _held_at(hz: float) -> str:
 def names(results: Results, tracks: Iterable[int]) -> Rows:
     """Names of ranked modes: the most frequent one, and what they rest on where growth is fastest.
 
-    What follows no track (static divergence, modes without a track) has no name. The names are kept
+    What follows no track (real roots, modes without a track) has no name. The names are kept
     beside the tables, for the legends of pictures.
 
     Raises

@@ -47,6 +47,6 @@ ENERGY_SHARES = number(
     leaves_out="The error of the mode's shape, which is not estimated.",
 )
 COUNTS_OF_MODES = (
-    count("n_modes", "Modes in the band, overdamped ones and static divergence included."),
+    count("n_modes", "Modes in the band, overdamped and non-oscillating ones included."),
     count("n_unstable", "Modes in the band whose damping ratio is below minus the tolerance."),
 )

@@ -89,9 +89,14 @@ def in_order(first: AnyTables, second: AnyTables) -> tuple[AnyTables, AnyTables]
         if predicts and "growth" in transient.tables:
             return frequency, transient
     kinds = ", ".join(f"{r.directory} is {r.kind}" for r in (first, second))
-    raise ResultsError(
-        f"expected results of kind complex_modes or limit_cycles and of kind transient, but {kinds}"
-    )
+    text = "expected results of kind complex_modes or limit_cycles and of kind transient, but"
+    beside = ""
+    if "onsets" in first.tables and "onsets" in second.tables:
+        beside = (
+            "; squealstudy rank tells the modes of each, and one study that sweeps what differs "
+            "has its designs side by side"
+        )
+    raise ResultsError(f"{text} {kinds}{beside}")
 
 
 def _followed(results: ResultTables) -> dict[str, Any]:

@@ -165,7 +165,7 @@ class MeshError:
     unpaired : int
         Light modes of the finer mesh without a partner.
     unstable : tuple of int
-        Unstable modes on each mesh, those of static divergence among them.
+        Unstable modes on each mesh, non-oscillating ones among them.
     seconds : tuple of float
         Of each mesh: to build and reduce it, unless the cache holds it, and to solve the point.
     """

@@ -259,8 +259,8 @@ def _left_over(plan: Planned, store: Store, known: np.ndarray) -> str:
         return ""
     return (
         f"{store.directory}: {len(known) - others} of {plural(len(known), plan.kind.row_word)} "
-        f"solved before belong to this study now; {others} others stay in {CHUNKS}/, not in the "
-        "tables (--fresh removes them)"
+        f"solved before belong to this study as it is now, for the study or the code changed; "
+        f"{others} others stay in {CHUNKS}/, not in the tables (--fresh removes them)"
     )
 
 

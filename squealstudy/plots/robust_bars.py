@@ -129,7 +129,7 @@ def _mode(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) ->
     if row["quantity"] == "any":
         return "any mode"
     if row["quantity"] == "divergence":
-        return "static divergence"
+        return "non-oscillating"
     return track_name(row["track"], row["frequency_hz"], names, LONGEST_NAME)
 
 

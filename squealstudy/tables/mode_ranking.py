@@ -98,7 +98,7 @@ def rank_modes(
     DataFrame
         COLUMNS; `kind` is "mode", a track, with its frequency where it grows fastest and energies
         that are means over the unstable points. Overdamped unstable roots are together in a row
-        of track -1, "static divergence", without a frequency. Unstable modes without a track
+        of track -1, "non-oscillating", without a frequency. Unstable modes without a track
         stand in rows of track -2 and below, "untracked": each holds all modes, maybe different
         ones, in a range of frequency without a gap of more than GROUP_REL_GAP, whose ends the row
         has; frequency, growth, damping and energies are those of its fastest one.
@@ -204,7 +204,7 @@ def group_kind(group: int) -> str:
     """What a number of `unstable_groups` stands for."""
     if group > 0:
         return "mode"
-    return "static divergence" if group == OVERDAMPED_GROUP else "untracked"
+    return "non-oscillating" if group == OVERDAMPED_GROUP else "untracked"
 
 
 def frequency_text(row: Mapping[Hashable, Any]) -> str:

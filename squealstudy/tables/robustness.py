@@ -56,15 +56,15 @@ class GrowthColumn:
 def growth_columns(
     points: pd.DataFrame, modes: pd.DataFrame, top: int | None = None
 ) -> Iterator[GrowthColumn]:
-    """The largest growth of each point, then those of static divergence and unstable tracks.
+    """The largest growth of each point, then non-oscillating and unstable tracks.
 
     One after the other: of many tracks and points all would fill the memory.
 
     Parameters
     ----------
     points, modes : DataFrame
-        Tables of a complex-mode study. Overdamped roots count where they grow: that is static
-        divergence, an instability without oscillation.
+        Tables of a complex-mode study. Overdamped roots count where they grow: an
+        instability without oscillation.
     top : int or None
         Tracks to keep, those unstable at most points first, then by largest growth.
     """

@@ -58,7 +58,7 @@ def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
     grow = "grow" if worst["count"] > 1 else "grows"
     fastest = "the fastest " if worst["count"] > 1 else ""
     how = f"{in_digits(worst['frequency_hz'])} Hz"
-    how = how if worst.get("oscillates", True) else "without oscillation (static divergence)"
+    how = how if worst.get("oscillates", True) else "without oscillation"
     return (
         f"{text} {plural(worst['count'], 'mode')} {grow}{at}: {fastest}{how}, "
         f"{worst['growth_rate']:.3g} 1/s"

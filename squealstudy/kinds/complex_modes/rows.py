@@ -80,7 +80,7 @@ def read_roots(
     Returns
     -------
     dict of id -> ndarray (m,) complex or None
-        rad/s; the oscillating roots, and those of static divergence (real and growing); with
+        rad/s; the oscillating roots, and real ones that grow; with
         `overdamped` all. With a `tolerance` growth within its error is none
         (`settled`). A point is inaccurate where a root is wrong by more than `largest_error`
         (`worst_errors`).

@@ -38,6 +38,7 @@ from squealstudy.kinds.transient.section import WORKING_POINT, TransientSection
 from squealstudy.kinds.transient.worker import set_up
 from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
+from squealstudy.motion.level_errors import MAX_STICK_NUMBER
 from squealstudy.motion.point import perturbed
 from squealstudy.motion.shared_modes import Training
 from squealstudy.motion.simulate import simulate
@@ -150,8 +151,14 @@ def _rounded_away(plan: Plan) -> list[str]:
 def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
     """`stiff`: stick number, slope, and the regularisation speed it follows from, 0 without."""
     number, slope, speed = max(stiff, default=(0.0, 0.0, 0.0))
-    if number <= STICK_LIMIT:
+    if number <= MAX_STICK_NUMBER:
         return []
+    if number <= STICK_LIMIT:
+        step = plan.study.section.step * MAX_STICK_NUMBER / number
+        return [
+            "runs in which half of the contact sticks will be undecided: at this step its friction "
+            f"rings (h k_t |T|^2 / 2 is {number:.3g}). A step of {step:.2g} s avoids it"
+        ]
     step = plan.study.section.step * STICK_LIMIT / number
     softer = f"contact.kt of {slope * STICK_LIMIT / number:.2g}"
     if speed > 0:
