@@ -251,6 +251,11 @@ def amount(value: float, unit: str, largest: float | None = None, digits: int = 
     return f"{value * factor:.{digits}g} {shown}".rstrip()
 
 
+def moment(seconds: float) -> str:
+    """A time of a run: ``230 ms``, of a slow machine ``16.2 s``."""
+    return f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.4g} s"
+
+
 def setting(name: str, value: float, unit: str, largest: float | None = None) -> str:
     """A parameter's value with its name and unit, as in ``pressure = 1.2 MPa``."""
     return f"{name} = {amount(value, unit, largest)}"

@@ -11,6 +11,8 @@ from study_texts import study_text
 
 from squealstudy.kinds.complex_modes.design_lines import (
     MOST_DESIGNS,
+    DesignLine,
+    _onsets_by_mode,
     design_lines,
     onsets_in_words,
     other_frequency,
@@ -90,6 +92,33 @@ def test_every_mode_that_is_counted_is_named(tmp_path):
     both = pd.concat([table, second]).assign(family_modes=2)
     assert "T9 at 300 Hz" in onsets_in_words(results, both)
     assert "T9" not in onsets_in_words(results, both.assign(family_modes=1))
+
+
+def test_the_onset_of_a_mode_is_seen_where_another_is_first():
+    """An added mass moves the second mode from .288 to .297; the first stays."""
+
+    def line(*modes):
+        names = ("track", "frequency_hz", "threshold", "max_growth_rate")
+        rows = [dict(zip(names, m, strict=True)) | {"kind": "mode"} for m in modes]
+        rows = [
+            m | {f"frequency_{end}_hz": m["frequency_hz"] for end in ("min", "max")} for m in rows
+        ]
+        found = {
+            m["track"]: m | {"threshold_kind": kind} for m, kind in zip(rows, KINDS, strict=False)
+        }
+        return DesignLine({}, 1, 1, True, 0.2, "", rows[0], rows[0], found)
+
+    KINDS = ("bracketed", "refined", "below range", "refined")
+    today = line((23, 3144.0, 0.25, 90.0), (33, 4972.0, 0.288, 400.0))
+    heavier = line((23, 3144.0, 0.25, 95.0), (33, 4905.0, 0.297, 380.0), (7, 700.0, np.nan, 50.0))
+    text = as_text(_onsets_by_mode(["0 g", "100 g"], [today, heavier]))
+    title, *rows = [line.split() for line in text.splitlines()[:3]]
+    assert " ".join(title) == "onset of T33 4972 Hz T23 3144 Hz T7 700 Hz"
+    assert rows[0] == ["0", "g", "0.288", "<=", "0.25", "-"]
+    assert rows[1] == ["100", "g", "0.297", "<=", "0.25", "below", "range"]
+    assert max(map(len, text.splitlines())) <= 80
+    one = line((23, 3144.0, 0.25, 90.0))
+    assert _onsets_by_mode(["0 g", "100 g"], [one, one]) == []  # the row of a design has it
 
 
 def test_one_design_or_very_many_have_no_table(tmp_path):

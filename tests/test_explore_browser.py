@@ -302,7 +302,6 @@ band = [130.0, 200.0]
     page = opened(solved(text, tmp_path / "r"))
     told = []
     for row in range(3):
-        page.tab.wait_for_timeout(400)  # else two clicks are one double click
         page.tab.mouse.click(*page.place("map", row))
         told.append(page.text("facts"))
     assert "0 of 1 modes here are unstable" in told[0]

@@ -387,6 +387,8 @@ def test_robust_on_the_screen_and_as_csv(sampled, capsys, tmp_path):
     screen = capsys.readouterr().out
     assert "of 128 points of the two independent samples, all are ok" in screen
     assert "Clopper-Pearson" in screen
+    assert screen.count("growth +- std") == 2  # a title and its meaning
+    assert "mean  " not in screen
     assert "from 64 groups" in screen
     assert command("robust", directory, "--csv") == 0
     assert capsys.readouterr().out.startswith("quantity,track,frequency_hz,points")

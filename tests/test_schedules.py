@@ -16,11 +16,14 @@ from study_runs import command, plan_of, solved
 
 from squealstudy.engine.motion_shapes import end_motion
 from squealstudy.errors import ModelError, ParameterError, ResultsError, StudyFileError
+from squealstudy.kinds.transient.window_screen import windows
 from squealstudy.laboratory.integrators.explicit import CentralDifference
 from squealstudy.motion.schedule import Schedule
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.warmup import smallest_system
+from squealstudy.screen import as_text
+from squealstudy.wording import moment
 
 STUDIES = Path(__file__).parents[1] / "studies"
 SPEED = 0.2  # m/s, of the design point
@@ -264,6 +267,15 @@ def test_the_screen_tells_of_windows(stop, capsys):
     assert "No mode is ranked of 1 changing run" in said
     text = "\n".join(map(str, stop.screen.findings(stop)))
     assert "1 run: changing" in text
+
+
+def test_times_of_slow_runs_are_in_seconds(stop):
+    """A machine that turns once a minute has no run of 16000 ms."""
+    first = as_text(windows(stop, "N"))
+    slow = as_text(windows(stop.with_tables(windows=stop.windows.assign(time_stop=16.0)), "N"))
+    assert [first.split()[0], slow.split()[0]] == ["ms", "s"]
+    assert "to 16 " in slow
+    assert (moment(0.23), moment(16.0)) == ("230 ms", "16 s")
 
 
 def test_shares_are_of_each_design_point_and_batches_alike(tmp_path):

@@ -26,6 +26,7 @@ from squealstudy.fidelity.time_search import RunSearch
 from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient import slope_pilot as pilot_module
 from squealstudy.kinds.transient.plan_facts import training_designs
+from squealstudy.kinds.transient.screen import regularisation
 from squealstudy.models.operating import REGULARISATION_SHARE, REGULARISATION_SPEED
 from squealstudy.motion.integrator import integrator
 from squealstudy.motion.settings import MotionSettings
@@ -217,6 +218,19 @@ def test_of_few_points_of_a_meshed_model_there_is_none(monkeypatch):
         "status": "skipped",
         "message": 'fewer than 8 design points; slope_pilot = "always" would tell',
     }
+
+
+def test_an_error_within_chance_that_may_be_all_of_the_level_is_not_known():
+    facts = {"speed": 1e-3, "speed_highest": 1e-3, "automatic": 0}
+
+    def told(chance):
+        errors = {"torque_rms": {"error": 0.1, "chance": chance}}
+        return regularisation(facts | {"pilot": {"status": "ok", "message": "", "errors": errors}})[
+            1
+        ][1]
+
+    assert told(1.974).startswith("RMS level not known (its runs scatter too much)")
+    assert told(0.2).startswith("RMS level below 20.0 %")
 
 
 @pytest.mark.parametrize(

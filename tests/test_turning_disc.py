@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -261,6 +262,9 @@ def test_rates_are_those_of_the_mean_radius(small_brake):
     radius = 2 / 3 * (0.14**3 - 0.09**3) / (0.14**2 - 0.09**2)
     assembly = build_model("disc_brake", OPTIONS)
     assert assembly.rotors.radius == pytest.approx(radius)
+    page = (Path(__file__).parents[1] / "docs" / "howto" / "turning-disc.md").read_text("utf-8")
+    assert "`(2/3)(b^3-a^3)/(b^2-a^2)`" in page
+    assert f"{radius:.4f} m by" in page
     (disc,) = (c for c in assembly.components if c.name == "disc")
     span, expected = assembly.slices["disc"], 0.7 / radius * disc.turning
     turning = small_brake.at(sliding_speed=0.7, **ON).assembly.C

@@ -8,7 +8,7 @@ from typing import Any
 
 import bokeh
 from bokeh.embed import json_item
-from bokeh.events import MouseLeave, MouseMove, Reset, SelectionGeometry, Tap
+from bokeh.events import DoubleTap, MouseLeave, MouseMove, Reset, SelectionGeometry, Tap
 from bokeh.models import (
     BoxAnnotation,
     BoxSelectTool,
@@ -74,7 +74,7 @@ def _figure(name: str, height: int, brush: str = "") -> Any:
         fig.toolbar.active_drag = zoom
     fig.toolbar.active_scroll = None
     callback = CustomJS(args={"name": name}, code="window.squealstudy.happened(name, cb_obj)")
-    for event in (Tap, MouseMove, MouseLeave, Reset, SelectionGeometry):
+    for event in (Tap, DoubleTap, MouseMove, MouseLeave, Reset, SelectionGeometry):
         fig.js_on_event(event, callback)
     fig.grid.grid_line_color = "#E8E8E8"
     fig.outline_line_color = None

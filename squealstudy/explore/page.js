@@ -124,7 +124,7 @@ window.squealstudy = {
     else if (own.text) {
       const place = nearest(name, event);
       if (event.event_name === "mousemove") tip(name, event, place < 0 ? "" : own.text(place));
-      else if (event.event_name === "tap" && place >= 0) own.tap(place);
+      else if (place >= 0) own.tap(place);  // tap, or doubletap: a second point within .3 s of the first
     }
   },
 };

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 GRID = "grid"
 MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
 MOST_MODES = 4  # named in the answer
+MOST_ONSETS = 3  # modes whose onsets stand beside each other, a row a design
 SAME_ONSET = 1e-9  # relative: values of an onset in two tables
 OTHER_FREQUENCY = 0.02  # relative, of a mode at its onset: it is told beside that of its growth
 
@@ -52,6 +53,8 @@ class DesignLine(NamedTuple):
         How it is known (`tables.stability`); BELOW_RANGE where all values are beyond it.
     first, fastest : dict or None
         Rows of the ranking: of the mode of the onset, and of the one that grows fastest.
+    modes : dict of int -> dict
+        Row of each unstable track.
     """
 
     design: dict[str, float]
@@ -62,6 +65,7 @@ class DesignLine(NamedTuple):
     kind: str
     first: Row | None
     fastest: Row | None
+    modes: dict[int, Row]
 
 
 def design_lines(results: ResultTables) -> list[DesignLine]:
@@ -95,6 +99,7 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
         kind=str(first["threshold_kind"]) if first else "",
         first=first,
         fastest=table.iloc[0].to_dict() if len(table) else None,
+        modes={int(row["track"]): row for row in table.to_dict("records") if row["track"] > 0},
     )
 
 
@@ -182,8 +187,9 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
     along = results.along or ""
     units, top = results.units, float(results.points[along].max())
     names = list(lines[0].design)
+    designs = [", ".join(amount(v, units.get(n, "")) for n, v in x.design.items()) for x in lines]
     rows = []
-    for line in lines:
+    for design, line in zip(designs, lines, strict=True):
         is_sure = line.sure and line.solved > 0
         onset = f"none to {top:g}" if is_sure else "none known"  # a failed point may be unstable
         onset = "below range" if line.kind == BELOW_RANGE else onset
@@ -193,7 +199,7 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
             onset = "-"
         rows.append(
             [
-                ", ".join(amount(v, units.get(n, "")) for n, v in line.design.items()),
+                design,
                 onset,
                 _mode_text(line.first),
                 in_digits(line.fastest["max_growth_rate"], 1) if line.fastest else "-",
@@ -221,7 +227,42 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
             f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
             "all; Hz: where the mode grows fastest; unstable: share of its solved points\n",
         ),
+        *_onsets_by_mode(designs, lines),
     ]
+
+
+def _onsets_by_mode(designs: list[str], lines: list[DesignLine]) -> list[RenderableType]:
+    """The onset of each mode at each design; nothing where the row of a design has it all.
+
+    A mode may turn unstable later than another by a change that leaves the first onset alone.
+    """
+    fastest: dict[int, Row] = {}
+    for track, row in ((t, row) for line in lines for t, row in line.modes.items()):
+        if track not in fastest or row["max_growth_rate"] > fastest[track]["max_growth_rate"]:
+            fastest[track] = row
+    chosen = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))[:MOST_ONSETS]
+    if len(fastest) < 2:
+        return []
+    shown = grid(
+        "text:onset of",
+        *(f"value:{_mode_text(fastest[track])}" for track in chosen),
+        rows=(
+            [design, *(_onset_text(line.modes.get(track)) for track in chosen)]
+            for design, line in zip(designs, lines, strict=True)
+        ),
+    )
+    rest = f"; {plural(len(fastest) - len(chosen), 'slower mode')} left out"
+    more = rest if len(fastest) > len(chosen) else ""
+    return [shown, notes(f"-: at this design no onset is known of a mode of this number{more}\n")]
+
+
+def _onset_text(row: Row | None) -> str:
+    if row is None:
+        return "-"
+    kind, onset = str(row["threshold_kind"]), row["threshold"]
+    if kind == BELOW_RANGE:
+        return "below range"
+    return f"{INEXACT.get(kind, '')}{onset:.4g}" if np.isfinite(onset) else "-"
 
 
 def _mode_text(row: Row | None) -> str:

@@ -30,7 +30,7 @@ def probabilities(
     those of tracks, `Results.track_names`, `units` those of parameters, and `band_hz`
     the band of the study.
     """
-    titles = ("mode", "Hz", "known at", "unstable %", "interval %", "mean", "mean +- std")
+    titles = ("mode", "Hz", "known at", "unstable %", "interval %", "growth +- std")
     shown = grid(
         *titles,
         "worst 1/s",
@@ -57,7 +57,6 @@ def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
         str(n_certain),
         f"{100 * row['probability']:.1f}{bounds}",
         percent(row["probability_low"], row["probability_high"]),
-        in_digits(row["mean_growth_rate"], 2),
         f"{_figure(row['growth_mean'])} +- {_figure(row['growth_std'])}",
         _figure(row["max_growth_rate"]),
         ", ".join(settings_of(row["at"], units).values()),
@@ -74,8 +73,8 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
         f"of {first['points'] + failed} {drawn}, {counted}",
         "interval: 95 % (Clopper-Pearson) for independent draws, wide for a Sobol sequence or "
         "Latin hypercube",
-        "mean: growth 1/s, zero where not unstable; mean +- std: of the growth rate where the mode "
-        "is; any: the fastest mode of each point; Hz: where the mode grows fastest",
+        "growth +- std: mean and scatter of the growth rate, 1/s, where the mode is unstable; "
+        "any: the fastest mode of each point; Hz: where the mode grows fastest",
     ]
     if (table["unstable_points_low"] < table["unstable_points_high"]).any():
         texts.append(

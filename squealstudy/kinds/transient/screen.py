@@ -25,6 +25,7 @@ from squealstudy.wording import (
     error_percent,
     figure,
     in_digits,
+    moment,
     motion_frequency,
     plural,
     real_mode_number,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 MOST_COLUMNS = 2  # parameters with a column of their own
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_LONGER = 20  # times the duration of a run: a longer one is not advised
+CHANCE_THAT_TELLS_NOTHING = 1.0  # of a level: an error below it may be all of the level
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 N_FINDING_COLUMNS = 9  # columns of `_findings`
@@ -285,7 +287,7 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
     transfer = ""
     if row["transfer_to"]:
         transfer = (
-            f"{row['transfer_from']} > {row['transfer_to']} at {1e3 * row['transfer_time']:.0f} ms"
+            f"{row['transfer_from']} > {row['transfer_to']} at {moment(row['transfer_time'])}"
         )
     rate = row["growth_rate"]
     wide = row["growth_rate_high"] - row["growth_rate_low"] > 0.2 * abs(rate)  # bounds 10 % away
@@ -361,6 +363,8 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
 def _error_share_text(error: Mapping[str, float]) -> str:
     """An error in percent; what chance may do where that is more."""
     if error["error"] < error["chance"]:
+        if error["chance"] >= CHANCE_THAT_TELLS_NOTHING:
+            return "not known (its runs scatter too much)"
         return f"below {in_digits(100 * error['chance'], 1)} % (its runs tell no less)"
     return f"{in_digits(100 * error['error'], 1)} %"
 

@@ -13,6 +13,7 @@ from squealstudy.wording import figure, motion_frequency
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
+SLOW_RUN_S = 10.0  # from which on its times are in seconds
 MOST_WINDOWS = 24  # windows listed; all of them are in the table
 
 
@@ -24,11 +25,12 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
         rms = table["torque_rms"].fillna(-1.0)
         table = table.loc[rms.groupby(table["point_id"], sort=False).idxmax()]
     what = "torque" if unit == "N m" else "force"
+    slow = bool(table["time_stop"].max() >= SLOW_RUN_S)
     pressed = bool(table["pressure_start"].notna().any())
 
     def cells(row: dict[Hashable, Any]) -> list[str]:
         place = [str(all_points.index(row["point_id"]))] if several else []
-        ends = [_span(row, "time", 1e3), _span(row, "sliding_speed", 1.0)]
+        ends = [_span(row, "time", 1.0 if slow else 1e3), _span(row, "sliding_speed", 1.0)]
         ends += [_span(row, "pressure", 1e-5)] if pressed else []
         return [
             *place,
@@ -43,7 +45,7 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
     listed = table.head(MOST_WINDOWS)
     shown = grid(
         *(["point"] if several else []),
-        *("value:ms", "value:m/s", *(["value:bar"] if pressed else [])),
+        *(f"value:{'s' if slow else 'ms'}", "value:m/s", *(["value:bar"] if pressed else [])),
         *("word:class", f"value:{what} {unit}", "value:RMS", "value:Hz", "value:stick %"),
         rows=(cells(row) for row in listed.to_dict("records")),
     )
