@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cycle_models as models
@@ -26,7 +27,9 @@ from squealstudy.cycles.branch import (
 )
 from squealstudy.cycles.continuation import Steps
 from squealstudy.cycles.curve import CurveMotion
+from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.families import families
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.moving import Moving
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
@@ -314,7 +317,28 @@ def test_turns_by_round_off_are_no_folds(values, turns, folds):
     assert [k for k, p in enumerate(_folds_alone(curve, 1e-7)) if p.event == FOLD] == folds
 
 
+def test_a_fold_of_a_cycle_that_sticks_is_within_its_error():
+    """Runs of Runge and Kutta keep the cycle at 1.58957 m/s and lose it at 1.58958."""
+    designs = models.Designs("belt", {}, None, saturation=0.2)
+    contact = designs.at(sliding_speed=1.55)
+    search = Search(11, 1e-2, 2.0)
+    found = families(contact, (1.0, 1e6), [1], 1e-9, search)
+    cycle = found.families[0][1].loudest.motion
+    points, _ = branch(
+        lambda v: designs.at(sliding_speed=float(v)).oscillator,
+        replace(cycle, parameter=1.55),
+        (1.25, 1.7),
+        1.0,
+        lambda m: FAR if m.parameter < 1.55 else "",
+    )
+    (fold,) = [p for p in points if p.event == FOLD]
+    assert fold.motion.parameter > 1.5896
+    assert abs(fold.motion.parameter - 1.589575) < fold.apart < 1e-3
+
+
 def test_the_error_of_an_event_is_told_where_the_value_does_not_hold_it():
     told = [screen._uncertainty({"value": 0.4163, "value_error": e}, "") for e in (0.0388, 1e-6)]
     assert told == [" (+- 0.039)", ""]
     assert screen._uncertainty({"value": 5e5}, "Pa") == ""
+    unknown = {"value": 0.4163, "value_error": np.nan}
+    assert screen._uncertainty(unknown, "") == " (error not known)"

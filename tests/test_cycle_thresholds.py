@@ -538,6 +538,19 @@ def test_a_kick_from_which_contact_runs_away_is_too_large():
     assert 0.55 < kick.velocity < 0.66
 
 
+def test_kicks_larger_than_twice_the_cycle_are_tried():
+    """By runs of Runge and Kutta none of 2.2 m/s starts squeal, and some of 3.5 m/s do."""
+    contact = models.Designs("hoffmann", models.BISTABLE | {"friction": 0.15}).at()
+    found = families(contact, (1.0, 1e6), [1], 1e-9, Search(None, 1e-2, 12.0))
+    ((_, family),) = found.families
+    assert 2.0 * family.loudest.levels["contact_velocity"] == pytest.approx(2.24, rel=1e-2)
+    (kick,) = kicks(contact, found, 5.0).values()
+    assert kick.status == "ok"
+    assert 2.3 < kick.velocity < 3.5
+    (kick,) = kicks(contact, found, 2.3).values()
+    assert kick.status == "none"
+
+
 def test_kicks_that_lead_nowhere_say_so(belt):
     contact, family = belt
     lam, psi = contact.oscillator.steady_modes(np.inf)

@@ -251,7 +251,11 @@ BRANCHES = (
     *ALONG,
     ALONG_RMS,
     number("value", "Value of the parameter along which the branch goes.", "value_error"),
-    number("value_error", "Error of value at an event.", leaves_out="It is itself one."),
+    number(
+        "value_error",
+        "Error of value at an event; missing where it is not known.",
+        leaves_out="It is itself one.",
+    ),
     number(
         "open_share_max",
         "Largest share of the contact area that is open at once.",

@@ -21,6 +21,7 @@ from squealstudy.cycles.continuation import Steps, newton
 from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
+from squealstudy.cycles.folds import fold_error
 from squealstudy.cycles.moving import Moving, Oscillators
 from squealstudy.cycles.projection import DAMPING_HELD, SIZE_HELD
 from squealstudy.errors import ConvergenceError
@@ -33,6 +34,8 @@ MAX_STEPS_PAST_START, MAX_STEPS_BESIDE_START = 1.2, 0.5
 CLOSURE_TOLERANCE, PROJECTED_CLOSURE_TOLERANCE = 1e-6, 1e-3
 PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
 BIFURCATION_REL_TOLERANCE = 1e-6  # of the range of the parameter, of NS, PD and BP
+FOLD_NEIGHBOURS = 2, 5  # between which points of a branch, on either side, a fold is looked for
+HOPF_STEPS = 2.0  # last steps of a branch within which cycles that fall by the square of it vanish
 # of the range of the parameter: cycles beside each other that differ less lie at one value
 ONE_VALUE_REL_WIDTH = 1e-7
 
@@ -54,7 +57,8 @@ class BranchPoint:
         H, F, NS, PD, BP or nothing.
     apart : float
         The value of an event is known to so much: what multipliers err by, and beside that the
-        step in which it is unless it was located there.
+        step in which it is unless it was located there; of a fold what the series errs by, NaN
+        where that is not known (`folds.fold_error`); of a Hopf point twice the last step.
     """
 
     motion: PeriodicMotion
@@ -239,12 +243,35 @@ def branch(
     """
     moving, curve, end = cycles_along(oscillators, start, bounds, direction, stop, steps)
     points = [
-        BranchPoint(p.motion, moving.stability(p.motion, highest), p.residual, p.error, p.event)
-        for p in curve
+        BranchPoint(
+            p.motion,
+            moving.stability(p.motion, highest),
+            p.residual,
+            p.error,
+            p.event,
+            _fold_apart(moving, curve, k) if p.event == FOLD else 0.0,
+        )
+        for k, p in enumerate(curve)
     ]
     if end == SHRUNK:
-        points[-1] = replace(points[-1], event=HOPF)
+        steps_to_end = abs(curve[-1].motion.parameter - curve[-2].motion.parameter)
+        points[-1] = replace(points[-1], event=HOPF, apart=HOPF_STEPS * steps_to_end)
     return _with_changes(moving, points, highest, abs(bounds[1] - bounds[0])), end
+
+
+def _fold_apart(moving: Moving, curve: list[CurveMotion], k: int) -> float:
+    """What the value of a fold, the point of this place, errs by; NaN where not known."""
+    for reach in FOLD_NEIGHBOURS:  # with more harmonics it may be beyond the nearest ones
+        before, behind = (
+            list(itertools.takewhile(lambda p: not p.event, places))
+            for places in (curve[max(k - reach, 0) : k][::-1], curve[k + 1 : k + 1 + reach])
+        )
+        if not (before and behind):
+            return np.nan
+        error = fold_error(moving, before[-1].motion, curve[k].motion, behind[-1].motion)
+        if np.isfinite(error):
+            return error
+    return np.nan
 
 
 def _cut(

@@ -59,7 +59,7 @@ class Kick:
     error : float
         Width of the bracket, relative.
     status : str
-        ``ok``; ``none`` where no phase of the largest kick tried leads to the cycle;
+        ``ok``; ``none`` where no phase of any kick tried, up to the largest, leads to the cycle;
         ``undecided`` where a run that decides came to nothing that can be named.
     """
 
@@ -75,9 +75,10 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
 
     A kick is a state Re(phi exp(i phase)) of displacements with the velocities that the mode has
     there. From twice the stable cycle's contact velocity, but `largest` at most, the size is halved
-    until no phase leads to the cycle, and the last pair is bisected. Larger kicks may decay again:
-    what is found is the edge next to silence. From the largest ones contact that softens may run
-    away: then half of them is tried.
+    until no phase leads to the cycle; where none of the first size does it is doubled up to
+    `largest`. The last pair is bisected. Larger kicks may decay again: what is found is an edge
+    next to silence. From the largest ones contact that softens may run away: then half of them is
+    tried.
 
     Parameters
     ----------
@@ -108,15 +109,17 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
         outcomes = tried(size)
         if GROWS in outcomes:
             high, worst = size, outcomes.index(GROWS)
-        elif OPEN in outcomes and worst < 0:
+        elif OPEN in outcomes and worst < 0 and low == 0.0:
             high, too_large = 0.5 * size, True
         elif OPEN in outcomes or (too_large and worst < 0):
             return Kick(np.nan, np.nan, np.nan, np.nan, KICK_UNDECIDED)
+        elif worst < 0 and size < largest:
+            low, high = size, min(2.0 * size, largest)
         elif worst < 0:
             return Kick(np.nan, np.nan, np.nan, np.nan, NO_KICK)
         else:
             low = size
-        if high - low < KICK_REL_TOLERANCE * high:
+        if worst >= 0 and high - low < KICK_REL_TOLERANCE * high:
             break
         if high < MIN_REL_KICK * top:  # no size was seen to decay
             return Kick(np.nan, np.nan, np.nan, np.nan, KICK_UNDECIDED)

@@ -20,6 +20,11 @@ FINER_HARMONIC_FACTORS, MAX_FINER_HARMONICS = (2.25, 1.5), 39  # the second wher
 Oscillators = Callable[[float], Oscillator]  # of a value of the parameter
 
 
+def with_finer_samples(osc: Oscillator, harmonics: int) -> Oscillator:
+    """The oscillator with twice the samples of a period that this number of harmonics has."""
+    return replace(osc, samples=2 * len(osc.sampling(harmonics).synthesis))
+
+
 class Moving:
     """A basis that moves along a parameter; `parameter` of motions is its value.
 
@@ -57,6 +62,14 @@ class Moving:
         return BranchEquations(
             self._oscillators, harmonics, self._omega, self._bounds, tolerance, vectors
         )
+
+    def finer_equations(self, motion: PeriodicMotion, harmonics: int) -> BranchEquations:
+        """Equations of cycles in all coordinates, with twice the samples that a motion has."""
+
+        def finer(value: float) -> Oscillator:
+            return with_finer_samples(self._oscillators(value), motion.harmonics)
+
+        return BranchEquations(finer, harmonics, self._omega, self._bounds)
 
     def correction(
         self, motion: PeriodicMotion, fresh: bool = True, local: LocalForces | None = None
@@ -105,13 +118,14 @@ class Moving:
 
     @staticmethod
     def _finer(projection: Projection, cycle: PeriodicMotion) -> PeriodicMotion | None:
-        """The same cycle with more harmonics; None where it is not found."""
+        """The same cycle with more harmonics and samples; None where it is not found."""
+        osc = with_finer_samples(projection.whole, cycle.harmonics)
         for factor in FINER_HARMONIC_FACTORS:
             harmonics = min(math.ceil(factor * cycle.harmonics), MAX_FINER_HARMONICS)
             finer = replace(cycle, Q=with_harmonics(cycle.Q, harmonics))
             with suppress(ConvergenceError):
                 if harmonics > cycle.harmonics:
-                    return projection.solve(finer, DAMPING_HELD)[0]
+                    return Projection.about(osc, finer).solve(finer, DAMPING_HELD)[0]
         return None
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:

@@ -35,7 +35,7 @@ from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
-from squealstudy.kinds.limit_cycles.onset import onset_near
+from squealstudy.kinds.limit_cycles.onset import ONSET_REL_TOLERANCE, onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
@@ -312,7 +312,8 @@ class Branch:
         }
         if k in self.onsets:  # the cycle is steady sliding there
             onset, hz, how = self.onsets[k]
-            row |= {"value": onset, "frequency_hz": hz, "criticality": how}
+            error = ONSET_REL_TOLERANCE * abs(way.bounds[1] - way.bounds[0])
+            row |= {"value": onset, "value_error": error, "frequency_hz": hz, "criticality": how}
             row |= dict.fromkeys(("torque_rms", "contact_velocity", "open_share_max"), 0.0)
         return row
 

@@ -213,6 +213,8 @@ def _branches(results: ResultTables) -> Rows:
 def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:
     """The error of an event's value, where the value as it is shown does not hold it."""
     error = event.get("value_error", 0.0)  # results of before have none
+    if error != error:
+        return " (error not known)"
     shown = error > SHOWN_REL_ERROR * abs(event["value"])
     return f" (+- {amount(error, unit, digits=2)})" if shown else ""
 

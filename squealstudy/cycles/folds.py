@@ -1,0 +1,89 @@
+"""What the value of a fold on a branch errs by, since series are cut off.
+
+At a held size a balance is regular there, and along sizes the parameter has an extremum: so with
+any number of harmonics, also where forces have corners and its slope jumps.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from squealstudy.cycles.continuation import newton
+from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.moving import Moving
+from squealstudy.cycles.projection import SIZE_HELD
+from squealstudy.errors import ConvergenceError
+
+FOLD_SERIES_SAFETY_FACTOR = 2.0  # error over what more harmonics change
+# times the harmonics of a fold: of those that it is held against, of which one may agree by chance;
+# where one of the first two is not found the next one is tried
+HARMONIC_FACTORS, N_SERIES = (2.25, 4.0, 3.0, 5.0), 2
+MAX_HARMONICS = 59
+SIZE_REL_TOLERANCE = 1e-4  # of the way between the motions beside a fold, in log size
+MAX_SIZES = 40  # tried
+
+
+def fold_error(
+    moving: Moving, before: PeriodicMotion, fold: PeriodicMotion, behind: PeriodicMotion
+) -> float:
+    """Of the value of a fold between two motions of its branch; NaN where it is not known.
+
+    That is on a basis that is not whole, and where more harmonics do not lead to the fold.
+    """
+    if not moving.complete:
+        return np.nan
+    changes: dict[int, float] = {}
+    for factor in HARMONIC_FACTORS:
+        harmonics = min(math.ceil(factor * fold.harmonics), MAX_HARMONICS)
+        if len(changes) < N_SERIES and harmonics > fold.harmonics:
+            with suppress(ConvergenceError):
+                finer_value = _extremum(moving, harmonics, before, fold, behind)
+                changes[harmonics] = abs(finer_value - fold.parameter)
+    judged = len(changes) == N_SERIES or MAX_HARMONICS in changes
+    return FOLD_SERIES_SAFETY_FACTOR * max(changes.values()) if judged else np.nan
+
+
+def _extremum(
+    moving: Moving,
+    harmonics: int,
+    before: PeriodicMotion,
+    fold: PeriodicMotion,
+    behind: PeriodicMotion,
+) -> float:
+    """Value of the fold with a number of harmonics, and twice the samples; ConvergenceError."""
+    equations = moving.finer_equations(fold, harmonics)
+    balanced = [
+        equations.pack(replace(m, Q=with_harmonics(m.Q, harmonics))) for m in (before, fold, behind)
+    ]
+    equations.accepted(balanced[1])
+    normal = np.zeros(len(balanced[1]))
+    normal[SIZE_HELD] = 1.0
+    low, high = sorted((float(balanced[0][SIZE_HELD]), float(balanced[2][SIZE_HELD])))
+    turned = 1.0 if 0.5 * (before.parameter + behind.parameter) > fold.parameter else -1.0
+    tried: list[tuple[float, float]] = []  # log size, value
+
+    def to_be_least(size: float) -> float:
+        nearest = min(balanced, key=lambda u: abs(float(u[SIZE_HELD]) - size))
+        u, *_ = newton(equations, nearest.copy(), normal, size)
+        balanced.append(u)
+        tried.append((size, equations.motion(u).parameter))
+        return turned * tried[-1][1]
+
+    with suppress(ConvergenceError):  # a corner of forces may bar one size: others tell enough
+        minimize_scalar(
+            to_be_least,
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": SIZE_REL_TOLERANCE * (high - low), "maxiter": MAX_SIZES},
+        )
+    tried.sort()
+    best = min(range(len(tried)), key=lambda k: turned * tried[k][1], default=0)
+    if not 0 < best < len(tried) - 1:
+        raise ConvergenceError("not_converged", "no fold between the motions beside it")
+    return tried[best][1]
