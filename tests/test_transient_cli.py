@@ -278,12 +278,12 @@ def test_check_warns_of_friction_too_stiff_for_the_step(study, capsys):
 
 
 @pytest.mark.parametrize(("kt", "step"), [(2e9, None), (2e10, "1.5e-05")])
-def test_check_tells_the_step_at_which_runs_that_stick_are_decided(study, capsys, kt, step):
+def test_check_tells_the_step_at_which_stuck_friction_does_not_ring(study, capsys, kt, step):
     """Stick numbers of 20 and 200: levels are not known beyond 30, steps converge up to 1000."""
     name = study(("[[sweep]]", f"[parameters]\ncontact.kt = {kt:g}\n\n[[sweep]]"))
     assert command("check", name, "--jobs", "1") == 0
     told = " ".join(capsys.readouterr().err.split())
-    assert ("half of the contact sticks will be undecided" in told) == (step is not None)
+    assert ("where half of the contact sticks its friction rings" in told) == (step is not None)
     assert step is None or f"(h k_t |T|^2 / 2 is 200). A step of {step} s avoids it" in told
 
 

@@ -15,7 +15,7 @@ from squealstudy.wording import did_you_mean, listed
 def kinds_and_tables() -> Iterator[RenderableType]:
     """All kinds of study, each with its tables."""
     yield facts((kind, ", ".join(tables)) for kind, tables in COLUMNS.items())
-    yield "\nsquealstudy columns KIND [TABLE] tells what their columns mean."
+    yield "\nsquealstudy columns KIND [TABLE], or RESULTS [TABLE], tells what columns mean."
 
 
 def described(kind: str, table: str | None) -> Iterator[RenderableType]:

@@ -156,8 +156,8 @@ def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
     if number <= STICK_LIMIT:
         step = plan.study.section.step * MAX_STICK_NUMBER / number
         return [
-            "runs in which half of the contact sticks will be undecided: at this step its friction "
-            f"rings (h k_t |T|^2 / 2 is {number:.3g}). A step of {step:.2g} s avoids it"
+            "where half of the contact sticks its friction rings at this step, and levels may err "
+            f"by more than 1 % (h k_t |T|^2 / 2 is {number:.3g}). A step of {step:.2g} s avoids it"
         ]
     step = plan.study.section.step * STICK_LIMIT / number
     softer = f"contact.kt of {slope * STICK_LIMIT / number:.2g}"
