@@ -8,7 +8,7 @@ from own_blocks import write_blocks
 
 import squealstudy as sq
 from squealstudy.errors import ModelError, StudyFileError
-from squealstudy.models.components.gap_map import GapMap
+from squealstudy.models.components.face_map import FaceMap
 
 CONTACT = "search = 0.1\n"
 
@@ -82,7 +82,7 @@ def test_the_outermost_places_may_miss_the_edge(tmp_path):
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 11), np.linspace(0, 1, 11)))
     lines = [f"{a:g} {b:g} {a + 10 * b:.12g}" for a, b in zip(x, y, strict=True)]
     (tmp_path / "film.csv").write_text("x y gap\n" + "\n".join(lines))
-    found = GapMap(tmp_path / "film.csv", 1e-3)
+    found = FaceMap(tmp_path / "film.csv", 1e-3)
     assert found.at(1e-3 * points[:2]) == pytest.approx([0.0, 5e-3])
     with pytest.raises(ModelError, match=r"33.3 % of the contact points lie off its places"):
         found.at(1e-3 * points)

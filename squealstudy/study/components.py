@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from squealstudy.models.operating import (
 from squealstudy.parameter import Parameter
 from squealstudy.study.added_parts import AddedPart, with_parts
 from squealstudy.study.file_parameters import file_parameters, file_places
+from squealstudy.study.largest_friction import largest_friction
 from squealstudy.study.source import SourceText, validate
 from squealstudy.study.stresses import (
     law_defaults,
@@ -82,6 +83,7 @@ def read_model(
     stressed, laws = stressed_point(file), law_defaults(declared)
     defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
     build = _Build(source, brake, digests, places, stressed, defaults, laws, added)
+    largest = largest_friction(file, places, build.factors_over)
     return FileDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
@@ -90,10 +92,7 @@ def read_model(
         components=tuple(file.components),
         build=build,
         assumptions=(
-            *(
-                replace(a, group=_largest_friction(file, places)) if a is FRICTION_RANGE else a
-                for a in ASSUMPTIONS
-            ),
+            *(replace(a, group=largest) if a is FRICTION_RANGE else a for a in ASSUMPTIONS),
             *stress_assumptions(build.stressed),
         ),
         torque_unit="N m",
@@ -101,41 +100,6 @@ def read_model(
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=identities,
-    )
-
-
-@dataclass(frozen=True)
-class LargestFriction:
-    """Static friction of the sliding contact with most of it: the group of `FRICTION_RANGE`.
-
-    Attributes
-    ----------
-    factors : tuple of float or str
-        `friction_factor` of each, or the parameter that it is.
-    """
-
-    factors: tuple[float | str, ...]
-
-    def __call__(self, values: Mapping[str, Any]) -> Any:
-        """At values of all parameters, numbers or arrays (m,)."""
-        factors = [values[f] if isinstance(f, str) else f for f in self.factors]
-        largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
-        return FRICTION_RANGE.group(values) * largest
-
-
-def _largest_friction(
-    file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]]
-) -> LargestFriction:
-    parameter_at = {keys: name for name, of_name in places.items() for keys in of_name}
-    return LargestFriction(
-        tuple(
-            parameter_at.get(
-                ("contact", i, "friction_factor"),
-                1.0 if table.friction_factor is None else table.friction_factor,
-            )
-            for i, table in enumerate(file.contact)
-            if table.kind == "sliding"
-        )
     )
 
 
@@ -280,6 +244,14 @@ class _Build:
 
         with self.told(values):
             return geometry_of(self.brake).effective_radius
+
+    def factors_over(self, number: int) -> tuple[float, float]:
+        """Mean and largest friction factor over a contact's face, of its file."""
+        from squealstudy.models.components.friction_factors import mean_and_largest
+        from squealstudy.models.components.geometry import geometry_of
+
+        with self.told(self.defaults):
+            return mean_and_largest(geometry_of(self.brake), number)
 
     def __call__(self, options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
         """The assembly of options and values.

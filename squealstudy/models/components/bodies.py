@@ -26,7 +26,7 @@ from squealstudy.models.components.expansion import Expansion, expanded
 from squealstudy.models.components.file_materials import changed_material, with_tables
 from squealstudy.models.components.file_matrices import Matrices, placed_matrices, symmetric
 from squealstudy.models.components.file_sets import with_sets
-from squealstudy.models.components.file_tables import GapTable
+from squealstudy.models.components.file_tables import FrictionTable, GapTable
 from squealstudy.models.components.materials import Elastic, Orientation, Orthotropic
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.mesh_files import NASTRAN, read_mesh
@@ -116,6 +116,9 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
     for i, contact in enumerate(file.contact):
         if isinstance(contact.initial_gap, GapTable):
             yield ("contact", i, "initial_gap", "file"), path.parent / contact.initial_gap.file
+        if isinstance(contact.friction_factor, FrictionTable):
+            keys = ("contact", i, "friction_factor", "file")
+            yield keys, path.parent / contact.friction_factor.file
 
 
 def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Path]:

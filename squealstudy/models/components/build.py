@@ -31,6 +31,7 @@ from squealstudy.models.components.contact_rows import (
 )
 from squealstudy.models.components.file_matrices import check_definite, symmetric
 from squealstudy.models.components.file_names import between
+from squealstudy.models.components.friction_factors import friction_factors
 from squealstudy.models.components.geometry import (
     Geometry,
     geometry_at,
@@ -216,8 +217,8 @@ class _Interfaces:
         begins = np.cumsum([0, *(len(p.area) for p in parts)])
         for i, table in enumerate(self._g.file.contact):
             if table.friction_factor is not None:
-                factor = self._numbers.at("contact", i, "friction_factor")
-                frictional[begins[i] : begins[i + 1]] = factor
+                factors = friction_factors(self._g, self._numbers, i)
+                frictional[begins[i] : begins[i + 1]] = factors
             if table.gap_scale is not None:
                 gap[begins[i] : begins[i + 1]] *= self._numbers.at("contact", i, "gap_scale")
         for key, gap_value in self._numbers.given.items():

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, model_validator
+from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from squealstudy.models.file_table import Name, Table, Texts, Vector
+from squealstudy.wording import shown
 
 Pair = Annotated[tuple[str, str], Strict(False)]
 CALLED = "as errors, tables and paths of parameters call it"
@@ -45,6 +47,35 @@ class GapTable(Table):
     )
 
 
+class FrictionTable(Table):
+    """Friction factors of a face."""
+
+    file: str = Field(
+        description="names x, y, factor (or z with two or three) and a line a place, in the unit "
+        "and the coordinates of the slave's file; no factor below 0, linear between places"
+    )
+
+
+def _number_or_file(written: object) -> object:
+    """As it is, with one sentence where it is neither: pydantic has one for each of a union."""
+    if isinstance(written, FrictionTable):
+        return written
+    if (
+        isinstance(written, dict)
+        and written.keys() == {"file"}
+        and isinstance(written["file"], str)
+    ):
+        return written
+    if isinstance(written, bool) or not isinstance(written, float | int) or not isfinite(written):
+        raise ValueError(f'expected a number or {{ file = "mu.csv" }}, got {shown(written)}')
+    if written < 0:
+        raise ValueError(f"expected at least 0, got {written:g}")
+    return written
+
+
+Factor = Annotated[float | FrictionTable, BeforeValidator(_number_or_file)]
+
+
 class ContactTable(Table):
     """Two faces in contact."""
 
@@ -64,10 +95,16 @@ class ContactTable(Table):
     tangential: float | None = Field(
         default=None, ge=0, description="stiffness per area that holds a stuck contact in plane"
     )
-    friction_factor: float | None = Field(
+    friction_factor: Factor | None = Field(
+        default=None,
+        description="friction coefficient of a sliding contact over the parameter friction, a "
+        "number or over the face; else 1; what has 0 does not wear",
+    )
+    friction_spread: float | None = Field(
         default=None,
         ge=0,
-        description="friction coefficient of a sliding contact over the parameter friction; else 1",
+        description="factor on what friction factors of a file deviate from their mean over the "
+        "face, by area",
     )
 
     @model_validator(mode="after")
@@ -77,6 +114,8 @@ class ContactTable(Table):
             raise ValueError("gap_scale: expected of a gap that is measured or geometric alone")
         if self.kind != "sliding" and self.friction_factor is not None:
             raise ValueError("friction_factor: expected of a sliding contact alone")
+        if self.friction_spread is not None and not isinstance(self.friction_factor, FrictionTable):
+            raise ValueError("friction_spread: expected of a friction_factor from a file alone")
         if (self.kind == "stuck") != (self.tangential is not None):
             raise ValueError("expected tangential = STIFFNESS of a stuck contact, and of no other")
         return self

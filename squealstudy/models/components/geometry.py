@@ -21,11 +21,11 @@ from squealstudy.models.components.bodies import (
 )
 from squealstudy.models.components.contact_rows import Rotation, sliding
 from squealstudy.models.components.dimensions import LENGTH
+from squealstudy.models.components.face_map import FACTOR, GAP, FaceMap
 from squealstudy.models.components.faces import facets
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.file_names import between
 from squealstudy.models.components.file_tables import GapTable
-from squealstudy.models.components.gap_map import GapMap
 from squealstudy.models.components.model_file import ROTOR_ANGLE, Numbers
 from squealstudy.models.components.pairs import Pair, pair
 from squealstudy.models.components.reach import expect_reach
@@ -221,10 +221,8 @@ class Geometry:
         _, slave = self.face(table.slave, (*keys, "slave"))
         _, master = self.face(table.master, (*keys, "master"))
         size = LENGTH.factor(self.file.units)
-        gap = table.initial_gap
-        measured = isinstance(gap, GapTable)
-        if isinstance(gap, GapTable):
-            gap = "zero"
+        measured = table.initial_gap if isinstance(table.initial_gap, GapTable) else None
+        gap = "zero" if isinstance(table.initial_gap, GapTable) else table.initial_gap
         try:
             facing = pair(
                 slave,
@@ -237,24 +235,27 @@ class Geometry:
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         expect_reach(facing, keys, slave, master, table.search, self.file.units)
-        return replace(facing, gap0=self._measured(number, facing)) if measured else facing
+        if measured is None:
+            return facing
+        return replace(facing, gap0=self.measured(number, facing, "initial_gap", measured.file))
 
-    def _measured(self, number: int, found: Pair) -> np.ndarray:
-        """Initial gaps (n,) [m] of a file, at contact points where the slave's file has them."""
-        table = self.file.contact[number]
-        assert isinstance(table.initial_gap, GapTable)
-        name = table.slave.partition(".")[0]
+    def measured(self, number: int, found: Pair, key: str, file_name: str) -> np.ndarray:
+        """Values (n,) of a file, SI units, at contact points where the slave's file has them.
+
+        `key` of the contact names the file: `initial_gap` or `friction_factor`.
+        """
+        name = self.file.sides(number)[0]
         turn, shift = placement(name, self.file.components[name], self.file.units)
         if name in self.turned:
             also, further = self._turn()
             turn, shift = also @ turn, also @ shift + further
         try:
-            places = GapMap(
-                self.brake.located(table.initial_gap.file), LENGTH.factor(self.file.units)
-            )
+            column = GAP if key == "initial_gap" else FACTOR
+            size = LENGTH.factor(self.file.units)
+            places = FaceMap(self.brake.located(file_name), size, column)
             return places.at((found.slave.points - shift) @ turn)
         except ModelError as error:
-            raise PlacedError(("contact", number, "initial_gap", "file"), str(error)) from error
+            raise PlacedError(("contact", number, key, "file"), str(error)) from error
 
     def _layer(self, number: int) -> Surface | Pair:
         table = self.file.layer[number]

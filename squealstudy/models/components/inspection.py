@@ -148,7 +148,7 @@ def _contact(
             name,
             f"{table.kind}: {table.slave} on {table.master}, {len(pair.gap0):,} points, "
             f"{pair.slave.area.sum() / size**2:.4g} {unit}2, "
-            f"{100 * pair.in_reach:.1f} % of the slave{friction_of(numbers, i)}",
+            f"{100 * pair.in_reach:.1f} % of the slave{friction_of(geometry, numbers, i)}",
         )
         found.tell(
             "",
@@ -312,9 +312,10 @@ def _wear(
     depths, begins = [], np.cumsum([0, *(len(pair.gap0) for pair in geometry.contacts)])
     for i, pair in enumerate(geometry.contacts):
         rows = slice(begins[i], begins[i + 1])
-        worn = depth[rows][assembly.contact.frictional[rows] > 0] / size
+        rubbing = assembly.contact.frictional[rows] > 0
+        worn = depth[rows][rubbing] / size
         if len(worn):
-            mean = np.average(worn, weights=pair.slave.area)
+            mean = np.average(worn, weights=pair.slave.area[rubbing])
             name = file.name_of("contact", i)
             depths.append(f"{name} {worn.min():.3g} to {worn.max():.3g} {unit} (mean {mean:.3g})")
     text = "; ".join(depths) or "nothing: no contact has friction"

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
 from squealstudy.models.components.component_facts import Inspection
 from squealstudy.models.components.dimensions import BEDDING, STIFFNESS, TORSION
+from squealstudy.models.components.file_tables import FrictionTable
+from squealstudy.models.components.friction_factors import friction_factors
+from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.model_file import ModelFile, Numbers
 
 IN_VIBRATION = "; in vibration only"  # not while the pressure is brought up
 DIRECTIONS = {"cartesian": ("x", "y", "z"), "cylindrical": ("radial", "around", "axial")}
 
 
-def friction_of(numbers: Numbers, number: int) -> str:
-    """`, friction_factor 0.8` of a contact that has one."""
-    if numbers.file.contact[number].friction_factor is None:
+def friction_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
+    """`, friction_factor 0.8` of a contact that has one, or `0.7 to 0.9 of mu.csv (mean 0.8)`."""
+    of_file = numbers.file.contact[number].friction_factor
+    if of_file is None:
         return ""
-    return f", friction_factor {numbers.at('contact', number, 'friction_factor'):g}"
+    factors = friction_factors(geometry, numbers, number)
+    if not isinstance(of_file, FrictionTable):
+        return f", friction_factor {factors[0]:g}"
+    mean = np.average(factors, weights=geometry.contacts[number].slave.area)
+    text = f"{factors.min():.4g} to {factors.max():.4g} of {of_file.file} (mean {mean:.4g})"
+    return f", friction_factor {text}"
 
 
 def tell_interfaces(inspection: Inspection, numbers: Numbers) -> None:

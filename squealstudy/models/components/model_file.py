@@ -80,6 +80,7 @@ DIMENSIONS = {  # of the keys of the file
     "search": LENGTH,
     "initial_gap": LENGTH,
     "friction_factor": NUMBER,
+    "friction_spread": NUMBER,
     "gap_scale": NUMBER,
     "distance": LENGTH,
     "rate": COMPLIANCE,
@@ -96,10 +97,11 @@ DIMENSIONS = {  # of the keys of the file
 POSITIVE = ("E", "G", "rho", "area", "bedding", "rate")
 NOT_NEGATIVE = (
     *("normal", "tangential", "stiffness", "rotary", "mass", "inertia"),
-    *("mass_damping", "stiffness_damping", "material_damping", "friction_factor", "distance"),
+    *("mass_damping", "stiffness_damping", "material_damping", "distance"),
+    *("friction_factor", "friction_spread"),
 )
 VARIED = {  # keys that parameters may point to
-    "contact": ("tangential", "initial_gap", "friction_factor", "gap_scale"),
+    "contact": ("tangential", "initial_gap", "friction_factor", "friction_spread", "gap_scale"),
     "tie": ("bedding",),
     "coupling": ("bedding",),
     "layer": ("normal", "tangential"),

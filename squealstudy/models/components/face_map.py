@@ -1,4 +1,4 @@
-"""Measured initial gaps of a contact: a table of places on its face, brought to contact points."""
+"""What was measured over a face of a contact: a table of places, brought to contact points."""
 
 from __future__ import annotations
 
@@ -10,35 +10,39 @@ from squealstudy.errors import ModelError
 from squealstudy.models.number_table import numbers_of, read_lines
 
 AXES = ("x", "y", "z")
-GAP = "gap"
+GAP, FACTOR = "gap", "factor"  # names of columns
+NOT_NEGATIVE = (FACTOR,)
 BEYOND_SPACINGS = 2.0  # distances of neighbours by which the outermost points may miss an edge
 STEEPEST = 0.5  # distance of neighbours along their plane over their distance: 60 degrees
 FLAT = 1e-3  # extent of places across their plane over that along it, below which they are a line
 
 
-class GapMap:
-    """Gaps over places of a face, linear between them.
+class FaceMap:
+    """Gaps or friction factors over places of a face, linear between them.
 
     Parameters
     ----------
     path : Path
-        A text file with one line of names, `gap` and two or three of `x`, `y`, `z`, and a line a
-        place; separated by commas, semicolons, tabs or blanks.
+        A text file with one line of names, `column` and two or three of `x`, `y`, `z`, and a line
+        a place; separated by commas, semicolons, tabs or blanks.
     size : float
         Metres of its unit of length.
+    column : str
+        GAP, in the unit of length, or FACTOR.
 
     Raises
     ------
     ModelError
         With the line, where it is no such file; fewer than three places, or all in one line; a
-        place that is there twice with two gaps.
+        place that is there twice with two values; a factor below zero.
     """
 
-    def __init__(self, path: Path, size: float) -> None:
+    def __init__(self, path: Path, size: float, column: str = GAP) -> None:
         self.name = path.name
-        axes, rows = _read(path)
+        axes, rows = _read(path, column)
         self.axes = [AXES.index(axis) for axis in axes]
-        self.places, self.gaps = rows[:, :-1] * size, rows[:, -1] * size
+        self.places = rows[:, :-1] * size
+        self.values = rows[:, -1] * size if column == GAP else rows[:, -1]
         self._centre = self.places.mean(axis=0)
         _, extents, directions = np.linalg.svd(self.places - self._centre, full_matrices=False)
         if len(rows) < 3 or extents[1] <= FLAT * extents[0]:
@@ -65,7 +69,7 @@ class GapMap:
             )
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """Gaps (n,) [m] at points (n, 3) [m] of the face, in the coordinates of the file.
+        """Values (n,), SI units, at points (n, 3) [m] of the face, in the coordinates of the file.
 
         Beyond the outermost places, within twice the distance of neighbours, the nearest counts.
 
@@ -81,8 +85,9 @@ class GapMap:
         points_in_plane = (points[:, self.axes] - self._centre) @ self._plane.T
         tree = cKDTree(in_plane)
         spacing = float(np.median(tree.query(in_plane, k=2)[0][:, 1]))
-        gaps: np.ndarray = LinearNDInterpolator(in_plane, self.gaps)(points_in_plane)
-        beyond = np.flatnonzero(np.isnan(gaps))
+        values: np.ndarray = LinearNDInterpolator(in_plane, self.values)(points_in_plane)
+        values = np.clip(values, self.values.min(), self.values.max())  # round-off of weights
+        beyond = np.flatnonzero(np.isnan(values))
         if len(beyond):
             away, nearest = tree.query(points_in_plane[beyond])
             if (away > BEYOND_SPACINGS * spacing).any():
@@ -93,31 +98,38 @@ class GapMap:
                     f"{spacing:.3g} m apart. Expected places all over the face, in the "
                     "coordinates and the unit of its component's file"
                 )
-            gaps[beyond] = self.gaps[nearest]
-        return gaps
+            values[beyond] = self.values[nearest]
+        return values
 
 
-def _read(path: Path) -> tuple[list[str], np.ndarray]:
-    """Names of the axes, and rows (n, axes and the gap)."""
-    (line, words), places = read_lines(path, "x, y, gap")
+def _read(path: Path, column: str) -> tuple[list[str], np.ndarray]:
+    """Names of the axes, and rows (n, axes and the value)."""
+    (line, words), places = read_lines(path, f"x, y, {column}")
     names = [name.lower() for name in words]
     axes = [axis for axis in AXES if axis in names]
-    if GAP not in names or len(axes) < 2 or sorted(names) != sorted([*axes, GAP]):
+    if column not in names or len(axes) < 2 or sorted(names) != sorted([*axes, column]):
         raise ModelError(
-            f"{path.name}, line {line}: expected names x, y, gap, got {', '.join(words)}"
+            f"{path.name}, line {line}: expected names x, y, {column}, got {', '.join(words)}"
         )
-    order = [names.index(name) for name in (*axes, GAP)]
+    order = [names.index(name) for name in (*axes, column)]
     values = np.array([numbers_of(path, k, cells, len(names)) for k, cells in places])
     if not len(values):
         raise ModelError(f"{path.name} has no places below its line of names")
-    return axes, _once(path, values[:, order])
+    rows = values[:, order]
+    if column in NOT_NEGATIVE and (rows[:, -1] < 0).any():
+        below = int(np.argmax(rows[:, -1] < 0))
+        raise ModelError(
+            f"{path.name}, line {places[below][0]}: expected a {column} of at least 0, "
+            f"got {rows[below, -1]:g}"
+        )
+    return axes, _once(path, rows, column)
 
 
-def _once(path: Path, rows: np.ndarray) -> np.ndarray:
+def _once(path: Path, rows: np.ndarray, column: str) -> np.ndarray:
     """Rows without those that say the same twice."""
     rows = np.unique(rows, axis=0)
     places, counts = np.unique(rows[:, :-1], axis=0, return_counts=True)
     if (counts > 1).any():
         where = ", ".join(f"{v:g}" for v in places[np.argmax(counts)])
-        raise ModelError(f"{path.name}: the place {where} has {counts.max()} gaps")
+        raise ModelError(f"{path.name}: the place {where} has {counts.max()} {column}s")
     return rows
