@@ -38,7 +38,7 @@ class OverFace:
     def at(self, values: Mapping[str, Any]) -> Any:
         """At values of all parameters, numbers or arrays (m,)."""
         mean, most = self.factors_over(self.number)
-        return mean + _value(self.spread, values) * (most - mean)
+        return mean + _of_parameter(self.spread, values) * (most - mean)
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,14 @@ class LargestFriction:
     def __call__(self, values: Mapping[str, Any]) -> Any:
         """At values of all parameters, numbers or arrays (m,)."""
         factors = [
-            f.at(values) if isinstance(f, OverFace) else _value(f, values) for f in self.factors
+            f.at(values) if isinstance(f, OverFace) else _of_parameter(f, values)
+            for f in self.factors
         ]
         largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
         return FRICTION_RANGE.group(values) * largest
 
 
-def _value(number: NumberOrParameter, values: Mapping[str, Any]) -> Any:
+def _of_parameter(number: NumberOrParameter, values: Mapping[str, Any]) -> Any:
     return values[number] if isinstance(number, str) else number
 
 

@@ -27,8 +27,8 @@ def friction_factors(geometry: Geometry, numbers: Numbers, number: int) -> np.nd
     table, pair = geometry.file.contact[number], geometry.contacts[number]
     of_file = table.friction_factor
     if not isinstance(of_file, FrictionTable):
-        given = 1.0 if of_file is None else numbers.at("contact", number, FACTOR_KEY)
-        return np.full(len(pair.gap0), given)
+        uniform = 1.0 if of_file is None else numbers.at("contact", number, FACTOR_KEY)
+        return np.full(len(pair.gap0), uniform)
     factors = geometry.measured(number, pair, FACTOR_KEY, of_file.file)
     if table.friction_spread is None:
         return factors
