@@ -305,6 +305,16 @@ def test_another_map_is_another_model(tmp_path):
     assert again == pytest.approx(2 * before, rel=1e-9)
 
 
+def test_factors_of_an_unfinished_model_are_told(tmp_path, capsys):
+    model = blocks(tmp_path)
+    head, load = model.read_text().split("[[load]]")
+    model.write_text(head + load[load.index("[parameters]") :])
+    command("inspect", str(model))
+    facts = " ".join(capsys.readouterr().out.split())
+    assert "of mu.csv (mean " in facts
+    assert "not yet load" in facts
+
+
 def test_factors_are_told_and_those_of_nothing_do_not_wear(tmp_path, capsys):
     wear = "[wear]\npressure = 1.0\nfriction = 0.4\ndistance = 1e3\nrate = 1e-9\n"
     model = blocks(tmp_path, parameters=wear, factor=lambda x, y: max(0.0, x - 1.6))

@@ -94,7 +94,7 @@ def inspect_parts(
                 brake.file.name_of("contact", number),
                 f"{table_of.kind}: {table_of.slave} on {table_of.master}, "
                 f"{plural(len(pair.gap0), 'point')}, {100 * pair.in_reach:.1f} % of the slave"
-                f"{friction_of(numbers, number)}",
+                f"{friction_of(geometry, numbers, number)}",
             )
         tell_interfaces(inspection, numbers)
     lacking = [key for key in NEEDED if not brake.file.at((key,))]
