@@ -323,3 +323,16 @@ def test_factors_are_told_and_those_of_nothing_do_not_wear(tmp_path, capsys):
     assert "friction_factor 0 to 3." in facts
     assert "of mu.csv (mean " in facts
     assert "wore off pads" in facts
+
+
+def test_factors_turn_with_their_part(tmp_path):
+    """They are found where the slave's file has its face, however that stands turned."""
+    model = blocks(tmp_path)
+    turned = 'axis = [0, 0, 1]\nrotor = "slider"\nangle = 0.3'
+    model.write_text(model.read_text().replace("axis = [0, 0, 1]", turned))
+    contact = contact_of(model)
+    back, point = np.radians(-0.3), np.array([4.0, -100.0])
+    turn = np.array([[np.cos(back), -np.sin(back)], [np.sin(back), np.cos(back)]])
+    own = (1e3 * contact.points[:, :2] - point) @ turn.T + point - [1.5, 0.5]
+    assert contact.frictional == pytest.approx(plane(*own.T), rel=1e-9)
+    assert np.abs(own - 1e3 * contact.points[:, :2] + [1.5, 0.5]).max() > 0.1

@@ -73,7 +73,7 @@ def _number_or_file(written: object) -> object:
     return written
 
 
-Factor = Annotated[float | FrictionTable, BeforeValidator(_number_or_file)]
+Factor = Annotated[Annotated[float, Field(ge=0)] | FrictionTable, BeforeValidator(_number_or_file)]
 
 
 class ContactTable(Table):
