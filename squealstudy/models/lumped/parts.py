@@ -147,7 +147,7 @@ def _contact(space: Space, values: Values) -> Points:
             columns[name].append(np.asarray(number))
         numbers.append(_spring_numbers(i, spring, values))
     for i, damper in enumerate(space.file.damper):
-        if damper.linear:
+        if damper.cubic is None:
             continue
         stretched = space.elongation("damper", i, values)
         for name, row in zip(rows, (stretched, stretched, 0.0 * stretched), strict=True):
