@@ -1,4 +1,4 @@
-"""Friction that varies over a contact face: factors of a file, and how far they spread."""
+"""Friction that varies over a contact face: factors of a file or at random, how far they spread."""
 
 from __future__ import annotations
 
@@ -259,14 +259,14 @@ def test_a_bad_map_is_one_sentence_with_its_key(tmp_path, capsys, text, words):
 
 
 BAD_KEYS = [
-    (SPREAD, "friction_spread: expected of a friction_factor from a file alone"),
-    ("friction_factor = 0.8\n" + SPREAD, "expected of a friction_factor from a file alone"),
+    (SPREAD, "friction_spread: expected of a friction_factor over the face alone"),
+    ("friction_factor = 0.8\n" + SPREAD, "expected of a friction_factor over the face alone"),
     (MAP + "friction_spread = -1.0\n", "friction_spread': expected at least 0, got -1"),
     ("friction_factor = -0.8\n", "friction_factor': expected at least 0, got -0.8"),
     ('friction_factor = { file = "other.csv" }\n', "there is no file other.csv"),
-    ('friction_factor = { fil = "mu.csv" }\n', 'a number or { file = "mu.csv" }, got'),
-    ('friction_factor = "high"\n', """a number or { file = "mu.csv" }, got 'high'"""),
-    ("friction_factor = nan\n", 'a number or { file = "mu.csv" }, got nan'),
+    ('friction_factor = { fil = "mu.csv" }\n', "{ std = 0.1, length = 20 }, got"),
+    ('friction_factor = "high"\n', """{ std = 0.1, length = 20 }, got 'high'"""),
+    ("friction_factor = nan\n", "{ std = 0.1, length = 20 }, got nan"),
 ]
 
 

@@ -245,13 +245,13 @@ class _Build:
         with self.told(values):
             return geometry_of(self.brake).effective_radius
 
-    def factors_over(self, number: int) -> tuple[float, float]:
-        """Mean and largest friction factor over a contact's face, of its file."""
+    def factors_over(self, number: int, seed: int) -> tuple[float, float]:
+        """Mean and largest friction factor over a contact's face."""
         from squealstudy.models.components.friction_factors import mean_and_largest
         from squealstudy.models.components.geometry import geometry_of
 
         with self.told(self.defaults):
-            return mean_and_largest(geometry_of(self.brake), number)
+            return mean_and_largest(geometry_of(self.brake), number, seed)
 
     def __call__(self, options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
         """The assembly of options and values.

@@ -14,12 +14,12 @@ from squealstudy.models.file_table import KeyPath
 from squealstudy.models.operating import FRICTION_RANGE
 
 NumberOrParameter = float | str
-FactorsOver = Callable[[int], tuple[float, float]]
+FactorsOver = Callable[[int, int], tuple[float, float]]
 
 
 @dataclass(frozen=True)
 class OverFace:
-    """The largest factor of a contact's file, with the spread that it has.
+    """The largest factor of a contact that varies over its face, with the spread that it has.
 
     Attributes
     ----------
@@ -27,17 +27,22 @@ class OverFace:
         Of the contact.
     spread : float or str
         `friction_spread`, or the parameter that it is.
+    seed : float or str
+        `friction_seed`, or the parameter that it is.
     factors_over : callable
-        Number of a contact -> mean and largest factor over its face, for which meshes are read.
+        Number of a contact and seed -> mean and largest factor over its face; reads meshes.
     """
 
     number: int
     spread: NumberOrParameter
+    seed: NumberOrParameter
     factors_over: FactorsOver
 
     def at(self, values: Mapping[str, Any]) -> Any:
         """At values of all parameters, numbers or arrays (m,)."""
-        mean, most = self.factors_over(self.number)
+        seeds, which = np.unique(_of_parameter(self.seed, values), return_inverse=True)
+        faces = np.array([self.factors_over(self.number, int(seed)) for seed in seeds])
+        mean, most = faces[which].T if len(seeds) > 1 else faces[0]
         return mean + _of_parameter(self.spread, values) * (most - mean)
 
 
@@ -79,7 +84,9 @@ def largest_friction(
 
     return LargestFriction(
         tuple(
-            OverFace(i, number_at(i, "friction_spread"), factors_over)
+            OverFace(
+                i, number_at(i, "friction_spread"), number_at(i, "friction_seed"), factors_over
+            )
             if isinstance(table.friction_factor, FrictionTable)
             else number_at(i, "friction_factor")
             for i, table in enumerate(file.contact)

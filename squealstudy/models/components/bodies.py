@@ -116,9 +116,9 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
     for i, contact in enumerate(file.contact):
         if isinstance(contact.initial_gap, GapTable):
             yield ("contact", i, "initial_gap", "file"), path.parent / contact.initial_gap.file
-        if isinstance(contact.friction_factor, FrictionTable):
-            keys = ("contact", i, "friction_factor", "file")
-            yield keys, path.parent / contact.friction_factor.file
+        factor = contact.friction_factor
+        if isinstance(factor, FrictionTable) and factor.file is not None:
+            yield ("contact", i, "friction_factor", "file"), path.parent / factor.file
 
 
 def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf, isfinite
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, Strict, model_validator
@@ -48,17 +48,31 @@ class GapTable(Table):
 
 
 class FrictionTable(Table):
-    """Friction factors of a face."""
+    """Friction factors of a face: of a file, or a random field of mean 1."""
 
-    file: str = Field(
+    file: str | None = Field(
+        default=None,
         description="names x, y, factor (or z with two or three) and a line a place, in the unit "
-        "and the coordinates of the slave's file; no factor below 0, linear between places"
+        "and the coordinates of the slave's file; no factor below 0, linear between places",
+    )
+    std: float | None = Field(
+        default=None, gt=0, description="standard deviation of a normal random field of mean 1"
+    )
+    length: float | None = Field(
+        default=None,
+        gt=0,
+        description="places at a distance d correlate by exp(-(d / length)^2)",
     )
 
 
 def _number_or_file(written: object) -> object:
     """As it is, with one sentence where it is neither: pydantic has one for each of a union."""
     if isinstance(written, FrictionTable):
+        return written
+    if isinstance(written, dict) and written.keys() == {"std", "length"}:
+        for key, size in written.items():
+            if isinstance(size, bool) or not isinstance(size, float | int) or not 0 < size < inf:
+                raise ValueError(f"expected a number above 0 for {key}, got {shown(size)}")
         return written
     if (
         isinstance(written, dict)
@@ -67,7 +81,10 @@ def _number_or_file(written: object) -> object:
     ):
         return written
     if isinstance(written, bool) or not isinstance(written, float | int) or not isfinite(written):
-        raise ValueError(f'expected a number or {{ file = "mu.csv" }}, got {shown(written)}')
+        raise ValueError(
+            'expected a number, { file = "mu.csv" } or { std = 0.1, length = 20 }, '
+            f"got {shown(written)}"
+        )
     if written < 0:
         raise ValueError(f"expected at least 0, got {written:g}")
     return written
@@ -103,8 +120,11 @@ class ContactTable(Table):
     friction_spread: float | None = Field(
         default=None,
         ge=0,
-        description="factor on what friction factors of a file deviate from their mean over the "
-        "face, by area",
+        description="factor on what friction factors over a face deviate from their mean over it, "
+        "by area",
+    )
+    friction_seed: int | None = Field(
+        default=None, ge=0, description="which of the random fields of friction factors it is"
     )
 
     @model_validator(mode="after")
@@ -115,7 +135,11 @@ class ContactTable(Table):
         if self.kind != "sliding" and self.friction_factor is not None:
             raise ValueError("friction_factor: expected of a sliding contact alone")
         if self.friction_spread is not None and not isinstance(self.friction_factor, FrictionTable):
-            raise ValueError("friction_spread: expected of a friction_factor from a file alone")
+            raise ValueError("friction_spread: expected of a friction_factor over the face alone")
+        factor = self.friction_factor
+        is_random = isinstance(factor, FrictionTable) and factor.std is not None
+        if is_random != (self.friction_seed is not None):
+            raise ValueError("expected friction_seed of a random friction_factor, and of no other")
         if (self.kind == "stuck") != (self.tangential is not None):
             raise ValueError("expected tangential = STIFFNESS of a stuck contact, and of no other")
         return self

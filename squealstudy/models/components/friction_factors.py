@@ -4,56 +4,87 @@ from __future__ import annotations
 
 import numpy as np
 
+from squealstudy.errors import ModelError
+from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.file_tables import FrictionTable
 from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.model_file import Numbers, ValuesError
+from squealstudy.models.components.random_field import random_field
 from squealstudy.models.file_table import KeyPath, PlacedError
 
-FACTOR_KEY, SPREAD_KEY = "friction_factor", "friction_spread"
+FACTOR_KEY, SPREAD_KEY, SEED_KEY = "friction_factor", "friction_spread", "friction_seed"
 
 
 def friction_factors(geometry: Geometry, numbers: Numbers, number: int) -> np.ndarray:
     """Factors (n,) at the points of a sliding contact.
 
-    Those of a file deviate from their mean over the face by `friction_spread` times as much.
+    Those over the face deviate from their mean over it by `friction_spread` times as much.
 
     Raises
     ------
     PlacedError
-        A file of factors that cannot be used; a spread in the file by which some are below zero.
+        A file of factors that cannot be used; a random field over too many points; numbers of the
+        file by which some factors are below zero.
     ValuesError
-        Such a spread of a parameter.
+        Such numbers of parameters; a seed that is no whole number.
     """
     table, pair = geometry.file.contact[number], geometry.contacts[number]
-    of_file = table.friction_factor
-    if not isinstance(of_file, FrictionTable):
-        uniform = 1.0 if of_file is None else numbers.at("contact", number, FACTOR_KEY)
+    if not isinstance(table.friction_factor, FrictionTable):
+        written = table.friction_factor
+        uniform = 1.0 if written is None else numbers.at("contact", number, FACTOR_KEY)
         return np.full(len(pair.gap0), uniform)
-    factors = geometry.measured(number, pair, FACTOR_KEY, of_file.file)
-    if table.friction_spread is None:
-        return factors
+    seed_keys: KeyPath = ("contact", number, SEED_KEY)
+    seed = 0.0 if table.friction_seed is None else numbers.at(*seed_keys)
+    if seed != round(seed):
+        raise ValuesError((seed_keys,), f"expected a whole {SEED_KEY}, got {seed:g}")
+    factors = over_face(geometry, number, int(seed))
     keys: KeyPath = ("contact", number, SPREAD_KEY)
     mean = float(np.average(factors, weights=pair.slave.area))
-    spread: np.ndarray = mean + numbers.at(*keys) * (factors - mean)
-    if (spread < 0).any():
-        most = mean / (mean - float(factors.min()))
-        text = (
-            f"expected a {SPREAD_KEY} of at most {most:.4g}, beyond which factors of "
-            f"{of_file.file} are below 0: the least would be {spread.min():.3g}"
-        )
+    if table.friction_spread is not None:
+        factors = mean + numbers.at(*keys) * (factors - mean)
+    if (factors < 0).any():
+        if table.friction_spread is None:
+            keys = seed_keys
+            text = f"this random field of factors falls to {factors.min():.3g}: expected at least 0"
+        else:
+            most = mean / (mean - float(over_face(geometry, number, int(seed)).min()))
+            text = (
+                f"expected a {SPREAD_KEY} of at most {most:.4g}, beyond which factors over the "
+                f"face are below 0: the least would be {factors.min():.3g}"
+            )
         raise ValuesError((keys,), text) if keys in numbers.given else PlacedError(keys, text)
-    return spread
+    return factors
 
 
-def mean_and_largest(geometry: Geometry, number: int) -> tuple[float, float]:
-    """Mean over the area and largest factor of a contact whose file says them.
+def over_face(geometry: Geometry, number: int, seed: int) -> np.ndarray:
+    """Factors (n,) of a contact that varies over its face, before they are spread.
 
     Raises
     ------
     PlacedError
-        A file of factors that cannot be used.
+        A file of factors that cannot be used; a random field over too many points.
     """
     table, pair = geometry.file.contact[number], geometry.contacts[number]
-    assert isinstance(table.friction_factor, FrictionTable)
-    factors = geometry.measured(number, pair, FACTOR_KEY, table.friction_factor.file)
-    return float(np.average(factors, weights=pair.slave.area)), float(factors.max())
+    factor = table.friction_factor
+    assert isinstance(factor, FrictionTable)
+    if factor.file is not None:
+        return geometry.measured(number, pair, FACTOR_KEY, factor.file)
+    assert factor.std is not None
+    assert factor.length is not None
+    length = factor.length * LENGTH.factor(geometry.file.units)
+    try:
+        return 1 + factor.std * random_field(pair.slave.points, pair.slave.area, length, seed)
+    except ModelError as error:
+        raise PlacedError(("contact", number, FACTOR_KEY), str(error)) from error
+
+
+def mean_and_largest(geometry: Geometry, number: int, seed: int) -> tuple[float, float]:
+    """Mean over the area and largest factor of a contact that varies over its face.
+
+    Raises
+    ------
+    PlacedError
+        As `over_face`.
+    """
+    factors, area = over_face(geometry, number, seed), geometry.contacts[number].slave.area
+    return float(np.average(factors, weights=area)), float(factors.max())

@@ -19,14 +19,15 @@ DIRECTIONS = {"cartesian": ("x", "y", "z"), "cylindrical": ("radial", "around", 
 
 def friction_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
     """`, friction_factor 0.8` of a contact that has one, or `0.7 to 0.9 of mu.csv (mean 0.8)`."""
-    of_file = numbers.file.contact[number].friction_factor
-    if of_file is None:
+    written = numbers.file.contact[number].friction_factor
+    if written is None:
         return ""
     factors = friction_factors(geometry, numbers, number)
-    if not isinstance(of_file, FrictionTable):
+    if not isinstance(written, FrictionTable):
         return f", friction_factor {factors[0]:g}"
     mean = np.average(factors, weights=geometry.contacts[number].slave.area)
-    text = f"{factors.min():.4g} to {factors.max():.4g} of {of_file.file} (mean {mean:.4g})"
+    origin = written.file or "a random field"
+    text = f"{factors.min():.4g} to {factors.max():.4g} of {origin} (mean {mean:.4g})"
     return f", friction_factor {text}"
 
 

@@ -81,6 +81,7 @@ DIMENSIONS = {  # of the keys of the file
     "initial_gap": LENGTH,
     "friction_factor": NUMBER,
     "friction_spread": NUMBER,
+    "friction_seed": NUMBER,
     "gap_scale": NUMBER,
     "distance": LENGTH,
     "rate": COMPLIANCE,
@@ -98,10 +99,13 @@ POSITIVE = ("E", "G", "rho", "area", "bedding", "rate")
 NOT_NEGATIVE = (
     *("normal", "tangential", "stiffness", "rotary", "mass", "inertia"),
     *("mass_damping", "stiffness_damping", "material_damping", "distance"),
-    *("friction_factor", "friction_spread"),
+    *("friction_factor", "friction_spread", "friction_seed"),
 )
 VARIED = {  # keys that parameters may point to
-    "contact": ("tangential", "initial_gap", "friction_factor", "friction_spread", "gap_scale"),
+    "contact": (
+        *("tangential", "initial_gap", "gap_scale"),
+        *("friction_factor", "friction_spread", "friction_seed"),
+    ),
     "tie": ("bedding",),
     "coupling": ("bedding",),
     "layer": ("normal", "tangential"),
