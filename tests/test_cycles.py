@@ -16,7 +16,9 @@ from squealstudy.cycles.balance import Balance
 from squealstudy.cycles.branch import FOLD, HOPF, branch
 from squealstudy.cycles.continuation import Steps, follow
 from squealstudy.cycles.curve import CurveMotion
+from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
+from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import floquet, monodromy
 from squealstudy.cycles.growth import (
     FAR,
@@ -505,3 +507,40 @@ def test_multipliers_of_few_harmonics_are_within_their_errors(friction):
     row = run.summary().iloc[0]
     assert row["class"] == "limit_cycle"
     assert row["torque_rms"] == pytest.approx(cycle.levels["torque_rms"], rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "kind", "saturation", "multiplier", "omega"),
+    [
+        (  # half as many steps agreed by chance: 1.424 +- .006 was said
+            "hoffmann",
+            {"friction": 1.2060136, "damping_ratio": 2.7904353e-3, "sliding_speed": 6.0003651},
+            "smooth",
+            0.098947994,
+            1.40822,
+            1540.764098,
+        ),
+        (  # a few more samples show a third of the error: +- 3.2e-5 was said
+            "hulten",
+            {"friction": 0.6238963, "damping_ratio": 0.0104923632, "sliding_speed": 3.3999632},
+            "regularised",
+            0.015528232,
+            8.50582,
+            339.202446,
+        ),
+    ],
+)
+def test_cycles_whose_contact_opens_are_within_their_errors(
+    model, values, kind, saturation, multiplier, omega
+):
+    """Runs of Runge and Kutta judge, brought to a period by Newton's method."""
+    base = {"hoffmann": models.BISTABLE, "hulten": models.HARDENING}[model]
+    base = {name: number for name, number in base.items() if "cubic" not in name} | values
+    contact = models.Designs(model, base, "unilateral", kind, saturation).at()
+    speed = values["sliding_speed"]
+    found = families(contact, (1.0, 1e6), None, 1e-9, Search(None, 1e-2, 3.0 * speed))
+    cycles = [cycle for _, family in found.families for cycle in family.cycles]
+    cycle = min(cycles, key=lambda c: abs(c.motion.omega - omega))
+    assert abs(cycle.multipliers.modulus - multiplier) < cycle.multipliers.error
+    assert cycle.multipliers.error < 0.2 * multiplier
+    assert abs(cycle.motion.omega / omega - 1.0) < cycle.frequency_error < 2e-3

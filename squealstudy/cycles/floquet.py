@@ -2,8 +2,8 @@
 
 The monodromy matrix is the product of steps of the linearised equation, each the diagonal [3/3]
 Pade approximant of the exponential of the fourth-order Magnus term: deviations that only turn keep
-their size, however fast (Iserles & Norsett 1999). Its error is judged by half as many steps, and by
-the multiplier that must be one.
+their size, however fast (Iserles & Norsett 1999). Its error is judged by three smaller numbers of
+steps, and by the multiplier that must be one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,12 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.root_pairs import least_assignment
 
 MIN_STEPS_PER_PERIOD = 256  # a period, at least
+# the same up to so many coordinates, where they cost little: contact that opens within a step
+# errs by a part of its length
+MIN_STEPS_SMALL, SMALL_MAX_COORDINATES = 1024, 12
 STEPS_A_HARMONIC = 16
+# times the steps: where contact opens one may agree by chance (of 393 cycles 32 by half the steps)
+COARSER_STEPS, STEPS_SAFETY_FACTOR = (0.45, 0.55, 0.7), 1.5
 TRAPEZOIDAL_MIN_COORDINATES = 60  # coordinates above which the trapezoidal rule takes over
 TRAPEZOIDAL_STEPS = 192
 ERROR_MIN_MULTIPLIER = 0.97  # size of multipliers of which the trapezoidal rule's error is told
@@ -50,8 +55,8 @@ class Floquet:
     vectors : ndarray (2 n, 2 n) complex
         Deviations (q, q') at theta = 0 that they belong to, unit norms.
     errors : ndarray (2 n,)
-        Of their sizes: difference to half as many steps, and of a projection to a smaller one with
-        fewer harmonics; in a whole basis one for all, not less than that of the trivial one, nor
+        Of their sizes: difference to fewer steps, and of a projection to a smaller one with fewer
+        harmonics; in a whole basis one for all, not less than that of the trivial one, nor
         than `OTHER_SERIES_SAFETY_FACTOR` times what another number of harmonics changes.
     period : float
         s.
@@ -133,11 +138,12 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion, other: PeriodicMotion | None
 def _in_all_coordinates(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     if osc.n > TRAPEZOIDAL_MIN_COORDINATES:
         return floquet_on(osc, np.eye(osc.n), osc.n, cycle, cycle)
-    steps = max(MIN_STEPS_PER_PERIOD, STEPS_A_HARMONIC * cycle.harmonics)
-    steps += steps % 2
-    coarse = np.linalg.eigvals(monodromy(osc, cycle, steps // 2))
+    least = MIN_STEPS_SMALL if osc.n <= SMALL_MAX_COORDINATES else MIN_STEPS_PER_PERIOD
+    steps = max(least, STEPS_A_HARMONIC * cycle.harmonics)
     fine = _ordered_multipliers(osc, cycle, monodromy(osc, cycle, steps))
-    error = max(abs(fine.trivial - 1.0), _difference(fine.multipliers, coarse))
+    coarse = (np.linalg.eigvals(monodromy(osc, cycle, round(c * steps))) for c in COARSER_STEPS)
+    changes = (_difference(fine.multipliers, multipliers) for multipliers in coarse)
+    error = max(abs(fine.trivial - 1.0), STEPS_SAFETY_FACTOR * max(changes))
     return replace(fine, errors=np.full(len(fine.multipliers), error))
 
 
