@@ -60,8 +60,19 @@ def test_factors_are_one_and_the_field(tmp_path):
     model = sq.model(str(blocks(tmp_path)))
     for seed in (3, 4):
         contact = model.at(seed=seed).assembly.contact
-        field = random_field(contact.points, contact.area, 2e-3, seed)
+        field = random_field(contact.points, contact.area, 2e-3, (seed, 0))
         assert contact.frictional == pytest.approx(1 + 0.1 * field, rel=1e-7)
+
+
+def test_contacts_of_one_seed_differ(tmp_path):
+    """Two pads of one mesh are not worn in alike: one seed is one brake."""
+    path = blocks(tmp_path)
+    head, rest = path.read_text().split("[[contact]]")
+    table, tail = rest.split("[[layer]]")
+    twice = table.replace('"pads"', '"others"')
+    path.write_text(f"{head}[[contact]]{table}[[contact]]{twice}[[layer]]{tail}")
+    factors = sq.model(str(path)).at().assembly.contact.frictional.reshape(2, -1)
+    assert np.abs(factors[0] - factors[1]).max() > 0.01
 
 
 def test_a_spread_scales_what_deviates_from_the_mean_over_the_face(tmp_path):

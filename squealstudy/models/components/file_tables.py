@@ -124,7 +124,10 @@ class ContactTable(Table):
         "by area",
     )
     friction_seed: int | None = Field(
-        default=None, ge=0, description="which of the random fields of friction factors it is"
+        default=None,
+        ge=0,
+        description="which of the random fields of friction factors it is; "
+        "contacts of one seed differ",
     )
 
     @model_validator(mode="after")

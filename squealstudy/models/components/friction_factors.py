@@ -73,7 +73,8 @@ def over_face(geometry: Geometry, number: int, seed: int) -> np.ndarray:
     assert factor.length is not None
     length = factor.length * LENGTH.factor(geometry.file.units)
     try:
-        return 1 + factor.std * random_field(pair.slave.points, pair.slave.area, length, seed)
+        own_seed = (seed, number)  # contacts of one seed are independent
+        return 1 + factor.std * random_field(pair.slave.points, pair.slave.area, length, own_seed)
     except ModelError as error:
         raise PlacedError(("contact", number, FACTOR_KEY), str(error)) from error
 

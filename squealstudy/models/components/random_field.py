@@ -11,7 +11,9 @@ from squealstudy.errors import ModelError
 MOST_POINTS = 4000  # of one field: its eigenpairs take 8 s of a core and 0.5 GB
 
 
-def random_field(points: np.ndarray, area: np.ndarray, length: float, seed: int) -> np.ndarray:
+def random_field(
+    points: np.ndarray, area: np.ndarray, length: float, seed: int | tuple[int, ...]
+) -> np.ndarray:
     """A field (n,) of mean 0 and variance 1, correlated by exp(-(d / length)^2).
 
     It is the Karhunen-Loeve series with the area as weight, sum_k sqrt(lam_k) phi_k xi_k. The
@@ -26,7 +28,7 @@ def random_field(points: np.ndarray, area: np.ndarray, length: float, seed: int)
         m2.
     length : float
         m.
-    seed : int
+    seed : int or tuple of int
         Not negative.
 
     Raises
