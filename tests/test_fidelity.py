@@ -613,7 +613,9 @@ def test_an_explicit_step_that_misses_is_said(tmp_path):
     report = run_resolved(resolved, tmp_path / "results", False, quiet, said.append)
     assert report.manifest["fidelity"]["rounds"] == 1  # there is nothing better to try
     assert not report.manifest["fidelity"]["audit"]["passed"]
-    assert len(said) == 1
+    assert len(said) == 2
+    assert "friction rings at this step" in said[0]
+    assert "the audit found an error" in said[1]
 
 
 def test_a_point_that_fails_is_left_out_of_the_audit(tmp_path, monkeypatch):

@@ -44,6 +44,8 @@ MAX_CHANGE_RATIO = 4.0
 FINER_HARMONIC_FACTORS = (2.25, 4.0)
 LEAST_FINER = 1.5  # the same where that would be more than
 MOST_FINER = 39  # harmonics: of more the cost is that of the whole cycle
+# the same of few coordinates, whose equations are as many: a contact that opens needs them
+MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS = 100, 420
 # times the samples: Hulten's contact that opens errs by 3.5e-5 in frequency, twice show 1.3e-5
 FINER_SAMPLES = 4
 SOLVED = 1e-8  # relative: to which balances are solved
@@ -265,7 +267,9 @@ def errors_by_finer_series(
     The largest change of two such cycles, of which one may agree by chance. None where not known.
     """
     H, motion = found.motion.harmonics, found.motion
-    orders = sorted({min(math.ceil(f * H), MOST_FINER) for f in FINER_HARMONIC_FACTORS})
+    of_few = min(MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS // (2 * contact.oscillator.n))
+    most = max(MOST_FINER, of_few)
+    orders = sorted({min(math.ceil(f * H), most) for f in FINER_HARMONIC_FACTORS})
     orders = [order for order in orders if order >= LEAST_FINER * H]
     if not projection.complete or not orders:
         return None

@@ -35,6 +35,7 @@ ERROR_MIN_MULTIPLIER = 0.97  # size of multipliers of which the trapezoidal rule
 LEAST_MULTIPLIER = 0.5  # size of multipliers of which errors are told
 # Hulten's model on a cubic contact that opens: 11 harmonics err by .038, the change to 25 is .034
 OTHER_SERIES_SAFETY_FACTOR = 1.5
+FINER_SERIES_SHARE = 0.5  # of the change to a finer series that the finer one errs by: there .12
 SAMPLES_PER_STEP = 4  # samples a step, of the tangents of contact points
 CHUNK_BYTES = 64_000_000
 FLIP, FOLD, TORUS = (
@@ -127,12 +128,23 @@ class Floquet:
 
 
 def floquet(osc: Oscillator, cycle: PeriodicMotion, other: PeriodicMotion | None = None) -> Floquet:
-    """Multipliers of a cycle of an oscillator; errors also by an `other` finding of it, if any."""
-    found = _in_all_coordinates(osc, cycle)
+    """Multipliers of a cycle of an oscillator; errors also by an `other` finding of it, if any.
+
+    Where these do not let stability be said and the other has more harmonics, they are the other's.
+    """
+    multipliers = _in_all_coordinates(osc, cycle)
     if other is None or other.harmonics == cycle.harmonics:
-        return found
-    error = OTHER_SERIES_SAFETY_FACTOR * _size_change(found, _in_all_coordinates(osc, other))
-    return replace(found, errors=np.maximum(found.errors, error))
+        return multipliers
+    of_other = _in_all_coordinates(osc, other)
+    change = _size_change(multipliers, of_other)
+    multipliers = _with_least_error(multipliers, OTHER_SERIES_SAFETY_FACTOR * change)
+    if multipliers.stable is None and other.harmonics > cycle.harmonics:
+        return _with_least_error(of_other, FINER_SERIES_SHARE * change)
+    return multipliers
+
+
+def _with_least_error(multipliers: Floquet, error: float) -> Floquet:
+    return replace(multipliers, errors=np.maximum(multipliers.errors, error))
 
 
 def _in_all_coordinates(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
