@@ -11,10 +11,11 @@ from study_runs import solved
 from study_texts import study_text
 
 from squealstudy.kernels import newmark_layout as at
+from squealstudy.motion import step_roots
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.step_roots import _root, integrated_roots
+from squealstudy.motion.step_roots import LinearMotions, _roots, integrated_roots
 
 METHODS = {
     "exponential": ExactFreeMotion(),
@@ -77,8 +78,10 @@ def test_roots_are_eigenvalues_of_the_step(name: str, seed: int) -> None:
     method, h = METHODS[name], 3e-4  # 14 to 70 steps a period
     C, K, w2, c = random_system(seed)
     lam, right = roots_of(C, K)
-    for iterated, matrix in ((False, step_matrix), (True, guessed_matrix)):
-        found = integrated_roots(C, K, (w2, c), lam, right, method, h, iterated)
+    motions = LinearMotions(C[None], K[None], w2, c[None])
+    owner = np.zeros(len(lam), dtype=int)
+    roots = integrated_roots(motions, owner, lam, right.T, method, h)
+    for found, matrix in zip(roots, (step_matrix, guessed_matrix), strict=True):
         z = np.linalg.eigvals(matrix(method, C, K, w2, c, h))
         for root, true in zip(found, lam, strict=True):
             nearest = z[np.argmin(np.abs(z - np.exp(root * h)))]
@@ -125,10 +128,31 @@ def test_bounds_cover_the_growth_of_random_runs() -> None:
     assert told["width"].median() <= 0.02
 
 
+def test_design_points_side_by_side_have_the_roots_of_each_alone(monkeypatch) -> None:
+    """Whatever their dampings, and however many matrices are solved at a time."""
+    method, h, systems = ExactFreeMotion(), 3e-4, [random_system(seed) for seed in range(3)]
+    w2, c = systems[0][2], np.array([systems[k][3] for k in (0, 1, 0)])
+    motions = LinearMotions(*(np.array([s[k] for s in systems]) for k in (0, 1)), w2, c)
+    pairs = [roots_of(C, K) for C, K, _, _ in systems]
+    owner = np.repeat(np.arange(3), [len(lam) for lam, _ in pairs])
+    lam = np.concatenate([lam for lam, _ in pairs])
+    right = np.concatenate([x.T for _, x in pairs])
+    together = integrated_roots(motions, owner, lam, right, method, h)
+    monkeypatch.setattr(step_roots, "ENTRIES_AT_ONCE", 16)
+    for k, (own, x) in enumerate(pairs):
+        one = LinearMotions(motions.C[k : k + 1], motions.K[k : k + 1], w2, c[k : k + 1])
+        alone = integrated_roots(one, np.zeros(len(own), dtype=int), own, x.T, method, h)
+        np.testing.assert_allclose(together[:, owner == k], alone, rtol=1e-12)
+        assert np.isfinite(alone).any()
+
+
 @pytest.mark.parametrize("matrix", [np.zeros((3, 3)), np.full((3, 3), np.nan)])
 def test_where_the_step_has_no_root_none_is_told(matrix):
     """No warning either: it would stand on the screen of a study."""
     made = SimpleNamespace(
-        answers=lambda z: (np.ones((2, 3)), None, None), matrices=lambda K, C, z: (matrix, matrix)
+        at=lambda rows: made,
+        answers=lambda z: (np.ones((2, 1, 3)), None, None),
+        matrices=lambda z: (matrix[None], matrix[None]),
     )
-    assert np.isnan(_root(made, matrix, matrix, -1.0 + 600j, np.ones(3, complex), 1e-5))
+    (root,) = _roots(made, np.array([-1.0 + 600j]), np.ones((1, 3), complex), 1e-5)
+    assert np.isnan(root)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,93 +11,31 @@ from squealstudy.errors import ModelError, ParameterError
 from squealstudy.faults import told
 from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
 from squealstudy.mechanics.failures import FAILURES
+from squealstudy.mechanics.motion_points import motions_at, reference_modes
 from squealstudy.mechanics.regularisation import with_speed
 from squealstudy.mechanics.stacked_rows import messages, statuses
 from squealstudy.mechanics.structures import Structures
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.operating import (
-    REGULARISATION_SPEED,
     SLIDING_SPEED,
-    SLOPE,
-    DesignState,
-    ModeKey,
-    OperatingPoint,
 )
-from squealstudy.modes.point import state_working_point
 from squealstudy.motion.integrator import Integrator, integrator
 from squealstudy.motion.kept_rows import kept_rows
 from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import ONE_STEP
 from squealstudy.motion.outcome.summary import summarise
-from squealstudy.motion.point import friction_law, motion_point, perturbed
+from squealstudy.motion.point import perturbed
 from squealstudy.motion.settings import MotionSettings, steps_between_rows
-from squealstudy.motion.shared_modes import SharedModes, shared_modes
+from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
-from squealstudy.reduction.prepared import PreparedModel
-from squealstudy.reduction.working_point import WorkingPoint, with_less_friction
+from squealstudy.reduction.working_point import WorkingPoint
 
 if TYPE_CHECKING:
     import pandas as pd
 
 METHOD = "exponential"  # free modes exact, contact forces by the trapezoidal rule
-
-
-def reference_modes(
-    prepared: PreparedModel, operating: OperatingPoint, component_modes: Sequence[ModeKey]
-) -> SharedModes:
-    """Modes at the nominal working point, which the design points of a structure share."""
-
-    def modes(reference: OperatingPoint) -> SharedModes:
-        state = DesignState(reference)
-        point = state_working_point(prepared, state)
-        return shared_modes(prepared.model, point, state, tuple(component_modes))
-
-    return with_less_friction(modes, operating)
-
-
-def motion_at(
-    reference: SharedModes,
-    prepared: PreparedModel,
-    point: ModelPoint,
-    regularisation: str,
-    band_hz: tuple[float, float] | None,
-    tolerance: float,
-    known: np.ndarray | None = None,
-    near: np.ndarray | None = None,
-    settings: MotionSettings | None = None,
-) -> tuple[WorkingPoint, MotionPoint]:
-    """Steady sliding of a design point, and the design about it on shared modes.
-
-    Parameters
-    ----------
-    regularisation : str
-        ``regularised`` or ``smooth`` friction below its bound.
-    band_hz : (low, high) or None
-        Where unstable modes are followed; nowhere without one.
-    tolerance : float
-        Damping ratio below minus which a mode is unstable.
-    known : ndarray (nc,) or None
-        Gaps of the working point, where they are known.
-    near : ndarray (nc,) or None
-        Those of a design nearby, to start from.
-    settings : MotionSettings or None
-        Of its run, at whose step followed modes have other roots.
-
-    Raises
-    ------
-    ParameterError
-        Friction so soft that steady sliding is not steady.
-    ConvergenceError
-        No steady sliding.
-    """
-    state, values = point.state(), point.values  # noqa: PD011 - no frame
-    steady = state_working_point(prepared, state, known, near)
-    slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
-    friction = friction_law(reference.system, state, steady, slope, saturation, regularisation)
-    made = motion_point(reference, steady, state, friction, band_hz, tolerance, settings)
-    return steady, made
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,23 +159,25 @@ def set_up(
                 raise
             starts |= dict.fromkeys(numbers.tolist(), error)
             continue
-        for number in numbers.tolist():
-            point = resolved.point(number)
-            try:
-                steady, motion_start = motion_at(
-                    reference,
-                    prepared,
-                    point,
-                    regularisation,
-                    band,
-                    STABILITY_TOLERANCE,
-                    settings=run_settings,
-                )
-                starts[number] = reference, motion_start, point, steady
-            except FAILURES as error:
+        points = [resolved.point(number) for number in numbers.tolist()]
+        steady_motions = motions_at(
+            reference,
+            prepared,
+            points,
+            regularisation,
+            band,
+            STABILITY_TOLERANCE,
+            [None] * len(points),
+            run_settings,
+        )
+        for number, point, one in zip(numbers.tolist(), points, steady_motions, strict=True):
+            if isinstance(one, Exception):
                 if single:
-                    raise
-                starts[number] = error
+                    raise one
+                starts[number] = one
+                continue
+            steady, motion_start = one
+            starts[number] = reference, motion_start, point, steady
     return [starts[number] for number in range(values.count)]
 
 

@@ -15,7 +15,7 @@ from squealstudy.motion.growing_modes import GrowingModes, growing_modes
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
-from squealstudy.motion.step_roots import integrated_roots
+from squealstudy.motion.step_roots import LinearMotions, integrated_roots
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import contact_weights
@@ -127,11 +127,39 @@ def motion_point(
     ParameterError
         Damping of an assembly mode that the reference does not have.
     """
+    motion_start = unwatched_point(reference, point, state, friction)
+    if band_hz is None:
+        return motion_start
+    system = reference.system
+    return watched_point(system, motion_start, point, state, band_hz, tolerance, settings)
+
+
+def watched_point(
+    system: ModalSystem,
+    motion_start: MotionPoint,
+    point: WorkingPoint,
+    state: DesignState,
+    band_hz: tuple[float, float],
+    tolerance: float,
+    settings: MotionSettings | None,
+) -> MotionPoint:
+    """An `unwatched_point` with its growing modes; arguments as of `motion_point`."""
+    C, K = tangent(system, motion_start, point, state)
+    modes = growing_modes(C, K, system.omega2, band_hz, tolerance)
+    motions = LinearMotions(C[None], K[None], system.omega2, motion_start.c[None])
+    (growing,) = with_step_roots([modes], motions, settings)
+    return replace(motion_start, growing=growing)
+
+
+def unwatched_point(
+    reference: SharedModes, point: WorkingPoint, state: DesignState, friction: FrictionLaw
+) -> MotionPoint:
+    """The same without complex modes to watch its run through."""
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
     c, between = reference.damping.at(state, system.area * point.tangent, s)
     force = point.forces(system, operating)
-    motion_start = MotionPoint(
+    return MotionPoint(
         contact=operating.law,
         friction=friction,
         speed=operating.sliding_speed,
@@ -144,34 +172,25 @@ def motion_point(
         open_share=point.open_share,
         static_torque=float(-operating.direction * (system.radius @ force[:, 1])),
     )
-    if band_hz is None:
-        return motion_start
-    C, K = tangent(system, motion_start, point, state)
-    growing = growing_modes(C, K, system.omega2, band_hz, tolerance)
-    if settings is not None:
-        growing = _integrated(growing, C, K, (system.omega2, motion_start.c), settings)
-    return replace(motion_start, growing=growing)
 
 
-def _integrated(
-    modes: GrowingModes,
-    C: np.ndarray,
-    K: np.ndarray,
-    diagonal: tuple[np.ndarray, np.ndarray],
-    settings: MotionSettings,
-) -> GrowingModes:
-    """The modes with their roots at the step of a run (`step_roots`).
+def with_step_roots(
+    modes: Sequence[GrowingModes], motions: LinearMotions, settings: MotionSettings | None
+) -> list[GrowingModes]:
+    """Modes of design points with their roots at the step of a run (`step_roots`).
 
-    As they are where there are none, or where the integrator is none of the kernel.
+    As they are where there is no run, or where its integrator is none of the kernel.
     """
-    method = settings.integrator
-    if not (len(modes.lam) and isinstance(method, KernelIntegrator)):
-        return modes
-    roots = [
-        integrated_roots(C, K, diagonal, modes.lam, modes.right, method, settings.step, once)
-        for once in (False, True)
-    ]
-    return replace(modes, integrated=np.array(roots))
+    method = None if settings is None else settings.integrator
+    counts = [len(one.lam) for one in modes]
+    if settings is None or not (any(counts) and isinstance(method, KernelIntegrator)):
+        return list(modes)
+    owner = np.repeat(np.arange(len(modes)), counts)
+    lam = np.concatenate([one.lam for one in modes])
+    right = np.concatenate([one.right.T for one in modes])
+    roots = integrated_roots(motions, owner, lam, right, method, settings.step)
+    parts = np.split(roots, np.cumsum(counts)[:-1], axis=1)
+    return [replace(one, integrated=part) for one, part in zip(modes, parts, strict=True)]
 
 
 def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:

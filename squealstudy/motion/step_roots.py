@@ -23,61 +23,90 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
 
-Guess = Callable[[complex], tuple[complex, complex]]
+Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 MAX_NEWTON_ITERATIONS = 8  # of Newton's method; the start is within the step's error of the root
 NEWTON_TOLERANCE = 1e-12  # change of z
 SHIFT_ROUND_OFF_RATIO = 1e-15  # of the largest entry
 MIN_ANSWER_RATIO = 1e-8  # of the largest answer to a pull: coordinates below it begin anywhere
 # of abs(lambda): what is found so far off is another root, or the step is too long
 MAX_REL_ROOT_DISTANCE = 0.1
+ENTRIES_AT_ONCE = 2**18  # of matrices that are solved side by side: a few megabytes
+
+
+@dataclass(frozen=True, eq=False)
+class LinearMotions:
+    """Design points linearised at steady sliding, in coordinates that they share.
+
+    Attributes
+    ----------
+    C, K : ndarray (m, n, n)
+        Damping and stiffness; the mass is the identity.
+    w2 : ndarray (n,)
+        With `c` what a method takes as free motion of the coordinates, before it pre-warps them.
+    c : ndarray (m, n)
+    """
+
+    C: np.ndarray
+    K: np.ndarray
+    w2: np.ndarray
+    c: np.ndarray
+
+    def tables(self, integrator: KernelIntegrator, step: float) -> np.ndarray:
+        """Coefficients (m, 8, n) of a step of each; points of the same damping share the work."""
+        table_of: dict[bytes, np.ndarray] = {}
+        keys = [row.tobytes() for row in self.c]
+        for key, c in zip(keys, self.c, strict=True):
+            if key not in table_of:
+                table_of[key] = integrator.step(*integrator.modes(self.w2, c, step), step)
+        return np.array([table_of[key] for key in keys])
 
 
 def integrated_roots(
-    C: np.ndarray,
-    K: np.ndarray,
-    diagonal: tuple[np.ndarray, np.ndarray],
+    motions: LinearMotions,
+    owner: np.ndarray,
     lam: np.ndarray,
     right: np.ndarray,
     integrator: KernelIntegrator,
     step: float,
-    iterated: bool,
 ) -> np.ndarray:
-    """Roots mu (m,) [rad/s] with which modes of lambda^2 + lambda C + K move at a step.
+    """Roots mu [rad/s] with which modes of lambda^2 + lambda C + K move at a step.
 
     Parameters
     ----------
-    C, K : ndarray (n, n)
-        Of the system linearised at steady sliding.
-    diagonal : (w2, c), ndarray (n,)
-        What the method takes as free motion of the coordinates, before it pre-warps them.
-    lam : ndarray (m,) complex
-    right : ndarray (n, m) complex
+    motions : LinearMotions
+        Of the design points.
+    owner : ndarray (N,) of int
+        The design point of each mode.
+    lam : ndarray (N,) complex
+    right : ndarray (N, n) complex
     integrator : KernelIntegrator
     step : float
         s.
-    iterated : bool
-        By one evaluation of the forces a step, from the method's guess; else balanced.
 
     Returns
     -------
-    ndarray (m,) complex
-        NaN where Newton's method does not find one near.
+    ndarray (2, N) complex
+        Where each step's balance is found, and by one evaluation of the forces a step from the
+        method's guess. NaN where Newton's method does not find one near.
     """
-    w2, c = diagonal
-    table = integrator.step(*integrator.modes(w2, c, step), step)
-    step_map = _Step(table, _guess(integrator) if iterated else _balanced)
-    K_off, C_off = K - np.diag(w2), C - np.diag(c)
-    return np.array(
-        [
-            _root(step_map, K_off, C_off, root, x, step)
-            for root, x in zip(lam, right.T, strict=True)
-        ],
-        dtype=complex,
-    )
+    tables = motions.tables(integrator, step)
+    diagonal = np.arange(len(motions.w2))
+    K_off, C_off = motions.K.copy(), motions.C.copy()
+    K_off[:, diagonal, diagonal] -= motions.w2
+    C_off[:, diagonal, diagonal] -= motions.c
+    roots = np.empty((2, len(lam)), dtype=complex)
+    count = max(1, ENTRIES_AT_ONCE // max(len(motions.w2), 1) ** 2)
+    for first in range(0, len(lam), count):
+        part = slice(first, first + count)
+        of = owner[part]
+        for row, guess in enumerate((_balanced, _guess(integrator))):
+            steps = _Steps(tables[of], K_off[of], C_off[of], guess)
+            roots[row, part] = _roots(steps, lam[part], right[part], step)
+    return roots
 
 
-def _balanced(_: complex) -> tuple[complex, complex]:
-    return 0.0, 0.0
+def _balanced(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros_like(z), np.zeros_like(z)
 
 
 def _guess(integrator: KernelIntegrator) -> Guess:
@@ -89,16 +118,22 @@ def _guess(integrator: KernelIntegrator) -> Guess:
     return lambda z: (-((1 - 1 / z) ** 2), -2 * (1 - 1 / z) / z**2)
 
 
-@dataclass(frozen=True)
-class _Step:
-    """Coefficients (8, n) of a step, and its guess."""
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Coefficients (N, 8, n) of a step of each mode's point, K' and C' (N, n, n), and the guess."""
 
     table: np.ndarray
+    K: np.ndarray
+    C: np.ndarray
     guess: Guess
 
-    def answers(self, z: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """a, b and det (2, n) of the module's equation, each with its derivative by z."""
-        t = self.table
+    def at(self, rows: np.ndarray) -> _Steps:
+        """Those of some modes."""
+        return _Steps(self.table[rows], self.K[rows], self.C[rows], self.guess)
+
+    def answers(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """a, b and det (2, N, n) of the module's equation at z (N,), then their derivatives."""
+        z, t = z[:, None], self.table.swapaxes(0, 1)
         last_q, last_v = t[at.LAST_Q], t[at.LAST_V]
         force_q, force_v = t[at.FIRST_Q] + z * last_q, t[at.FIRST_V] + z * last_v
         q, v = z - t[at.QQ], z - t[at.VV]
@@ -111,38 +146,52 @@ class _Step:
         slope_b = t[at.VQ] * last_q + force_v + q * last_v + last_v * slope_missed
         return np.array([a, slope_a]), np.array([b, slope_b]), np.array([det, slope])
 
-    def matrices(self, K: np.ndarray, C: np.ndarray, z: complex) -> tuple[np.ndarray, np.ndarray]:
-        """The matrix of r and its derivative by z."""
-        parts = zip(*self.answers(z), strict=True)
-        T, slope = (np.diag(det) + K * a + C * b for a, b, det in parts)
-        return T, slope
+    def matrices(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The matrices (N, n, n) of r and their derivatives by z."""
+        diagonal = np.arange(self.K.shape[1])
+        pair = []
+        for a, b, det in zip(*self.answers(z), strict=True):
+            T = self.K * a[:, None, :] + self.C * b[:, None, :]
+            T[:, diagonal, diagonal] += det
+            pair.append(T)
+        return pair[0], pair[1]
 
 
-def _root(
-    made: _Step, K: np.ndarray, C: np.ndarray, lam: complex, x: np.ndarray, step: float
-) -> complex:
-    """The root near lambda, by Newton's method on z and r together (inverse iteration)."""
+def _roots(steps: _Steps, lam: np.ndarray, x: np.ndarray, step: float) -> np.ndarray:
+    """The roots (N,) near lambda, by Newton's method on z and r together (inverse iteration)."""
     z = np.exp(lam * step)
-    along = made.answers(z)[0][0]
+    along = steps.answers(z)[0][0]
     size = np.abs(along)
-    r = np.divide(x, along, out=np.ones_like(x), where=size > MIN_ANSWER_RATIO * size.max())
-    r = r / np.linalg.norm(r)
+    heard = size > MIN_ANSWER_RATIO * size.max(axis=1, initial=0.0, keepdims=True)
+    r = np.divide(x, along, out=np.ones_like(x), where=heard)
+    r = r / np.linalg.norm(r, axis=1)[:, None]
+    going = np.arange(len(lam))
     for _ in range(MAX_NEWTON_ITERATIONS):
-        T, slope = made.matrices(K, C, z)
-        shift = (
-            SHIFT_ROUND_OFF_RATIO * np.abs(T).max()
-        )  # a root met exactly would be a singular matrix
-        try:
-            u = np.linalg.solve(T + shift * np.eye(len(T)), slope @ r)
-        except np.linalg.LinAlgError:
-            u = np.zeros_like(r)
-        size, along_r = np.linalg.norm(u), r.conj() @ u
-        if not (np.isfinite(size) and abs(along_r) > 0.0):  # two roots in one place, or none near
-            return complex(np.nan, np.nan)
-        change = 1.0 / along_r
-        z, r = z - change, u / size
-        if abs(change) <= NEWTON_TOLERANCE:
+        if not len(going):
             break
-    mu = complex(np.log(z) / step)
-    near = abs(mu - lam) <= MAX_REL_ROOT_DISTANCE * abs(lam) and np.isfinite(z)
-    return mu if near else complex(np.nan, np.nan)
+        T, slope = steps.at(going).matrices(z[going])
+        shift = SHIFT_ROUND_OFF_RATIO * np.abs(T).max(axis=(1, 2))  # a root met exactly is singular
+        T = T + shift[:, None, None] * np.eye(T.shape[1])
+        u = _solved(T, np.einsum("Nij,Nj->Ni", slope, r[going]))
+        size, along_r = np.linalg.norm(u, axis=1), np.einsum("Ni,Ni->N", r[going].conj(), u)
+        # two roots in one place, or none near
+        is_told = np.isfinite(size) & (np.abs(along_r) > 0.0)
+        z[going[~is_told]] = np.nan
+        going, u, size, along_r = going[is_told], u[is_told], size[is_told], along_r[is_told]
+        change = 1.0 / along_r
+        z[going], r[going] = z[going] - change, u / size[:, None]
+        going = going[np.abs(change) > NEWTON_TOLERANCE]
+    is_root = np.isfinite(z) & (z != 0.0)
+    mu = np.log(np.where(is_root, z, 1.0)) / step
+    near = is_root & (np.abs(mu - lam) <= MAX_REL_ROOT_DISTANCE * np.abs(lam))
+    return np.where(near, mu, complex(np.nan, np.nan))
+
+
+def _solved(T: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """T^-1 b (N, n) of matrices (N, n, n); zeros where one is singular."""
+    try:
+        return np.asarray(np.linalg.solve(T, b[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        if len(T) == 1:
+            return np.zeros_like(b)
+        return np.concatenate([_solved(T[k : k + 1], b[k : k + 1]) for k in range(len(T))])

@@ -35,7 +35,8 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers, silent
 from squealstudy.kinds.transient.batch import batch_task
-from squealstudy.kinds.transient.worker import integrate, set_up
+from squealstudy.kinds.transient.starts import set_up
+from squealstudy.kinds.transient.worker import integrate
 from squealstudy.models.operating import (
     REGULARISATION_SHARE,
     REGULARISATION_SPEED,

@@ -14,8 +14,8 @@ from squealstudy.engine.plan import Plan
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.section import AUTO, LimitCyclesSection
 from squealstudy.kinds.transient.batch import ALL_MODES, mode_keys, shared_reference
-from squealstudy.kinds.transient.worker import steady_motion
-from squealstudy.mechanics.motions import motion_at
+from squealstudy.kinds.transient.starts import steady_motion
+from squealstudy.mechanics.motion_points import motion_at
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.modes.point import angular_band
 from squealstudy.motion.shared_modes import SharedModes

@@ -19,7 +19,7 @@ from squealstudy.kinds.transient.plan_facts import (
 )
 from squealstudy.kinds.transient.schedules import Schedules, schedules_of
 from squealstudy.kinds.transient.section import STUCK, TransientSection
-from squealstudy.mechanics.motions import reference_modes
+from squealstudy.mechanics.motion_points import reference_modes
 from squealstudy.models.operating import ModeKey, OperatingPoint
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.settings import MotionSettings, steps_between_rows

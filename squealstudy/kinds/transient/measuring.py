@@ -19,7 +19,8 @@ from squealstudy.kinds.complex_modes.measuring import reduction_seconds
 from squealstudy.kinds.transient import preparation
 from squealstudy.kinds.transient.batch import batch_task
 from squealstudy.kinds.transient.preparation import make_training_runs, training_seconds
-from squealstudy.kinds.transient.worker import integrate, set_up
+from squealstudy.kinds.transient.starts import set_up_all
+from squealstudy.kinds.transient.worker import integrate
 from squealstudy.machine.resources import memory_above
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.motion.integrator import Integrator
@@ -125,7 +126,7 @@ def _measured_batch(
         _ = task.reference
     except FAILURES as error:
         return MeasuredBatch([_failed(*reason(error)) for _ in part], 0.0, 0.0, [])
-    starts = [set_up(task, point, NewGaps()) for point in part]
+    starts = set_up_all(task, part, NewGaps())
     chosen = [
         point
         for point, start_or_failure in zip(part, starts, strict=True)

@@ -35,7 +35,7 @@ from squealstudy.kinds.transient.batch import (
 )
 from squealstudy.kinds.transient.plan_facts import regularised, training_designs
 from squealstudy.kinds.transient.section import WORKING_POINT, TransientSection
-from squealstudy.kinds.transient.worker import set_up
+from squealstudy.kinds.transient.starts import set_up, set_up_all
 from squealstudy.laws.friction.exponential_fall import DECAY_SPEED, STATIC_RATIO
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.motion.level_errors import MAX_STICK_NUMBER
@@ -250,7 +250,7 @@ def training_run(plan: Plan, prepared_key: str) -> Training:
     )
     task = batch_task(plan, points, ALL_MODES)
     system = task.reference.system
-    starts = [(p, set_up(task, p, NewGaps())) for p in points]
+    starts = list(zip(points, set_up_all(task, points, NewGaps()), strict=True))
     designs = [
         perturbed(
             system, start_or_failure, TRAINING_VELOCITY_RATIO * abs(p.values["sliding_speed"])

@@ -15,7 +15,6 @@ import numpy as np
 from squealstudy.engine.cache import (
     NewGaps,
     is_whole,
-    known_gap,
     load_value,
     prepared_model,
     prepared_path,
@@ -24,15 +23,14 @@ from squealstudy.engine.cache import (
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.validity import open_reason
 from squealstudy.engine.workers import Solved
-from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
+from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.kinds.transient.batch_steps import BatchSteps
 from squealstudy.kinds.transient.histories import history_file, history_frame
 from squealstudy.kinds.transient.plan_facts import state_file
-from squealstudy.kinds.transient.section import STUCK
+from squealstudy.kinds.transient.starts import set_up_all
 from squealstudy.kinds.transient.tables import lost_row, row
 from squealstudy.mechanics.failures import FAILURES, reason
-from squealstudy.mechanics.motions import motion_at
 from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.modes.point import state_working_point
 from squealstudy.motion.hybrid_run import simulate_hybrid
@@ -41,7 +39,6 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import StepParts
 from squealstudy.motion.outcome.settling import known_outcome
 from squealstudy.motion.outcome.summary import summarise
-from squealstudy.motion.point import perturbed, stuck
 from squealstudy.motion.run_windows import window_rows
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
@@ -54,7 +51,7 @@ from squealstudy.reduction.hybrid import (
     hybrid_model,
     hybrid_model_at,
 )
-from squealstudy.reduction.working_point import WorkingPoint, with_less_friction
+from squealstudy.reduction.working_point import with_less_friction
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
@@ -72,7 +69,7 @@ def solve_batch(task: BatchTask) -> Solved:
         _ = task.reference
     except SquealstudyError as error:  # no nominal working point on this structure
         return Solved([lost_row(p.point_id, *reason(error)) for p in task.points])
-    starts = [(point, set_up(task, point, gaps)) for point in task.points]
+    starts = list(zip(task.points, set_up_all(task, task.points, gaps), strict=True))
     ready = [(point, start) for point, start in starts if isinstance(start, MotionPoint)]
     rows = [
         lost_row(point.point_id, *start)
@@ -154,64 +151,6 @@ def _files(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any
         q, v = final_state(task, motion)
         files |= state_file(point.point_id, point.structure, section.representation, q, v)
     return files
-
-
-def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | Failure:
-    """Working point, forecast and perturbed start of a design point, or why there is none."""
-    section = task.section
-    reference, schedules, values = task.reference, task.schedules, point.values
-    try:
-        settings = None if task.hybrid else task.settings()
-        if schedules is not None:
-            schedules.check(values, section.start)
-            point = point.with_values(schedules.with_slope(values))
-        _, motion_start = steady_motion(
-            reference, point, section.friction, task.band_hz, task.tolerance, gaps, settings
-        )
-    except ParameterError as error:
-        return "parameter", f"{error.key}: {error.message}"
-    except FAILURES as error:
-        return reason(error)
-    motion_start = replace(motion_start, continued=task.start is not None)
-    if schedules is not None:
-        turning = None if task.hybrid else reference.damping.turning_at(point.state())
-        over_time = schedules.of(values, reference.load, turning)
-        motion_start = replace(motion_start, schedule=over_time)
-    system = reference.system
-    kicked = perturbed(system, motion_start, task.perturbation, section.perturb_modes)
-    try:
-        return stuck(system, kicked) if section.start == STUCK else kicked
-    except ParameterError as error:
-        return "parameter", f"{error.key}: {error.message}"
-
-
-def steady_motion(
-    reference: SharedModes,
-    point: DesignPoint,
-    friction_kind: str,
-    band_hz: tuple[float, float] | None,
-    tolerance: float,
-    gaps: NewGaps,
-    settings: MotionSettings | None = None,
-) -> tuple[WorkingPoint, MotionPoint]:
-    """Working point of a design point, and the design about it on shared modes.
-
-    Without a band its unstable modes are not looked for; without settings of its run nobody asks
-    how these move at its step.
-
-    Raises
-    ------
-    ParameterError, or one of FAILURES
-        A value that cannot be used; no working point.
-    """
-    cached_gap = known_gap(point.structure, point)
-    prepared = prepared_model(point.structure)
-    steady, motion_start = motion_at(
-        reference, prepared, point, friction_kind, band_hz, tolerance, cached_gap, settings=settings
-    )
-    if cached_gap is None:
-        gaps.add(point.structure, point, steady.gap)
-    return steady, motion_start
 
 
 def integrate(

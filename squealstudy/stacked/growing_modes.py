@@ -1,0 +1,162 @@
+"""The complex modes that runs of a batch are watched through: stacked LAPACK, a row a design point.
+
+The twin of `motion.growing_modes`, which takes one design point and serves models of any size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from squealstudy.linalg.root_error import RIGID_BELOW
+from squealstudy.modes.point import angular_band
+from squealstudy.motion.growing_modes import (
+    DEGENERATE_AXIS_RATIO,
+    INVERSE_ITERATIONS,
+    MAX_FOLLOWED_MODES,
+    GrowingModes,
+)
+from squealstudy.stacked.roots import companion_pairs
+
+SHIFT_ROUND_OFF_RATIO = 1e-14  # of the largest entry: a root met exactly is a singular matrix
+
+
+def stacked_growing_modes(
+    C: np.ndarray,
+    K: np.ndarray,
+    omega2: np.ndarray,
+    band_hz: tuple[float, float],
+    tolerance: float,
+) -> list[GrowingModes]:
+    """What `growing_modes` has of each of m design points.
+
+    Parameters
+    ----------
+    C, K : ndarray (m, n, n)
+    omega2 : ndarray (n,)
+        Diagonal stiffness of the energy, (rad/s)^2; the mass is the identity.
+    band_hz : (low, high)
+    tolerance : float
+        A mode is unstable where its damping ratio is below minus this.
+
+    Raises
+    ------
+    LinAlgError
+        A matrix that is not finite, or one whose left vectors are not found.
+    """
+    low, high = angular_band(band_hz)
+    lam, psi = companion_pairs(C, K)
+    size = np.abs(lam)
+    oscillating = (lam.imag > 0) & (size >= min(RIGID_BELOW * high, low))
+    unstable = oscillating & (lam.real > tolerance * size)
+    inside = oscillating & (size >= low) & (size <= high)
+    neutral = np.abs(lam.real) <= tolerance * size  # which is first, round-off would decide
+    by_size = np.argsort(size, axis=1, kind="stable")
+    growth = np.where(inside, np.where(neutral, 0.0, -lam.real), np.inf)
+    growth = np.take_along_axis(growth, by_size, 1)
+    order = np.take_along_axis(by_size, np.argsort(growth, axis=1, kind="stable"), 1)
+    n_unstable = (unstable & inside).sum(axis=1)
+    most = np.minimum(np.maximum(n_unstable, 1), MAX_FOLLOWED_MODES)
+    count = np.minimum(inside.sum(axis=1), most)
+    owner, rank = np.nonzero(np.arange(lam.shape[1]) < count[:, None])
+    place = order[owner, rank]
+    roots = lam[owner, place]
+    right = psi[owner, :, place]
+    right = right / np.linalg.norm(right, axis=1)[:, None]
+    left_modes = _left_vectors(C[owner], K[owner], roots)
+    watched = _Watched.made(C[owner], omega2, roots, right, left_modes)
+    ends = np.cumsum(count)
+    outside = unstable & ~inside
+    fastest = np.argmax(np.where(outside, lam.real, -np.inf), axis=1)
+    worst = np.where(outside.any(axis=1), lam[np.arange(len(lam)), fastest], 0.0)
+    above, below = (outside & (size > high)).sum(axis=1), (outside & (size < low)).sum(axis=1)
+    return [
+        GrowingModes(
+            n_unstable=int(n_unstable[i]),
+            n_above=int(above[i]),
+            n_below=int(below[i]),
+            growth_outside=float(worst[i].real),
+            frequency_outside=float(abs(worst[i]) / (2 * np.pi)),
+            **watched.of(slice(int(ends[i] - count[i]), int(ends[i]))),
+        )
+        for i in range(len(lam))
+    ]
+
+
+def _left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """Left vectors (N, n) of the known simple root of each C, K, by inverse iteration."""
+    n = K.shape[1]
+    Q = (lam**2)[:, None, None] * np.eye(n) + lam[:, None, None] * C + K
+    shift = SHIFT_ROUND_OFF_RATIO * np.abs(Q).max(axis=(1, 2))
+    inverse = np.linalg.inv(Q.conj().swapaxes(1, 2) + shift[:, None, None] * np.eye(n))
+    y = np.ones((len(lam), n, 1), dtype=complex)
+    for _ in range(INVERSE_ITERATIONS):
+        y = inverse @ y
+        y = y / np.linalg.norm(y, axis=1, keepdims=True)
+    return y[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Watched:
+    """Modes of all design points, one after the other, with what sees them in a run.
+
+    Attributes
+    ----------
+    lam : ndarray (N,) complex
+    right, left : ndarray (N, n) complex
+    seen, planes : ndarray (N, 4, n)
+        As of `growth_sensors` and `mode_planes`.
+    axes : ndarray (N, 2 n, 2)
+        Of each plane in the coordinates (Omega q, q').
+    energy : ndarray (N,)
+    """
+
+    lam: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
+    seen: np.ndarray
+    planes: np.ndarray
+    axes: np.ndarray
+    energy: np.ndarray
+
+    @staticmethod
+    def made(
+        C: np.ndarray, omega2: np.ndarray, lam: np.ndarray, right: np.ndarray, left: np.ndarray
+    ) -> _Watched:
+        """Of modes of design points with damping C (N, n, n)."""
+        n = len(omega2)
+        y, root = left.conj(), lam[:, None]
+        z = root * y + np.einsum("Ni,Nij->Nj", y, C)
+        omega = np.sqrt(np.maximum(omega2, 0.0))
+        state = np.concatenate([omega * right, root * right], axis=1)
+        u, s, _ = np.linalg.svd(np.stack([state.real, state.imag], axis=2), full_matrices=False)
+        axes = u * (s > DEGENERATE_AXIS_RATIO * s[:, :1])[:, None, :]
+        product = np.einsum("Ni,Ni->N", y, 2 * root * right + np.einsum("Nij,Nj->Ni", C, right))
+        size = np.abs(right) ** 2
+        energy = np.abs(lam) ** 2 * size.sum(axis=1) + size @ omega2
+        return _Watched(
+            lam=lam,
+            right=right,
+            left=left,
+            seen=np.stack([y.real, y.imag, z.real, z.imag], axis=1),
+            planes=np.concatenate(
+                [axes[:, n:].swapaxes(1, 2), (omega[:, None] * axes[:, :n]).swapaxes(1, 2)], axis=1
+            ),
+            axes=axes,
+            energy=energy / np.maximum(np.abs(product) ** 2, 1e-300),
+        )
+
+    def of(self, modes: slice) -> dict[str, np.ndarray]:
+        """Attributes of `GrowingModes` of a design point."""
+        n = self.right.shape[1]
+        every = self.axes[modes].swapaxes(0, 1).reshape(2 * n, -1)
+        parts = (self.seen[modes], self.planes[modes])
+        return {
+            "lam": self.lam[modes],
+            "right": self.right[modes].T,
+            "left": self.left[modes].T,
+            "sensors": np.concatenate([part.reshape(-1, n) for part in parts]),
+            "energy": self.energy[modes],
+            "overlap": every.T @ every,
+        }
