@@ -17,7 +17,7 @@ from squealstudy import screen as screens
 from squealstudy.engine.pictures import save_figure
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import ConvergenceError, ResultsError
-from squealstudy.kinds.complex_modes.random_screen import indices as indices_screen
+from squealstudy.kinds.complex_modes import random_screen
 from squealstudy.plots.robust_bars import robust_bars
 from squealstudy.tables import sobol
 from squealstudy.tables.mode_ranking import rank_modes
@@ -230,6 +230,45 @@ def test_a_mode_that_may_stand_under_another_number_counts_neither_way():
     assert robust_table(points, modes).set_index("track").loc[1, "unknown_points"] == 3
 
 
+def locked_modes(x: np.ndarray):
+    """Two modes of one frequency, grown by x1: one by g, the other by -g; numbers change at x2."""
+    points, modes = tables(x, 8.0 * x[:, 0] - 2.0)
+    one = (modes["track"] == 1).to_numpy()
+    modes.loc[~one, "growth_rate"] = -modes.loc[one, "growth_rate"].to_numpy()
+    changed = np.tile(x[:, 1] > 0.5, 2)
+    modes["track"] = np.where(one != changed, 1, 2)
+    modes["track_ambiguous"] = np.tile(np.abs(x[:, 1] - 0.5) < 0.1, 2)
+    return points, modes.assign(frequency_hz=1000.0, unstable=modes["growth_rate"] > 0)
+
+
+def test_a_mode_that_changes_its_number_is_one_mode_of_a_random_design(capsys):
+    """Growth hangs on x1 alone; number by number it would hang on x2, where the number changes."""
+    both = qmc.Sobol(6, seed=np.random.default_rng(1)).random(256)
+    points, modes = locked_modes(0.25 + 0.75 * saltelli_rows(both[:, :3], both[:, 3:]))
+    table = robust_table(points, modes)
+    assert table["tracks"].tolist() == ["", "1, 2"]
+    assert table["probability"].tolist() == [1.0, 1.0]
+    assert table["growth_mean"][1] == table["growth_mean"][0]
+    indices = sobol_table(points, modes, NAMES).set_index(["quantity", "parameter"])
+    assert indices.loc[("track", "x2"), "total"] == 0.0
+    assert indices.loc[("track", "x1"), "total"] == pytest.approx(1.0, abs=0.1)
+    assert rank_modes(points, modes, scattered=True)["family"].tolist() == [1, 1]
+    screens.show(*random_screen.probabilities(table))
+    assert "T1 and T2 are one unstable mode, which changes its number" in capsys.readouterr().out
+
+
+def test_the_screen_says_of_which_points_growth_is_and_what_failed_points_leave_open(capsys):
+    x = np.arange(12.0).reshape(4, 3)
+    failed = np.array([False, False, True, False])
+    screens.show(
+        *random_screen.probabilities(robust_table(*tables(x, np.array([2.0, -4, 9, 6]), failed)))
+    )
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "1.3 +- 5.0" in shown  # of 2, -4 and 6: of stable points, too
+    assert "where the mode is in the band, stable or not" in shown
+    assert "1 are not ok and count neither way: with them any is 50.0 to 75.0 %" in shown
+
+
 def test_growth_without_oscillation_is_an_instability():
     x = np.linspace(0, 1, 12).reshape(4, 3)
     points, modes = tables(x, np.full(4, -3.0))
@@ -374,7 +413,7 @@ def test_a_grid_has_no_probability(tmp_path):
 def test_modes_without_indices_are_named_on_the_screen(capsys):
     x = saltelli_sample(64)
     made = tables(x, np.where(x[:, 0] > 0, ishigami(x), np.nan))
-    screens.show(*indices_screen(sobol_table(*made, NAMES)))
+    screens.show(*random_screen.indices(sobol_table(*made, NAMES)))
     screen = capsys.readouterr().out
     assert "modes found at too few points for indices: T1" in screen
     assert screen.count("x1") == 1

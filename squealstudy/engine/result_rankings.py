@@ -157,7 +157,7 @@ class RankedResults(ResultTables):
         n, d = len(self.points), len(self.swept)
         drawn = base_rows(n, d) if self.design == SOBOL_INDICES else None
         modes = self.rows("modes", GROWTH)
-        return self._give_units(robust_table(self.points, modes, drawn, confidence))
+        return self._give_units(robust_table(self.points, modes, drawn, confidence, self.onsets))
 
     def sobol_indices(self, top: int | None = 8, confidence: float = 0.95) -> pd.DataFrame:
         """First and total Sobol indices of the largest growth rate and of unstable tracks.
@@ -185,5 +185,5 @@ class RankedResults(ResultTables):
         from squealstudy.tables.sobol import sobol_table
 
         modes = self.rows("modes", GROWTH)
-        indices = sobol_table(self.points, modes, self.swept, top, confidence)
+        indices = sobol_table(self.points, modes, self.swept, top, confidence, self.onsets)
         return self._give_units(indices)

@@ -122,6 +122,7 @@ def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[st
     name_rows(axes, [_mode(row, names) for row in shown.to_dict("records")])
     failed = int(shown["failed_points"].iloc[0])
     note = f", {plural(failed, 'point')} not ok" if failed else ""
+    note += ", ~: maybe two modes" if shown["ambiguous"].any() else ""
     head(axes, f"{plural(int(shown['points'].iloc[0]), 'point')}{note}; bars: confidence interval")
 
 
@@ -130,7 +131,12 @@ def _mode(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) ->
         return "any mode"
     if row["quantity"] == "divergence":
         return "non-oscillating"
-    return track_name(row["track"], row["frequency_hz"], names, LONGEST_NAME)
+    return _doubt(row) + track_name(row["track"], row["frequency_hz"], names, LONGEST_NAME)
+
+
+def _doubt(row: Mapping[Hashable, Any] | pd.Series) -> str:
+    """Before a mode whose number may have jumped, as on the screen."""
+    return "~" if row["ambiguous"] else ""
 
 
 def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
@@ -152,7 +158,7 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
     title = (
         "fastest mode"
         if named
-        else f"{track_number(row['track'])}  {in_digits(row['frequency_hz'])} Hz"
+        else f"{_doubt(row)}{track_number(row['track'])}  {in_digits(row['frequency_hz'])} Hz"
     )
     dropped = int(row["dropped_groups"])
     note = f", {dropped} of {row['groups'] + dropped} groups dropped" if dropped else ""

@@ -9,12 +9,13 @@ where a label is ambiguous: two modes that are surely followed are two.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
+from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 from squealstudy.tables.stability import INTO
 
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
@@ -64,6 +65,20 @@ def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
     return np.vstack(pairs)
 
 
+def scattered_neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
+    """Rows (e, 2) of solved points of a random design that are near each other.
+
+    Those of the tree along which tracks run, and the nearest of each point.
+    """
+    solved = np.flatnonzero((points["status"] == "ok").to_numpy(bool))
+    x = points[list(names)].to_numpy(dtype=float)[solved]
+    parents = tracking_tree(x)
+    joined = np.flatnonzero(parents >= 0)
+    edges = [np.column_stack([parents[joined], joined]), cross_edges(x, parents)]
+    near: np.ndarray = solved[np.vstack(edges)]
+    return near
+
+
 def exchanged_tracks(
     modes: pd.DataFrame, code: np.ndarray, edges: np.ndarray, tracks: Sequence[int]
 ) -> Iterator[tuple[int, int]]:
@@ -107,16 +122,35 @@ def exchanged_tracks(
 
 
 def same_mode_pairs(
-    tracks: pd.Index,
+    tracks: Iterable[int],
     onsets: pd.DataFrame | None,
     modes: pd.DataFrame,
     code: np.ndarray,
-    edges: np.ndarray,
+    points: pd.DataFrame,
+    names: Sequence[str],
+    scattered: bool,
 ) -> list[tuple[int, int]]:
-    """Pairs of tracks of a ranking that are one: `linked_tracks` and `exchanged_tracks`."""
+    """Pairs of unstable tracks that are one: `linked_tracks` and `exchanged_tracks`.
+
+    Neighbours are those of a random design where the points, of parameters `names`, are
+    `scattered`.
+    """
     tracked = [int(number) for number in tracks if number > 0]
     linked = [] if onsets is None else linked_tracks(onsets)
+    if len(tracked) < 2 or not modes["track_ambiguous"].to_numpy(bool).any():
+        return linked
+    edges = (scattered_neighbours if scattered else neighbours)(points, names)
     return [*linked, *exchanged_tracks(modes, code, edges, tracked)]
+
+
+def family_numbers(tracks: Iterable[int], pairs: Sequence[tuple[int, int]]) -> dict[int, int]:
+    """The least of the tracks that are one with each track; `pairs` are of tracks that are one."""
+    least = {int(track): int(track) for track in tracks}
+    for one, other in pairs:
+        if one in least and other in least:
+            low, high = sorted((least[one], least[other]))
+            least = {track: low if of == high else of for track, of in least.items()}
+    return least
 
 
 def families(
@@ -140,12 +174,7 @@ def families(
         ``family_modes``, most unstable modes of the family at one design point; ``family_points``,
         design points at which one of them is unstable.
     """
-    least = {int(track): int(track) for track in tracks}
-    for one, other in pairs:
-        if one in least and other in least:
-            low, high = sorted((least[one], least[other]))
-            least = {track: low if of == high else of for track, of in least.items()}
-    number = pd.Series(least, dtype="int64", index=tracks)
+    number = pd.Series(family_numbers(tracks, pairs), dtype="int64", index=tracks)
     rows = np.flatnonzero(group)
     of_family = pd.DataFrame(
         {"family": number.reindex(group[rows]).to_numpy(), "point": code[rows]}

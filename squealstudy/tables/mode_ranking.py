@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.families import RENUMBERED, families, neighbours, same_mode_pairs
+from squealstudy.tables.families import RENUMBERED, families, same_mode_pairs
 from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.ranking_query import rows_that_count
 from squealstudy.tables.stability import (
@@ -125,8 +125,8 @@ def rank_modes(
     group = np.where(modes_selected & counted[code], unstable_groups(modes), 0)
     table = _summary(points, modes, group, code, int(counted.sum()))
     table = table.join(unstable_bounds(modes, group, code, modes_selected & counted[code]))
-    names = [] if scattered else parameter_columns(points, varied=True)
-    pairs = same_mode_pairs(table.index, onsets, modes, code, neighbours(points, names))
+    names = parameter_columns(points, varied=True)
+    pairs = same_mode_pairs(table.index, onsets, modes, code, points, names, scattered)
     table = table.join(families(table.index, pairs, group, code))
     if along is not None and len(table):
         track = modes["track"].to_numpy()

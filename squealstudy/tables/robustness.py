@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
+from squealstudy.tables.families import family_numbers, same_mode_pairs
 from squealstudy.tables.mode_ranking import (
     OVERDAMPED_GROUP,
     parameter_columns,
@@ -20,6 +21,7 @@ from squealstudy.tables.stability import is_uncertain
 LARGEST_GROWTH_GROUP = 0  # in place of a track number
 GROWTH = (  # columns of modes that are read
     *(ROW, "track", "frequency_hz", "growth_rate", "unstable", "stability", "overdamped"),
+    "track_ambiguous",
 )
 
 
@@ -31,7 +33,7 @@ class GrowthColumn:
     ----------
     track : int
         LARGEST_GROWTH_GROUP for the largest of a point, OVERDAMPED_GROUP for that of its real,
-        growing roots.
+        growing roots. Of tracks that are one mode (`families`) that of most unstable points.
     frequency_hz : float
         Mean over the points where the mode is unstable; NaN for these two groups.
     growth : ndarray (n_points,)
@@ -42,6 +44,11 @@ class GrowthColumn:
     absent : ndarray (n_points,) of bool
         Points without a mode of the track at which it is known to be none of the oscillating modes
         of the band: all of these have tracks that stand beside this one at other points.
+    tracks : tuple of int
+        The tracks that are this one mode; growth is that of the faster where two stand. Empty
+        of the two groups.
+    ambiguous : bool
+        One of them may have jumped to another mode between two points.
     """
 
     track: int
@@ -51,10 +58,15 @@ class GrowthColumn:
     surely: np.ndarray
     maybe: np.ndarray
     absent: np.ndarray
+    tracks: tuple[int, ...] = ()
+    ambiguous: bool = False
 
 
 def growth_columns(
-    points: pd.DataFrame, modes: pd.DataFrame, top: int | None = None
+    points: pd.DataFrame,
+    modes: pd.DataFrame,
+    top: int | None = None,
+    onsets: pd.DataFrame | None = None,
 ) -> Iterator[GrowthColumn]:
     """The largest growth of each point, then non-oscillating and unstable tracks.
 
@@ -67,6 +79,8 @@ def growth_columns(
         instability without oscillation.
     top : int or None
         Tracks to keep, those unstable at most points first, then by largest growth.
+    onsets : DataFrame or None
+        Of the study: they tell tracks that are one mode.
     """
     code, n = point_codes(points, modes), len(points)
     counted = (points["status"] == "ok").to_numpy(bool)[code]
@@ -101,17 +115,35 @@ def growth_columns(
     yield column(LARGEST_GROWTH_GROUP, judged, np.ones(len(code), dtype=bool), everywhere, np.nan)
     if diverging.any():
         yield column(OVERDAMPED_GROUP, diverging, real, everywhere, np.nan)
-    unstable_tracked = unstable & (track > 0)
-    listed = (
-        pd.Series(growth[unstable_tracked]).groupby(track[unstable_tracked]).agg(["count", "max"])
-    )
+    by_points = _by_unstable_points(track, growth, unstable)
+    names = parameter_columns(points, varied=True)
+    pairs = same_mode_pairs(by_points, onsets, modes, code, points, names, scattered=True)
+    family = pd.Series(family_numbers(by_points, pairs), dtype="int64")
+    members = family.index.to_numpy()
+    doubtful = np.unique(track[unstable & modes["track_ambiguous"].to_numpy(bool)])
+    by_family = {least: members[family == least] for least in family.unique()}
+    for tracks in by_family.values():  # most unstable points first, as `by_points` is
+        track = np.where(np.isin(track, tracks), tracks[0], track)
     standing = _Standing(n, code[~real], track[~real])
-    for number in listed.sort_values(["count", "max"], ascending=False).index[:top]:
+    for number in _by_unstable_points(track, growth, unstable)[:top]:
         is_of_track = track == number
-        absent = standing.absent(int(number))
         fastest = np.flatnonzero(is_of_track & unstable)
         fastest = fastest[growth[fastest].argmax()]
-        yield column(int(number), is_of_track, is_of_track, absent, float(hz[fastest]))
+        absent = standing.absent(number)
+        tracks = by_family[family[number]]
+        yield replace(
+            column(number, is_of_track, is_of_track, absent, float(hz[fastest])),
+            tracks=tuple(sorted(tracks.tolist())),
+            ambiguous=bool(np.isin(tracks, doubtful).any()),
+        )
+
+
+def _by_unstable_points(track: np.ndarray, growth: np.ndarray, unstable: np.ndarray) -> list[int]:
+    """Unstable tracks, those of most points first, then by largest growth."""
+    counted = unstable & (track > 0)
+    listed = pd.Series(growth[counted]).groupby(track[counted]).agg(["count", "max"])
+    numbers: list[int] = listed.sort_values(["count", "max"], ascending=False).index.tolist()
+    return numbers
 
 
 class _Standing:
@@ -140,7 +172,7 @@ COLUMNS = (
     | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
     | {"probability": "f8", "probability_low": "f8", "probability_high": "f8"}
     | {"mean_growth_rate": "f8", "growth_mean": "f8", "growth_std": "f8"}
-    | {"max_growth_rate": "f8", "at": "str"}
+    | {"max_growth_rate": "f8", "at": "str", "tracks": "str", "ambiguous": "bool"}
 )
 QUANTITIES = {LARGEST_GROWTH_GROUP: "any", OVERDAMPED_GROUP: "divergence"}
 
@@ -150,6 +182,7 @@ def robust_table(
     modes: pd.DataFrame,
     independent: np.ndarray | None = None,
     confidence: float = 0.95,
+    onsets: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """Probability of instability and scatter of growth: of any mode, and of each unstable track.
 
@@ -161,15 +194,18 @@ def robust_table(
         The points that are draws independent of each other; None: all.
     confidence : float
         Of the intervals.
+    onsets : DataFrame or None
+        Of the study: they tell tracks that are one mode.
 
     Returns
     -------
     DataFrame
         COLUMNS, "any" mode (track 0) first, then "divergence" (track -1: real, growing roots) and
-        each "track", those unstable at most points first. `points` are solved; `failed_points`
-        count neither as stable nor as unstable. Of the points without a mode of a track
-        `absent_points` are those where it has left the band or does not oscillate any more: there
-        it counts as not unstable (were it a real, growing root, that is "divergence").
+        each "track", those unstable at most points first. `tracks` are those that are this one
+        mode, whose number changes; `ambiguous`: it may have jumped to another. `points` are solved;
+        `failed_points` count neither as stable nor as unstable. Of the points without a mode of a
+        track `absent_points` are those where it has left the band or does not oscillate any more:
+        there it counts as not unstable (were it a real, growing root, that is "divergence").
         At `unstable_points_low` it is unstable whatever the errors of the modes, at
         `unstable_points_high` it may be.
         At `unknown_points` it may be one of the modes under another number: these count neither
@@ -191,7 +227,7 @@ def robust_table(
         raise ResultsError("every design point failed: there is no probability to tell")
     names = parameter_columns(points, varied=True)
     rows = []
-    for column in growth_columns(points, modes):
+    for column in growth_columns(points, modes, None, onsets):
         if column.track == LARGEST_GROWTH_GROUP or (column.unstable & solved).any():
             row = _row(column, solved, confidence)
             worst = _worst(column, solved)
@@ -222,6 +258,8 @@ def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[st
     return {
         "quantity": QUANTITIES.get(column.track, "track"),
         "track": column.track,
+        "tracks": ", ".join(map(str, column.tracks)),
+        "ambiguous": column.ambiguous,
         "frequency_hz": column.frequency_hz,
         "points": int(solved.sum()),
         "present_points": len(growth),

@@ -77,6 +77,7 @@ COLUMNS = (
     | {"first": "f8", "first_low": "f8", "first_high": "f8"}
     | {"total": "f8", "total_low": "f8", "total_high": "f8"}
     | {"groups": "int64", "dropped_groups": "int64", "variance": "f8"}
+    | {"tracks": "str", "ambiguous": "bool"}
 )
 
 
@@ -86,6 +87,7 @@ def sobol_table(
     parameters: Sequence[str],
     top: int | None = 8,
     confidence: float = 0.95,
+    onsets: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """First and total Sobol indices of growth rates, one row a quantity and parameter.
 
@@ -100,6 +102,8 @@ def sobol_table(
     confidence : float
         Of the intervals: percentiles of N_RESAMPLES bootstrap resamples of the base points, always
         the same ones. They take these as independent draws: wide for a Sobol sequence.
+    onsets : DataFrame or None
+        Of the study: they tell tracks that are one mode.
 
     Returns
     -------
@@ -107,8 +111,9 @@ def sobol_table(
         COLUMNS. `quantity` is "largest" (track 0; the largest growth rate of a point, over its
         oscillating modes and growing real roots) or "track". A point that failed, or at which the
         track has no mode, takes its whole group along; `groups` are left, `dropped_groups` are not.
-        The indices of a track of fewer whole groups than LEAST_SHARE are NaN. `variance` is that of
-        the growth, 1/s^2.
+        What is left is no longer a sample of the distributions: indices and intervals are of it.
+        `tracks` and `ambiguous` as in `robust_table`. The indices of a track of fewer whole groups
+        than LEAST_SHARE are NaN. `variance` is that of the growth, 1/s^2.
         Estimators: Saltelli et al. 2010, table 2 b and f, as scipy.stats.sobol_indices.
 
     Raises
@@ -120,7 +125,7 @@ def sobol_table(
     if d < 2 or not is_saltelli(points[list(parameters)].to_numpy(dtype=float)):
         raise ResultsError("Sobol indices need all points of a design of type 'sobol_indices'")
     tables = []
-    for quantity in growth_columns(points, modes, top):
+    for quantity in growth_columns(points, modes, top, onsets):
         if quantity.track < LARGEST_GROWTH_GROUP:  # divergence is part of the largest growth
             continue
         groups, dropped = grouped(quantity.growth, d)
@@ -136,6 +141,8 @@ def sobol_table(
         table.insert(0, "parameter", list(parameters))
         table["quantity"] = "largest" if quantity.track == LARGEST_GROWTH_GROUP else "track"
         table["track"], table["frequency_hz"] = quantity.track, quantity.frequency_hz
+        table["tracks"] = ", ".join(map(str, quantity.tracks))
+        table["ambiguous"] = quantity.ambiguous
         table["groups"], table["dropped_groups"] = len(groups.a), dropped
         table["variance"] = np.var([groups.a, groups.b]) if enough else np.nan
         tables.append(table)

@@ -52,7 +52,7 @@ def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
     n_certain = row["points"] - row["unknown_points"]
     bounds = f" ({percent(low / n_certain, high / n_certain)})" if low < high else ""
     return [
-        track_number(row["track"]) if row["quantity"] == "track" else str(row["quantity"]),
+        _number(row) if row["quantity"] == "track" else str(row["quantity"]),
         _figure(row["frequency_hz"], 0, unknown=""),
         str(n_certain),
         f"{100 * row['probability']:.1f}{bounds}",
@@ -63,18 +63,43 @@ def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
     ]
 
 
+def _number(row: Row) -> str:
+    return f"{'~' if row['ambiguous'] else ''}{track_number(row['track'])}"
+
+
+def _numbering(table: pd.DataFrame) -> list[str]:
+    """What is said of tracks that are one mode, and of those that may be two."""
+    rows = table[table["quantity"] == "track"].drop_duplicates("track")
+    listed = [
+        " and ".join(map(track_number, tracks.split(", ")))
+        for tracks in rows["tracks"]
+        if ", " in tracks
+    ]
+    texts = [f"{names} are one unstable mode, which changes its number" for names in listed]
+    if rows["ambiguous"].any():
+        texts.append(
+            "~ before a mode: its number may have jumped to a neighbour somewhere; its line is "
+            "then of both"
+        )
+    return texts
+
+
 def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
     """What the columns mean, and what is left out."""
     first = table.iloc[0]
     drawn = "points of the two independent samples" if sampled else "points"
     failed = int(first["failed_points"])
-    counted = f"{failed} are not ok and count neither way" if failed else "all are ok"
+    counted = "all are ok"
+    if failed:
+        low, total = first["unstable_points"], first["points"] + failed
+        bounds = percent(low / total, (low + failed) / total)
+        counted = f"{failed} are not ok and count neither way: with them any is {bounds} %"
     texts = [
         f"of {first['points'] + failed} {drawn}, {counted}",
         "interval: 95 % (Clopper-Pearson) for independent draws, wide for a Sobol sequence or "
         "Latin hypercube",
-        "growth +- std: mean and scatter of the growth rate, 1/s, where the mode is unstable; "
-        "any: the fastest mode of each point; Hz: where the mode grows fastest",
+        "growth +- std: mean and scatter of the growth rate, 1/s, where the mode is in the band, "
+        "stable or not; any: the fastest mode of each point; Hz: where the mode grows fastest",
     ]
     if (table["unstable_points_low"] < table["unstable_points_high"]).any():
         texts.append(
@@ -82,7 +107,7 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
             "points where it may be"
         )
     if (table["quantity"] == "divergence").any():
-        texts.append("divergence: a real root that grows, without oscillation; part of any")
+        texts.append("divergence: a real root, where one grows, without oscillation; part of any")
     if table["unknown_points"].any():
         texts.append(
             "known at: elsewhere the mode may stand under another number; unstable % is of the "
@@ -95,6 +120,7 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
         texts.append(
             f"points where a mode has left the band or does not oscillate, not unstable: {listed}"
         )
+    texts += _numbering(table)
     names = ", ".join(settings_of(first["at"], {}))
     return [*texts, f"worst at: {names}" if names else ""]
 
@@ -123,17 +149,19 @@ def indices(table: pd.DataFrame, names: Names | None = None) -> list[RenderableT
     legend = notes(
         "Sobol indices of the growth rate, 95 % bootstrap intervals, from "
         f"{plural(quantities['groups'].iloc[0], 'group')} of points",
-        f"groups dropped for a failed point or a mode that is not there: {listed}"
+        f"groups dropped for a failed point or a mode that is not there: {listed}; the others are "
+        "no sample of the distributions, and indices and intervals are of them"
         if listed
         else "",
         f"modes found at too few points for indices: {rare}" if rare else "",
+        *_numbering(with_indices),
         *named_tracks(table["track"], names or {}),
     )
     return [shown, legend]
 
 
 def _indices(row: Row, new: bool) -> list[str]:
-    name = "fastest mode" if row["quantity"] == "largest" else track_number(row["track"])
+    name = "fastest mode" if row["quantity"] == "largest" else _number(row)
     cells = [name, _figure(row["frequency_hz"], 0, unknown="")] if new else ["", ""]
     cells.append(str(row["parameter"]))
     for index in ("first", "total"):
