@@ -393,6 +393,13 @@ def test_mean_growth_is_the_integral_over_the_distribution(sampled):
     assert found["growth_std"] == pytest.approx(growth.std(), rel=0.05)
 
 
+def test_the_most_widespread_mode_is_told_with_all_its_numbers(sampled):
+    assert len(sampled.rank()) == 2  # of one mode
+    share = (sampled.points["n_unstable"] > 0).mean()
+    verdict = sampled.screen.verdict(sampled)
+    assert f"Hz, at {100 * share:.0f} % of the 256 solved points." in verdict, verdict
+
+
 def test_a_sobol_design_has_probabilities_and_no_indices(tmp_path):
     results = run(tmp_path / "r", "sobol", 32)
     assert (results.robust()["points"] == 32).all()

@@ -156,11 +156,11 @@ class ComplexModesScreen(KindScreen):
         table = self.rank(results, "share", None, None)
         if not len(table):
             return _no_mode(results, None) + but
-        wide = table.iloc[0]
+        wide = table.iloc[int(table["family_points"].to_numpy().argmax())]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
         text = _over_designs(design_lines(results)) + _how_many(results, table)
         text += "".join(f"; {family}" for family in _families(table)) + ". "
-        share = in_digits(100 * wide["unstable_share"])
+        share = in_digits(100 * wide["family_points"] / wide["points"])
         text += f"Most widespread: {_row_text(wide)}, at {share} % of {_counted(results, None)}. "
         text += f"Fastest: {_row_text(fast)}, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
