@@ -421,6 +421,35 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
 
 
 @pytest.mark.parametrize(
+    ("verdict", "reason", "stable", "told"),
+    [
+        ("no_cycle_found", "no cycle", None, "a cycle that came may be stable"),
+        ("no_cycle_found", "no cycle", False, "a cycle that came is unstable"),
+        (
+            "undecided",
+            "only unstable cycles found; all else is open",
+            None,
+            "only unstable cycles found but a cycle that came that may be stable; all else is open",
+        ),
+        ("undecided", "only unstable cycles found", False, "only unstable cycles found"),
+        ("undecided", "the equations", None, "the equations"),
+    ],
+)
+def test_a_cycle_of_which_it_is_not_known_whether_it_attracts_is_not_told_unstable(
+    verdict, reason, stable, told
+):
+    there = {"mode": 1, "verdict": verdict, "reason": reason, "unstable": False, "n_cycles": 0}
+    numbers = ("torque_rms", "level_error", "regularisation_error", "threshold_velocity")
+    there |= dict.fromkeys((*numbers, "threshold_share", "threshold_energy"), np.nan)
+    row = {"verdicts": [there | {"growth_rate": -1.0}], "cycles": [], "n_left_out": 0}
+    row["unstable_outside"] = False
+    cycle = QUIET | {"stable": stable, "energy": 1.0}
+    _judge_again(row, 1, "a cycle that came", cycle)
+    assert row["verdicts"][0]["reason"] == told
+    assert row["verdicts"][0]["verdict"] == "undecided"
+
+
+@pytest.mark.parametrize(
     ("error", "apart", "same"),
     [(1e-9, 5e-6, True), (1e-9, 5e-5, False), (1e-3, 1e-3, True), (1.0, 2e-2, False)],
 )

@@ -40,6 +40,7 @@ CURVE_ENDS = {  # why a curve ended before it was followed as far as asked, in w
     "no_contact_motion": "the mode does not move the contact",
 }
 SEARCHED_ENDS = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
+ONLY_UNSTABLE = "only unstable cycles found"
 # damping ratio missing, beyond small motions', at which large models are left
 GIVE_UP_DAMPING_RATIO = 0.02
 # error of a contact velocity beyond which it is no threshold, and has no share
@@ -188,7 +189,7 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
         count = plural(inexact, "cycle")
         reason = f"{count} found, too inexactly to tell whether stable or how loud"
     elif family.cycles:
-        reason = "only unstable cycles found; what larger motions come to is open"
+        reason = f"{ONLY_UNSTABLE}; what larger motions come to is open"
     elif family.end not in SEARCHED_ENDS:
         why = CURVE_ENDS.get(family.end, family.end)
         reason = f"followed up to a contact velocity of {family.reached:.3g} m/s only: {why}"

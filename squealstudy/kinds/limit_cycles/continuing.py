@@ -16,6 +16,7 @@ import pandas as pd
 import pyarrow as pa
 
 from squealstudy.cycles.cycle import LEVELS, OK, are_one_cycle
+from squealstudy.cycles.verdicts import ONLY_UNSTABLE
 from squealstudy.engine.cycle_states import cycle_file, stored_cycles
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.plan import Plan
@@ -379,7 +380,18 @@ def _judge_again(
                 verdict["reason"] = f"{came} is stable, and so is steady sliding; no threshold"
             verdict["verdict"] = IF_KICKED
         elif verdict["verdict"] == NO_CYCLE:
-            if cycle is not None:
-                came += " is unstable" if cycle["status"] == OK else " is inaccurate"
-            verdict["verdict"], verdict["reason"] = UNDECIDED, came
+            verdict["verdict"], verdict["reason"] = UNDECIDED, came + _of_what_kind(cycle)
+        elif cycle is None or cycle["stable"] is None:
+            joined = ", and" if cycle is None else " but"
+            told = f"{ONLY_UNSTABLE}{joined} {came}{_of_what_kind(cycle, ' that')}"
+            verdict["reason"] = verdict["reason"].replace(ONLY_UNSTABLE, told)
     row |= summary(row["verdicts"], row["cycles"], row["n_left_out"], bool(row["unstable_outside"]))
+
+
+def _of_what_kind(cycle: dict[str, Any] | None, that: str = "") -> str:
+    """How a sentence on a cycle that does not surely attract goes on; empty of one not found."""
+    if cycle is None:
+        return ""
+    if cycle["status"] != OK:
+        return f"{that} is inaccurate"
+    return f"{that} may be stable" if cycle["stable"] is None else f"{that} is unstable"
