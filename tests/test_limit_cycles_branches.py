@@ -439,9 +439,16 @@ def test_a_cycle_of_which_it_is_not_known_whether_it_attracts_is_not_told_unstab
     verdict, reason, stable, told
 ):
     there = {"mode": 1, "verdict": verdict, "reason": reason, "unstable": False, "n_cycles": 0}
-    numbers = ("torque_rms", "level_error", "regularisation_error", "threshold_velocity")
-    there |= dict.fromkeys((*numbers, "threshold_share", "threshold_energy"), np.nan)
-    row = {"verdicts": [there | {"growth_rate": -1.0}], "cycles": [], "n_left_out": 0}
+    numbers = ("torque_rms", "level_error", "regularisation_error", "cycle_frequency_hz")
+    numbers += ("cycle_frequency_error", "torque_line_hz")
+    there |= dict.fromkeys(
+        (*numbers, "threshold_velocity", "threshold_share", "threshold_energy"), np.nan
+    )
+    row = {
+        "verdicts": [there | {"growth_rate": -1.0, "invalid_reason": ""}],
+        "cycles": [],
+        "n_left_out": 0,
+    }
     row["unstable_outside"] = False
     cycle = QUIET | {"stable": stable, "energy": 1.0}
     _judge_again(row, 1, "a cycle that came", cycle)

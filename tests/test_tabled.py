@@ -280,6 +280,32 @@ def test_what_a_study_with_tables_cannot_ask(text, message):
         plan_of(text).method  # noqa: B018
 
 
+SLOWS = """
+[transient]
+duration = 0.1
+step = 2e-5
+sliding_speed = { points = [[0.0, 0.9], [0.1, 0.1]] }
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked", "message"),
+    [
+        ("transient", SLOWS, r"transient.sliding_speed': 'friction' follows 'sliding_speed'"),
+        ("sensitivity", '[sensitivity]\nparameters = ["sliding_speed"]\n', "'friction' follows it"),
+    ],
+)
+def test_what_does_not_follow_a_table_is_not_asked(kind, asked, message, tmp_path):
+    """A run whose speed changes, and a derivative by it, would have the friction of one speed."""
+    text = HEAD.replace("complex_modes", kind).replace('temperature = "50 degC"', "")
+    table = "[parameters.friction.table]\nsliding_speed = [0.1, 1.0]\nfriction = [0.5, 0.2]\n"
+    study = f"{text}sliding_speed = 0.9\n{table}"
+    with pytest.raises(StudyFileError, match=message):
+        solved(study + asked, tmp_path / "r")
+    if kind == "sensitivity":  # by default such a parameter is left out
+        solved(study + "[sensitivity]\nmodes = 2\n", tmp_path / "s")
+
+
 def test_the_shipped_example_is_one(tmp_path: Path):
     path = Path(__file__).parents[1] / "studies" / "warm_brake.toml"
     study = squealstudy.read_study(path)

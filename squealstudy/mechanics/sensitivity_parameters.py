@@ -61,6 +61,10 @@ def requested(name: str, design: ModelPoint) -> RequestedParameter:
         raise ParameterError(name, f"expected mode numbers of the assembly, got '{name}'")
     if name in IN_TIME_ONLY:
         raise ParameterError(name, f"'{name}' acts in time only, complex modes do not see it")
+    for table in design.model.tables:
+        if name in table.over:
+            text = f"'{table.name}' follows it by a table, which no derivative knows"
+            raise ParameterError(name, f"{text}: expected '{table.name}', or '{name}' in [[sweep]]")
     expect_acting(parameter, design)
     if not every and abs(design.values.get(name, 0.0)) > MAX_SQUARABLE_ENTRY:
         raise ParameterError(
@@ -73,6 +77,7 @@ def default_names(design: ModelPoint) -> Iterator[str]:
     """Friction, loads and speed, and frequencies and damping of all component modes."""
     names_there = {p.name for p in design.model.parameters}
     ignored = {p.name for p in contact_parameters()} - set(design.operating_point().law.names)
+    ignored |= {name for table in design.model.tables for name in table.over}
     yield from (name for name in DEFAULTS if name in names_there - ignored)
     for component in design.model.components:
         yield f"{component}.modes{EVERY}.{FREQUENCY}"

@@ -142,7 +142,8 @@ def schedules_of(plan: Plan) -> Schedules | None:
     ------
     StudyFileError
         A file that cannot be read, times that do not rise, a pressure below zero or of a model
-        without one, a run that would begin with a jump.
+        without one, a run that would begin with a jump, a parameter that follows by a table what
+        changes.
     """
     study, section = plan.study, plan.study.section
     if not section.changes:
@@ -153,6 +154,14 @@ def schedules_of(plan: Plan) -> Schedules | None:
     if section.pressure is not None and PRESSURE.name not in study.values:
         text = f"model '{study.model.name}' has no pressure"
         raise study.error(("transient", PRESSURE.name), text)
+    for name in (p.name for p in SCHEDULED if getattr(section, p.name) is not None):
+        for table in study.model.tables:
+            if name in table.over:
+                text = (
+                    f"'{table.name}' follows '{name}' by a table, which a run does not: expected "
+                )
+                text += 'friction_law = "table" or "map", or one value'
+                raise study.error(("transient", name), text)
     schedules = Schedules(*(_read(plan, p, getattr(section, p.name)) for p in SCHEDULED))
     swept = {s.name: plan.swept[:, k] for k, s in enumerate(study.sweeps)}
     names = [p.name for p in SCHEDULED if p.name in study.values]
