@@ -383,8 +383,8 @@ def _judge_again(
             verdict["verdict"], verdict["reason"] = UNDECIDED, came + _of_what_kind(cycle)
         elif cycle is None or cycle["stable"] is None:
             joined = ", and" if cycle is None else " but"
-            told = f"{ONLY_UNSTABLE}{joined} {came}{_of_what_kind(cycle, ' that')}"
-            verdict["reason"] = verdict["reason"].replace(ONLY_UNSTABLE, told)
+            reason = f"{ONLY_UNSTABLE}{joined} {came}{_of_what_kind(cycle, ' that')}"
+            verdict["reason"] = verdict["reason"].replace(ONLY_UNSTABLE, reason)
     row |= summary(row["verdicts"], row["cycles"], row["n_left_out"], bool(row["unstable_outside"]))
 
 
