@@ -288,7 +288,9 @@ def _of_vectors(results: Results, track: int) -> Rows:
 
 def _pair_text(mode: ModeVectors, of_contact: bool) -> str:
     """The real modes of a mode, and in words what that means for its growth."""
-    (first, second), (share, other) = (_held_at(hz) for hz in mode.pair_hz), mode.pair_share
+    # of shares that print the same the lower frequency comes first, whatever round-off says
+    ordered = sorted(zip(mode.pair_share, mode.pair_hz, strict=True), key=_by_printed_share)
+    (share, other), (first, second) = (x for x, _ in ordered), (_held_at(hz) for _, hz in ordered)
     without = "without friction" if of_contact else "of the symmetric stiffness"
     text = f"{100 * share:.1f} % of the real mode {first} {without}"
     if other < LEAST_SHARE or not np.isfinite(mode.phase_deg):
@@ -298,6 +300,11 @@ def _pair_text(mode: ModeVectors, of_contact: bool) -> str:
         feeds = "friction" if of_contact else "unsymmetric stiffness"
         text += f": the two have locked in; {feeds} feeds by the sine of this angle"
     return text
+
+
+def _by_printed_share(share_and_hz: tuple[float, float]) -> tuple[float, float]:
+    share, hz = share_and_hz
+    return -round(100 * share, 1), hz
 
 
 def _held_at(hz: float) -> str:

@@ -245,13 +245,14 @@ def branch(
     points = [
         BranchPoint(
             p.motion,
-            moving.stability(p.motion, highest),
+            stability.at_fold() if p.event == FOLD else stability,
             p.residual,
             p.error,
             p.event,
             _fold_apart(moving, curve, k) if p.event == FOLD else 0.0,
         )
         for k, p in enumerate(curve)
+        for stability in [moving.stability(p.motion, highest)]
     ]
     if end == SHRUNK:
         steps_to_end = abs(curve[-1].motion.parameter - curve[-2].motion.parameter)

@@ -126,6 +126,18 @@ class Floquet:
             return TORUS
         return FOLD if beyond.real > 0 else FLIP
 
+    def at_fold(self) -> Floquet:
+        """The same of a cycle that is a fold: the multiplier nearest to one is one by definition.
+
+        Beside the trivial one it is a double root, which errs by the square root of what other
+        multipliers err by: twice what is seen is told.
+        """
+        apart = np.abs(self.multipliers - 1.0)
+        nearest = np.argsort(apart)[:2]  # the trivial one and that of the fold
+        errors = self.errors.copy()
+        errors[nearest] = np.maximum(errors[nearest], 2.0 * apart[nearest])
+        return replace(self, errors=errors)
+
 
 def floquet(osc: Oscillator, cycle: PeriodicMotion, other: PeriodicMotion | None = None) -> Floquet:
     """Multipliers of a cycle of an oscillator; errors also by an `other` finding of it, if any.
