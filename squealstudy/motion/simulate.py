@@ -60,6 +60,8 @@ def simulate(
     designs: Sequence[MotionPoint],
     settings: MotionSettings,
     watch: Watch | None = None,
+    *,
+    passing: bool = False,
 ) -> list[Motion]:
     """Integrate design points; a failed one has an outcome and does not stop the others.
 
@@ -73,6 +75,8 @@ def simulate(
     watch : Watch or None
         None lets all run to the end. Being looked at changes nothing, to the last bit; in a batch
         a design rounds otherwise once fewer go on beside it.
+    passing : bool
+        Motions that are soon let go: their histories are views of arrays of all designs.
 
     Raises
     ------
@@ -106,7 +110,8 @@ def simulate(
                 run.stop(k)
             counts[k, layout.PAUSE] += blocks[k]
         run.go_on()
-    return [_judged(system, replace(run.motion(k), stopped=why)) for k, why in enumerate(stopped)]
+    take = np.asarray if passing else _copied
+    return [_judged(system, run.motion(k, take, why)) for k, why in enumerate(stopped)]
 
 
 def _copied(array: np.ndarray) -> np.ndarray:
@@ -190,8 +195,13 @@ class KernelRun:
         self.work.counts[k, layout.STATUS] = layout.DONE
         self.work.real[k, layout.STORED_END] = self.saved.history[k, rows - 1, layout.STORED]
 
-    def motion(self, k: int, take: Callable[[np.ndarray], np.ndarray] = _copied) -> Motion:
-        """What design k has done so far; `take` copies arrays or leaves them where they are."""
+    def motion(
+        self, k: int, take: Callable[[np.ndarray], np.ndarray] = _copied, stopped: str = ""
+    ) -> Motion:
+        """What design k has done so far; `take` copies arrays or leaves them where they are.
+
+        `stopped` is why it has been stopped, where it has.
+        """
         system, settings, saved = self.system, self.settings, self.saved
         n, ns = system.n, len(system.sensed) + len(self.designs[k].growing.sensors)
         count, real = self.work.counts[k], self.work.real[k]
@@ -221,6 +231,7 @@ class KernelRun:
             contraction=float(real[layout.CONTRACTION]),
             energy=EnergyBalance(*(float(x) for x in real[layout.W_LOAD : layout.N_REAL])),
             steps=int(count[layout.STEP]),
+            stopped=stopped,
             cuts=int(count[layout.CUTS]),
         )
 
@@ -276,11 +287,14 @@ def blown_up(motion: Motion, system: ModalSystem) -> bool:
     was dissipated came out as well, as the kernels balance their energies.
     """
     design, energy = motion.point, motion.energy
+    worked = abs(energy.stored_start) + abs(energy.work_load) + abs(energy.work_belt)
+    came_out = energy.stored_end + energy.friction + energy.damping
+    # a start in stable coordinates and contact put in more, if anything
+    if motion.outcome != "ok" or (came_out <= BLOW_UP * worked and not (system.omega2 < 0.0).any()):
+        return False
     q0, v0 = design.start(system.n)
     gaps = design.points(system)[POINT_GAP] + system.N @ q0
     p, kappa = evaluate_points(design.contact, system.spring_points, gaps)
     soft = np.divide(p, kappa, out=np.zeros_like(p), where=kappa > 0)
-    put_in = abs(energy.stored_start) + abs(energy.work_load) + abs(energy.work_belt)
-    put_in += 0.5 * float(v0 @ v0 + system.omega2 @ (q0 * q0)) + float(system.area @ (p * soft))
-    came_out = energy.stored_end + energy.friction + energy.damping
-    return bool(motion.outcome == "ok" and came_out > BLOW_UP * put_in)
+    put_in = worked + 0.5 * float(v0 @ v0 + system.omega2 @ (q0 * q0))
+    return bool(came_out > BLOW_UP * (put_in + float(system.area @ (p * soft))))

@@ -97,7 +97,7 @@ def runs_again(
             step=factor * settings.step,
             save_every=round(rows),
         )
-        by_step[factor] = simulate(system, [run.point for run in runs], how)
+        by_step[factor] = simulate(system, [run.point for run in runs], how, passing=True)
     return [{factor: again[k] for factor, again in by_step.items()} for k in range(len(runs))]
 
 
