@@ -48,13 +48,20 @@ def failed_row(
     schema: pa.Schema, point_id: str, status: str, message: str, wall_s: float = 0.0
 ) -> dict[str, Any]:
     """Row of a point without findings: texts and lists are empty, numbers NaN, others missing."""
-    nothing = {field.name: _missing_value(field.type) for field in schema}
+    numbers, lists = _missing_values(schema)
+    nothing = numbers | {name: [] for name in lists}  # which whoever fills a row may add to
     return nothing | head(point_id, wall_s, status, message)
 
 
+@lru_cache(maxsize=16)
+def _missing_values(schema: pa.Schema) -> tuple[dict[str, Any], list[str]]:
+    """What stands for a missing cell, by column, and the columns of lists."""
+    lists = [field.name for field in schema if pa.types.is_list(field.type)]
+    others = {f.name: _missing_value(f.type) for f in schema if f.name not in lists}
+    return others, lists
+
+
 def _missing_value(kind: pa.DataType) -> Any:
-    if pa.types.is_list(kind):
-        return []
     if pa.types.is_floating(kind):
         return np.nan
     return {TEXT: "", pa.binary(): b""}.get(kind)

@@ -50,7 +50,9 @@ def doubts(
     sticks = found.get("stick_share_max", 0.0)
     said = {
         "the step resolves stuck friction": _ringing(
-            stick_number(system, motion.point, step), sticks, step
+            stick_number(system, motion.point, step) if sticks >= MIN_STICK_SHARE else 0.0,
+            sticks,
+            step,
         ),
         "the step resolves the fastest mode": _coarse(found, step),
         ENERGY_RULE: _drifting(energy_drift(motion), step, limit),
@@ -61,7 +63,7 @@ def doubts(
 
 def _ringing(number: float, sticks: float, step: float) -> str:
     """The trapezoidal rule does not damp the friction of stuck points at a long step."""
-    if number <= MAX_STICK_NUMBER or not sticks >= MIN_STICK_SHARE:
+    if number <= MAX_STICK_NUMBER:
         return ""
     return (
         f"{100 * sticks:.0f} % of the contact sticks while h k_t |T|^2 / 2 is {number:.3g}: "

@@ -172,8 +172,10 @@ def _projected(product: np.ndarray, overlap: np.ndarray, modes: list[int]) -> fl
     """Mean energy of the projection on the planes of some modes together, J."""
     axes = [2 * k + i for k in modes for i in (0, 1)]
     part = np.ix_(axes, axes)
-    inverse = np.linalg.pinv(overlap[part], rcond=OVERLAP_EIGENVALUE_CUTOFF, hermitian=True)
-    return 0.5 * float(np.sum(inverse * product[part]))
+    size, vectors = np.linalg.eigh(overlap[part])
+    vectors = vectors[:, size > OVERLAP_EIGENVALUE_CUTOFF * size.max()]
+    kept = size[size > OVERLAP_EIGENVALUE_CUTOFF * size.max()]
+    return 0.5 * float((((product[part] @ vectors) * vectors).sum(axis=0) / kept).sum())
 
 
 def level_shares(run: Motion, window: slice) -> np.ndarray:

@@ -94,7 +94,7 @@ def fit_growth(
     size = np.abs(amplitude)
     if not np.isfinite(size).all() or not size.any():
         return GrowthFit()
-    log = np.log(np.maximum(size, 1e-12 * np.median(size[size > 0])))
+    log = np.log(np.maximum(size, 1e-12 * median_of(size[size > 0])))
     end_level = final_level(log)
     rows = int(np.searchsorted(time, until, side="right"))
     if rows < LEAST_ROWS:
@@ -302,9 +302,11 @@ def best_stretch(y: np.ndarray, count: int, begin: int | None) -> tuple[int, int
     It is that of least relative error of the slope; without one the least bent, or none. With
     `begin` all start there and none ends after the line first bends.
     """
-    first, last = np.triu_indices(len(y) + 1, count)
-    if begin is not None:
-        first, last = first[first == begin], last[first == begin]
+    if begin is None:
+        first, last = np.triu_indices(len(y) + 1, count)
+    else:
+        last = np.arange(begin + count, len(y) + 1)
+        first = np.full(len(last), begin)
     fits = straightness(y, first, last)
     good = fits.accepted() & (fits.slope > 0)
     if begin is not None:

@@ -360,7 +360,7 @@ def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarr
         size = (rest**2).sum(axis=0)
         product = (rest[1:] * rest[:-1]).sum(axis=0)
         rho = np.where(size > 0, product / np.where(size > 0, size, 1.0) + 1.0 / count, 0.0)
-        rho_counted = np.clip(rho, 0.0, 0.9)
+        rho_counted = np.minimum(np.maximum(rho, 0.0), 0.9)
         error = np.sqrt(size / (count * (count - 1)) * (1 + rho_counted) / (1 - rho_counted))
         half = np.where(is_correlated, special.stdtrit(count - 1, 0.975) * error, half)
         is_correlated = is_correlated & (rho > MAX_CORRELATION)

@@ -1,4 +1,4 @@
-"""One-sided spectra of signals, by Hann windows."""
+"""One-sided spectra of signals, by Hann windows; of several signals side by side."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ MAX_MISSING_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Hann-windowed transform of a signal without its linear trend.
+    """Hann-windowed transforms of signals without their linear trends.
 
     Attributes
     ----------
-    power : ndarray (bins,)
-        Mean square of the signal in each bin.
+    power : ndarray (..., bins)
+        Mean square of a signal in each bin.
     resolution : float
         Distance of bins, Hz.
     """
@@ -30,47 +30,57 @@ class Spectrum:
     power: np.ndarray
     resolution: float
 
-    def peak(self) -> float:
-        """Frequency of the highest line [Hz], interpolated between two bins of the Hann window."""
-        first = int(LINE_PERIODS)
-        if len(self.power) < first + 2 or not self.power[first:-1].any():
-            return np.nan
-        k = first + int(np.argmax(self.power[first:-1]))
-        size = np.sqrt(self.power[k - 1 : k + 2])
-        side = 1 if size[2] >= size[0] else -1
-        ratio = size[1 + side] / size[1]
-        if ratio >= 1.0:  # the flank of slower drift, not a line
-            return np.nan
-        shift = max(0.0, (2 * ratio - 1) / (ratio + 1))
-        return float((k + side * shift) * self.resolution)
+    def peak(self) -> np.ndarray:
+        """Frequency of the highest line (...) [Hz], between two bins of the Hann window."""
+        first, bins = int(LINE_PERIODS), self.power.shape[-1]
+        if bins < first + 2:
+            return np.full(self.power.shape[:-1], np.nan)[()]
+        inner = self.power[..., first:-1]
+        k = first + np.argmax(inner, axis=-1)
+        near = k[..., None] + np.array([-1, 0, 1])
+        size = np.sqrt(np.take_along_axis(self.power, near, axis=-1))
+        before, at_line, behind = size[..., 0], size[..., 1], size[..., 2]
+        side = np.where(behind >= before, 1, -1)
+        is_line = at_line > 0.0
+        ratio = np.maximum(before, behind) / np.where(is_line, at_line, 1.0)
+        shift = np.maximum(0.0, (2 * ratio - 1) / (ratio + 1))
+        is_line &= ratio < 1.0  # else the flank of slower drift
+        lines: np.ndarray = np.where(is_line, (k + side * shift) * self.resolution, np.nan)[()]
+        return lines
 
-    def level(self, frequency: float) -> float:
-        """RMS of what lies around a frequency; 0 at NaN, NaN beyond the Nyquist frequency."""
-        if not np.isfinite(frequency):
-            return 0.0
-        if frequency >= (len(self.power) - 1) * self.resolution:
-            return np.nan
-        at = frequency / self.resolution
-        half = max(3.0, LINE_WIDTH * at)
-        first, last = max(1, round(at - half)), round(at + half) + 1
-        return float(np.sqrt(self.power[first:last].sum()))
+    def level(self, frequency: np.ndarray | float) -> np.ndarray:
+        """RMS (...) of what lies around a frequency; 0 at NaN, NaN beyond the Nyquist frequency."""
+        bins, known = self.power.shape[-1], np.isfinite(frequency)
+        at = np.where(known, frequency, 0.0) / self.resolution
+        half = np.maximum(3.0, LINE_WIDTH * at)
+        ends = np.maximum(1, np.rint(at - half)), np.rint(at + half)
+        number = np.arange(bins)
+        near = (number >= ends[0][..., None]) & (number <= ends[1][..., None])
+        size = np.sqrt(np.where(near, self.power, 0.0).sum(axis=-1))
+        size = np.where(at >= bins - 1, np.nan, size)
+        levels: np.ndarray = np.where(known, size, 0.0)[()]
+        return levels
 
 
 def spectrum(step: float, signal: np.ndarray) -> Spectrum:
-    """Power of the bins of a signal (rows,) sampled every `step` seconds."""
-    rows = len(signal)
+    """Power of the bins of signals (..., rows) sampled every `step` seconds."""
+    rows = signal.shape[-1]
     x = np.arange(rows) - 0.5 * (rows - 1)
-    rest = signal - signal.mean()
-    rest = rest - x * (x @ rest) / max(float(x @ x), 1.0)
-    if np.abs(rest).max() <= FLUCTUATION_ROUND_OFF * np.abs(signal).max():
-        return Spectrum(np.zeros(rows // 2 + 1), 1.0 / (rows * step))
+    rest = signal - signal.mean(axis=-1, keepdims=True)
+    rest = rest - x * ((rest @ x) / max(float(x @ x), 1.0))[..., None]
     window = hann(rows)
-    power = 2 * np.abs(np.fft.rfft(window * rest)) ** 2 / (rows * float(window @ window))
+    scale = rows * float(window @ window)
+    power = 2 * np.abs(np.fft.rfft(window * rest, axis=-1)) ** 2 / scale
+    is_flat = np.abs(rest).max(axis=-1) <= FLUCTUATION_ROUND_OFF * np.abs(signal).max(axis=-1)
+    if np.any(is_flat):
+        power = np.where(is_flat[..., None], 0.0, power)
     return Spectrum(power, 1.0 / (rows * step))
 
 
-def folds(lines: Spectrum, frequency: float, step: float, means: np.ndarray) -> bool:
-    """Whether a line of rows is one above their Nyquist frequency, folded onto a lower one.
+def folds(
+    lines: Spectrum, frequency: np.ndarray | float, step: float, means: np.ndarray
+) -> np.ndarray:
+    """Whether lines of rows are above their Nyquist frequency, folded onto lower ones.
 
     Means over the time between rows hold sinc(f step) of a line at f, which is less for every
     frequency that folds onto it.
@@ -78,26 +88,39 @@ def folds(lines: Spectrum, frequency: float, step: float, means: np.ndarray) -> 
     Parameters
     ----------
     lines : Spectrum
-        Of rows (n,) that are `step` seconds apart.
-    frequency : float
-        Of the line, Hz.
+        Of rows (..., n) that are `step` seconds apart.
+    frequency : ndarray (...)
+        Of the line of each, Hz.
     step : float
-    means : ndarray (n,)
-        Of the signal over the time since the row before.
+    means : ndarray (..., n)
+        Of the signals over the time since the row before.
+
+    Returns
+    -------
+    ndarray (...) of bool
     """
-    if not np.isfinite(frequency):
-        return False
-    least = (1.0 - MAX_MISSING_SHARE) * float(np.sinc(frequency * step))
-    return bool(spectrum(step, means).level(frequency) < least * lines.level(frequency))
+    known = np.isfinite(frequency)
+    if not np.any(known):
+        return known
+    least = (1.0 - MAX_MISSING_SHARE) * np.sinc(np.where(known, frequency, 0.0) * step)
+    is_folded: np.ndarray = known & (
+        spectrum(step, means).level(frequency) < least * lines.level(frequency)
+    )
+    return is_folded
 
 
-def unfolded_line(step: float, signal: np.ndarray, means: np.ndarray | None) -> float:
-    """Frequency of the highest line [Hz]; NaN where means, to the signal's end, show a fold."""
+def unfolded_line(step: float, signal: np.ndarray, means: np.ndarray | None) -> np.ndarray:
+    """Frequency of the highest line (...) [Hz] of signals (..., rows); NaN where there is none.
+
+    Also where means (..., m), to the signals' end, show that it is a folded one.
+    """
     lines = spectrum(step, signal)
     frequency = lines.peak()
-    if means is not None and folds(lines, frequency, step, means[-len(signal) :]):
-        return np.nan
-    return frequency
+    if means is None:
+        return frequency
+    is_folded = folds(lines, frequency, step, means[..., -signal.shape[-1] :])
+    unfolded: np.ndarray = np.where(is_folded, np.nan, frequency)[()]
+    return unfolded
 
 
 @lru_cache(maxsize=16)
