@@ -11,7 +11,7 @@ from study_runs import load_plan, plan_of
 import squealstudy
 from squealstudy.engine.runner import run_study
 from squealstudy.kinds.work_precision.variants import make_variants
-from squealstudy.motion.outcome.levels import mean_interval, pooled_interval
+from squealstudy.motion.outcome.intervals import mean_interval, pooled_interval
 from squealstudy.study.definition import load_any
 
 STUDIES = Path(__file__).parents[1] / "studies"

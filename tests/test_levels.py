@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 from motions import bursts
 from study_runs import solved
 
+from squealstudy.motion.outcome.intervals import mean_interval, periods_interval
 from squealstudy.motion.outcome.levels import (
     TorqueSums,
     last_window,
-    mean_interval,
     period_swings,
-    periods_interval,
     plain_levels,
     swing_spread,
     torque_levels,

@@ -19,8 +19,9 @@ from squealstudy.cycles.harmonics import series_at
 from squealstudy.cycles.outcomes import class_of, known_so_far, undecided_because
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
+from squealstudy.motion.outcome.intervals import mean_interval
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
-from squealstudy.motion.outcome.levels import last_window, mean_interval
+from squealstudy.motion.outcome.levels import last_window
 from squealstudy.motion.outcome.spectrum import spectrum
 from squealstudy.motion.outcome.summary import run_levels, summarise, told_frequency
 from squealstudy.motion.settings import MotionSettings
@@ -326,7 +327,7 @@ def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float,
     mean, least, most = (float(x) for x in mean_interval(filtered[ends : len(signal) - ends] ** 2))
     rms = float(np.sqrt(mean))
     spread = 0.5 * (np.sqrt(most) - np.sqrt(max(least, 0.0))) / rms if rms else np.nan
-    return rms, float(spread), spectrum(step, filtered).peak()
+    return rms, float(spread), float(spectrum(step, filtered).peak())
 
 
 def with_regularisation(

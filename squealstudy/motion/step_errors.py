@@ -21,10 +21,11 @@ from squealstudy.motion.arrays import FEW_POINTS
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import NOT_ASKED, OF_THE_WINDOW, StepParts
-from squealstudy.motion.outcome.levels import TorqueSums, plain_levels, torque_levels
+from squealstudy.motion.outcome.levels import TorqueSums, torque_levels
 from squealstudy.motion.outcome.periods import judged_window, own_frequency
 from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.motion.outcome.summary import over_steps
+from squealstudy.motion.outcome.torque import find_plain_levels, plain_levels_of
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem
@@ -98,7 +99,15 @@ def runs_again(
             save_every=round(rows),
         )
         by_step[factor] = simulate(system, [run.point for run in runs], how, passing=True)
-    return [{factor: again[k] for factor, again in by_step.items()} for k in range(len(runs))]
+    made_again = [{factor: again[k] for factor, again in by_step.items()} for k in range(len(runs))]
+    find_plain_levels(
+        (other, rows)
+        for run, others in zip(runs, made_again, strict=True)
+        for other in others.values()
+        if run.point.schedule is None and _is_whole(run, other)
+        for rows in [_summed(judged_window(run))]
+    )
+    return made_again
 
 
 def _is_whole(run: Motion, other: Motion) -> bool:
@@ -134,16 +143,20 @@ def _levels(run: Motion, window: slice, like: np.ndarray | None = None) -> np.nd
 
     No frequency is looked for where levels `like` these, of another step, have none.
     """
-    rows_judged = slice(max(window.start, 1), window.stop)
-    key = "levels", rows_judged.start, rows_judged.stop
+    rows_judged = _summed(window)
+    key = "levels and frequency", rows_judged.start, rows_judged.stop
     if key not in run.windows:
-        sums = TorqueSums.of(run.history, rows_judged)
-        levels = plain_levels(run.times[rows_judged], run.history["torque"][rows_judged], sums)
+        levels = plain_levels_of(run, rows_judged)
         has_none = like is not None and np.isnan(like[-1])
         hz = np.nan if has_none else own_frequency(run, rows_judged).hz
         run.windows[key] = np.append(levels, hz)
     levels_of_run: np.ndarray = run.windows[key]
     return levels_of_run
+
+
+def _summed(window: slice) -> slice:
+    """The rows of a window but that of the start, which no step is summed in."""
+    return slice(max(window.start, 1), window.stop)
 
 
 def _parts(

@@ -25,7 +25,7 @@ import pandas as pd
 import squealstudy
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.runner import run_study
-from squealstudy.motion.outcome.levels import pooled_interval
+from squealstudy.motion.outcome.intervals import pooled_interval
 from squealstudy.study.definition import parse_study
 
 FILE = Path(__file__).parents[1] / "irregular_cycle.toml"

@@ -25,7 +25,7 @@ from squealstudy.machine.resources import memory_above
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.levels import pooled_interval
+from squealstudy.motion.outcome.intervals import pooled_interval
 from squealstudy.motion.outcome.summary import summarise
 from squealstudy.motion.system import MotionPoint
 from squealstudy.study.design import DesignPoint

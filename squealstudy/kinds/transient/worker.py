@@ -38,7 +38,7 @@ from squealstudy.motion.level_errors import doubts
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.level import StepParts
 from squealstudy.motion.outcome.settling import known_outcome
-from squealstudy.motion.outcome.summary import summarise
+from squealstudy.motion.outcome.summary import look_ahead, summarise
 from squealstudy.motion.run_windows import window_rows
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
@@ -85,6 +85,7 @@ def solve_batch(task: BatchTask) -> Solved:
             raise  # each is tried by itself: one of them is at fault, not its neighbours
         rows += [lost_row(point.point_id, *reason(error)) for point in chosen]
     else:
+        look_ahead(motions)
         batch_rows, steps = [], BatchSteps(task, motions)
         for point, motion in zip(chosen, motions, strict=True):
             batch_rows.append(_row(task, point, motion, steps))

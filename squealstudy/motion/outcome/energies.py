@@ -12,7 +12,8 @@ import numpy as np
 
 from squealstudy.motion.growing_modes import DEGENERATE_AXIS_RATIO
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.levels import JUDGED_SHARE, mean_interval
+from squealstudy.motion.outcome.intervals import mean_interval
+from squealstudy.motion.outcome.levels import JUDGED_SHARE
 
 ENERGY_ROUND_OFF = 3e-21  # of the work of friction: energy of round-off
 # of a friction coefficient below this, as of none, that of so much

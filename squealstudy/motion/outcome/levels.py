@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import special
 
+from squealstudy.motion.outcome.intervals import periods_interval, periods_mean
 from squealstudy.motion.outcome.spectrum import (
     FLUCTUATION_ROUND_OFF,
     LINE_PERIODS,
@@ -19,22 +19,11 @@ from squealstudy.motion.outcome.spectrum import (
 
 JUDGED_SHARE = 0.4  # of a record: the part that is judged
 LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
-SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
-MAX_CORRELATION = 0.1
 N_HALF_BLOCKS = 5  # of each half of the judged part, by whose mean squares a transient is seen
 MIN_REL_TRANSIENT = 0.05  # of the mean square of the second half: less is no transient
 MAX_REST_OVER_TRANSIENT = 0.2  # by which the second half differs within itself, over the transient
 N_QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
 LEAST_ROWS = 8  # of a period whose peaks are told
-# of the variance of sub-windows, that a straight line holds: a drift, no chance
-MIN_TREND_VARIANCE_SHARE = 0.7
-# ratio of the drift of successive thirds, up to which what is left is extrapolated
-MAX_DRIFT_RATIO = 0.9
-# times what is extrapolated: three means of a beat that fades tell it roughly
-EXTRAPOLATION_SAFETY = 1.5
-MAX_REL_DRIFT = 0.05  # of the mean: a drift beyond it is of motion that passes
-PERIODS_OF_HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
-IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative: runs that agree so well are one run
 
 
 @dataclass(frozen=True)
@@ -84,16 +73,31 @@ def last_window(time: np.ndarray, signal: np.ndarray, means: np.ndarray | None =
     means : ndarray (rows,) or None
         Over the time since the row before: a line that folds then counts as none.
     """
-    rows = len(time)
-    count = max(1, round(JUDGED_SHARE * rows))
-    if rows > 1:
-        step = (time[-1] - time[0]) / (rows - 1)
-        frequency = unfolded_line(step, signal[rows - count :], means)
-        if np.isfinite(frequency):
-            least = int(np.ceil(LEAST_PERIODS / (frequency * step)))
-            if least <= count // 2 and _begins_with_transient(signal[rows - count :]):
-                count //= 2
-            count = max(count, least)
+    if len(time) < 2:
+        return slice(0, len(time))
+    line = unfolded_line(step_of(time), signal[judged_part(len(time))], means)
+    return window_of_line(time, signal, float(line))
+
+
+def judged_part(rows: int) -> slice:
+    """The last 40 % of a record."""
+    return slice(rows - max(1, round(JUDGED_SHARE * rows)), rows)
+
+
+def step_of(time: np.ndarray) -> float:
+    """Between rows (m,) [s], two or more."""
+    return float(time[-1] - time[0]) / (len(time) - 1)
+
+
+def window_of_line(time: np.ndarray, signal: np.ndarray, frequency: float) -> slice:
+    """The `last_window` of a record whose judged part has a dominant line [Hz]; NaN for none."""
+    rows, part = len(time), judged_part(len(time))
+    count = rows - part.start
+    if np.isfinite(frequency):
+        least = int(np.ceil(LEAST_PERIODS / (frequency * step_of(time))))
+        if least <= count // 2 and _begins_with_transient(signal[part]):
+            count //= 2
+        count = max(count, least)
     return slice(max(0, rows - count), rows)
 
 
@@ -114,7 +118,7 @@ def block_mean_squares(signal: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TorqueSums:
-    """What the torque did over every step between rows, each (rows,).
+    """What the torque did over every step between rows, each (rows,), or (m, rows) of several runs.
 
     Attributes
     ----------
@@ -143,10 +147,43 @@ class TorqueSums:
         """Of rows alone, each taken for all of the time since the one before."""
         return cls(torque, np.zeros_like(torque), torque, torque)
 
-    def squares(self, mean: float) -> np.ndarray:
-        """Mean squares about a mean of all, in each row."""
-        squares: np.ndarray = self.variance + (self.mean - mean) ** 2
+    @property
+    def side_by_side(self) -> TorqueSums:
+        """Of one run as of several, (1, rows)."""
+        return TorqueSums(self.mean[None], self.variance[None], self.least[None], self.most[None])
+
+    @classmethod
+    def together(cls, sums: Sequence[TorqueSums]) -> TorqueSums:
+        """Of several runs (m, rows)."""
+        names = ("mean", "variance", "least", "most")
+        return cls(*(np.array([getattr(one, name) for one in sums]) for name in names))
+
+    def at(self, runs: np.ndarray) -> TorqueSums:
+        """Of some of several runs."""
+        return TorqueSums(self.mean[runs], self.variance[runs], self.least[runs], self.most[runs])
+
+    def squares(self, mean: np.ndarray | float) -> np.ndarray:
+        """Mean squares about a mean (...) of all, in each row."""
+        squares: np.ndarray = self.variance + (self.mean - np.asarray(mean)[..., None]) ** 2
         return squares
+
+    def extent(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mean and peak to peak (m,) of several runs, and which of them move beyond round-off."""
+        mean = self.mean.mean(axis=1)
+        most, least = self.most.max(axis=1), self.least.min(axis=1)
+        rest = np.maximum(np.abs(most - mean), np.abs(least - mean))
+        moves = rest > FLUCTUATION_ROUND_OFF * np.abs(torque).max(axis=1)
+        return mean, most - least, moves & (torque.shape[1] > 1)
+
+    def quietest_quarter(self) -> np.ndarray:
+        """Least peak to peak (m,) of a quarter of several runs; of a half where rows are few."""
+        rows = self.least.shape[1]
+        count = min(N_QUARTERS if rows >= LEAST_ROWS * N_QUARTERS else 2, rows)
+        starts = [part[0] for part in np.array_split(np.arange(rows), count)]
+        most = np.maximum.reduceat(self.most, starts, axis=1)
+        least = np.minimum.reduceat(self.least, starts, axis=1)
+        quietest: np.ndarray = (most - least).min(axis=1)
+        return quietest
 
 
 def torque_levels(
@@ -161,62 +198,77 @@ def torque_levels(
     sums : TorqueSums or None
         Of the same rows. Mean and RMS are then those of whole periods of the dominant line.
     """
+    step = step_of(time) if len(time) > 1 else 0.0
+    return levels_side_by_side(step, torque[None], sums and sums.side_by_side)[0]
+
+
+def levels_side_by_side(
+    step: float, torque: np.ndarray, sums: TorqueSums | None
+) -> list[TorqueLevels]:
+    """`torque_levels` of windows (m, rows) with rows `step` seconds apart."""
     exact = sums is not None
     sums = sums or TorqueSums.of_rows(torque)
-    mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
-    rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
-    if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
-        return TorqueLevels(mean=mean, mean_low=mean, mean_high=mean)
-    step = (time[-1] - time[0]) / (len(time) - 1)
+    mean, swing, moves = sums.extent(torque)
+    levels = [TorqueLevels(mean=x, mean_low=x, mean_high=x) for x in mean.tolist()]
+    moving = np.flatnonzero(moves)
+    if not len(moving):
+        return levels
+    sums, torque = sums.at(moving), torque[moving]
     lines = spectrum(step, torque)
-    frequency = lines.peak()
-    is_folded = exact and folds(lines, frequency, step, sums.mean)
-    frequency = np.nan if is_folded else frequency
-    unseen = np.nan if is_folded else 0.0
+    frequency, unseen = lines.peak(), np.zeros(len(moving))
+    if exact:
+        unseen[folds(lines, frequency, step, sums.mean)] = np.nan
+    frequency = frequency + unseen
     line, harmonic_2, harmonic_3 = (lines.level(k * frequency) + unseen for k in (1, 2, 3))
-    width = 1.0 / (frequency * step) if exact and np.isfinite(frequency) else np.nan
-    mean, mean_low, mean_high = (float(x) for x in periods_interval(sums.mean, width))
-    squares = periods_interval(sums.squares(mean), width)
-    square, low, high = (np.sqrt(np.maximum(x, 0.0)) for x in squares)
-    return TorqueLevels(
-        mean=mean,
-        mean_low=float(mean_low),
-        mean_high=float(mean_high),
-        rms=float(square),
-        rms_low=float(low),
-        rms_high=float(high),
-        peak_to_peak=swing,
-        peak_scatter=swing - min(float(np.ptp(part)) for part in _quarters(sums)),
-        frequency_hz=frequency,
-        line=line,
-        harmonic_2=harmonic_2,
-        harmonic_3=harmonic_3,
+    width = 1.0 / (frequency * step) if exact else np.full(len(moving), np.nan)
+    mean, mean_low, mean_high = periods_interval(sums.mean, width)
+    square, low, high = (
+        np.sqrt(np.maximum(x, 0.0)) for x in periods_interval(sums.squares(mean), width)
     )
+    columns = {
+        "mean": mean,
+        "mean_low": mean_low,
+        "mean_high": mean_high,
+        "rms": square,
+        "rms_low": low,
+        "rms_high": high,
+        "peak_to_peak": swing[moving],
+        "peak_scatter": swing[moving] - sums.quietest_quarter(),
+        "frequency_hz": frequency,
+        "line": line,
+        "harmonic_2": harmonic_2,
+        "harmonic_3": harmonic_3,
+    }
+    for place, run in enumerate(moving):
+        levels[run] = TorqueLevels(**{name: float(x[place]) for name, x in columns.items()})
+    return levels
 
 
 def plain_levels(time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None) -> np.ndarray:
     """RMS, mean and peak to peak (3,) as `torque_levels` tells them, without bounds and lines."""
+    step = step_of(time) if len(time) > 1 else 0.0
+    return plain_levels_side_by_side(step, torque[None], sums and sums.side_by_side)[0]
+
+
+def plain_levels_side_by_side(
+    step: float, torque: np.ndarray, sums: TorqueSums | None
+) -> np.ndarray:
+    """`plain_levels` (m, 3) of windows (m, rows) with rows `step` seconds apart."""
     over_steps = sums is not None
     sums = sums or TorqueSums.of_rows(torque)
-    mean, swing = float(sums.mean.mean()), float(sums.most.max() - sums.least.min())
-    rest = np.abs([sums.most.max() - mean, sums.least.min() - mean]).max()
-    if rest <= FLUCTUATION_ROUND_OFF * np.abs(torque).max() or len(torque) < 2:
-        return np.array([0.0, mean, 0.0])
-    step = (time[-1] - time[0]) / (len(time) - 1)
-    frequency = unfolded_line(step, torque, sums.mean) if over_steps else np.nan
-    width = 1.0 / (frequency * step) if np.isfinite(frequency) else np.nan
+    mean, swing, moves = sums.extent(torque)
+    levels = np.stack([np.zeros(len(mean)), mean, np.zeros(len(mean))], axis=1)
+    moving = np.flatnonzero(moves)
+    if not len(moving):
+        return levels
+    sums, torque = sums.at(moving), torque[moving]
+    width = np.full(len(moving), np.nan)
+    if over_steps:
+        width = 1.0 / (unfolded_line(step, torque, sums.mean) * step)
     mean = periods_mean(sums.mean, width)
     square = periods_mean(sums.squares(mean), width)
-    return np.array([np.sqrt(max(square, 0.0)), mean, swing])
-
-
-def _quarters(sums: TorqueSums) -> Iterator[np.ndarray]:
-    """Least and largest torque of each quarter of a window, of halves where rows are few."""
-    count = N_QUARTERS if len(sums.least) >= LEAST_ROWS * N_QUARTERS else 2
-    for least, most in zip(
-        *(np.array_split(x, count) for x in (sums.least, sums.most)), strict=True
-    ):
-        yield np.array([least.min(), most.max()])
+    levels[moving] = np.stack([np.sqrt(np.maximum(square, 0.0)), mean, swing[moving]], axis=1)
+    return levels
 
 
 def errors_by_rows(torque: np.ndarray) -> np.ndarray:
@@ -250,151 +302,3 @@ def swing_spread(sums: TorqueSums, width: float) -> float:
     if not len(swings) or not swings.mean() > FLUCTUATION_ROUND_OFF * np.abs(sums.mean).max():
         return np.nan
     return float(np.ptp(swings) / swings.mean())
-
-
-def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean of each column with 95 % bounds from sub-windows.
-
-    Student's t over the means of 20, 10 or 5 equal blocks: the first number at which neighbouring
-    blocks are not correlated (lag-one coefficient), so that blocks are longer than the correlation
-    time; what correlation five blocks still have widens the interval.
-
-    Parameters
-    ----------
-    values : ndarray (rows,) or (rows, m)
-
-    Returns
-    -------
-    mean, low, high : ndarray () or (m,)
-        Bounds are the mean itself for fewer than five rows.
-    """
-    mean = values.mean(axis=0)
-    half = _half_width(mean, _row_blocks(values))
-    return mean, mean - half, mean + half
-
-
-def periods_interval(values: np.ndarray, width: float) -> tuple[float, float, float]:
-    """As `mean_interval` of values (rows,) that are means between rows, over whole periods.
-
-    The periods have `width` rows, no whole number; they are counted from the last row backwards. A
-    periodic motion has no scatter then, where blocks that cut its periods have. As the loudest line
-    may be the second or third harmonic, the mean is over a multiple of six periods where there are
-    twelve. NaN, or fewer than five periods: `mean_interval` itself.
-    """
-    count, means = _periods(values, width)
-    if not count:
-        mean, low, high = mean_interval(values)
-        return float(mean), float(low), float(high)
-    overall_mean = float(means(np.array([count, 0.0]))[0])
-    blocks = [
-        means(_whole_periods(count, number)) for number in SUBWINDOW_COUNTS if count >= number
-    ]
-    half = float(_half_width(np.array(overall_mean), blocks))
-    half = max(half, _still_to_come(overall_mean, blocks[-2:][0], means(_whole_periods(count, 3))))
-    return overall_mean, overall_mean - half, overall_mean + half
-
-
-def periods_mean(values: np.ndarray, width: float) -> float:
-    """The mean of `periods_interval`."""
-    count, means = _periods(values, width)
-    return float(means(np.array([count, 0.0]))[0] if count else values.mean())
-
-
-def _periods(values: np.ndarray, width: float) -> tuple[int, Callable[[np.ndarray], np.ndarray]]:
-    """How many whole periods a mean is over, 0 for none, and means between edges.
-
-    Edges are in periods from the last row backwards, the earliest first.
-    """
-    summed = np.concatenate([[0.0], np.cumsum(values)])
-
-    def means(edges: np.ndarray) -> np.ndarray:
-        at = np.interp(len(values) - width * edges, np.arange(len(summed)), summed)
-        blocks: np.ndarray = np.diff(at) / (width * -np.diff(edges))
-        return blocks
-
-    count = int(len(values) / width * (1 + 1e-12)) if width > 0 else 0
-    if count < SUBWINDOW_COUNTS[-1] or width < 1:
-        return 0, means
-    return count - (count % PERIODS_OF_HARMONICS if count >= 2 * PERIODS_OF_HARMONICS else 0), means
-
-
-def _whole_periods(count: int, number: int) -> np.ndarray:
-    """Edges of blocks (number + 1,) of whole periods that hold all of them, the earliest first."""
-    return np.round(np.linspace(count, 0, number + 1))
-
-
-def _still_to_come(mean: float, blocks: np.ndarray, thirds: np.ndarray) -> float:
-    """How far the limit of a level that is approached is from its mean; 0 where none is seen.
-
-    It is where means of sub-windows lie along a line: the drift from third to third goes on by its
-    ratio (Aitken). A drift by much of the mean is that of a motion that passes, without a limit.
-    """
-    x = np.arange(len(blocks)) - 0.5 * (len(blocks) - 1)
-    rest = blocks - blocks.mean()
-    total = float(rest @ rest)
-    if not total > 0 or float(x @ rest) ** 2 < MIN_TREND_VARIANCE_SHARE * total * float(x @ x):
-        return 0.0
-    first, second = np.diff(thirds).tolist()
-    if first * second <= 0 or abs(thirds[2] - thirds[0]) > MAX_REL_DRIFT * abs(mean):
-        return 0.0
-    ratio = min(second / first, MAX_DRIFT_RATIO)
-    return abs(float(thirds[2]) + EXTRAPOLATION_SAFETY * second * ratio / (1 - ratio) - mean)
-
-
-def _row_blocks(values: np.ndarray) -> Iterator[np.ndarray]:
-    """Means of 20, 10 and 5 equal blocks of rows, where there are so many."""
-    for count in SUBWINDOW_COUNTS:
-        width = len(values) // count
-        if width:
-            cut = values[len(values) - count * width :]
-            yield np.add.reduceat(cut, np.arange(0, len(cut), width), axis=0) / width
-
-
-def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarray:
-    """Half-width of the interval of a mean () or (m,), from means of blocks (count, ..)."""
-    half = np.zeros_like(mean)
-    is_correlated = np.ones(np.shape(mean), dtype=bool)
-    for blocks in block_means:
-        count = len(blocks)
-        rest = blocks - blocks.mean(axis=0)
-        size = (rest**2).sum(axis=0)
-        product = (rest[1:] * rest[:-1]).sum(axis=0)
-        rho = np.where(size > 0, product / np.where(size > 0, size, 1.0) + 1.0 / count, 0.0)
-        rho_counted = np.minimum(np.maximum(rho, 0.0), 0.9)
-        error = np.sqrt(size / (count * (count - 1)) * (1 + rho_counted) / (1 - rho_counted))
-        half = np.where(is_correlated, special.stdtrit(count - 1, 0.975) * error, half)
-        is_correlated = is_correlated & (rho > MAX_CORRELATION)
-    return half
-
-
-def pooled_interval(
-    values: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[float, float, float]:
-    """Mean of levels of independent runs with 95 % bounds.
-
-    The half-width is the larger of two, so that it holds where the windows of a run are shorter
-    than its slowest bursts, and where starts end in cycles of their own: what the intervals of the
-    runs make of their mean, root of the sum of squares over k, and Student's t over the k values.
-    The bounds go no further than the outermost of the runs, which t does for two or three. Runs
-    that agree to round-off are one run seen k times, with its own bounds.
-
-    Parameters
-    ----------
-    values, low, high : ndarray (k,)
-        Of each run, with its own 95 % bounds.
-
-    Returns
-    -------
-    mean, low, high : float
-        Those of the run itself for k = 1.
-    """
-    k = len(values)
-    if k == 1:
-        return float(values[0]), float(low[0]), float(high[0])
-    mean = float(values.mean())
-    if np.ptp(values) <= IDENTICAL_RUNS_REL_SPREAD * abs(mean):
-        return mean, float(low.min()), float(high.max())
-    inside = np.linalg.norm(0.5 * (high - low)) / k
-    between = special.stdtrit(k - 1, 0.975) * values.std(ddof=1) / np.sqrt(k)
-    half = float(max(inside, between))
-    return mean, max(mean - half, float(low.min())), min(mean + half, float(high.max()))

@@ -20,7 +20,8 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.levels import JUDGED_SHARE, last_window
+from squealstudy.motion.outcome.levels import JUDGED_SHARE, window_of_line
+from squealstudy.motion.outcome.torque import judged_line
 
 MAX_PERIODIC_RESIDUAL = 0.05  # RMS of what is left after a period, over that of the motion
 EXACT_PERIOD_RESIDUAL = 0.01  # the same: no longer period is looked for where as little is left
@@ -246,15 +247,19 @@ def judged_window(run: Motion) -> slice:
     Where that is longer than the last 40 %, and the motion comes back in these alone: these.
     """
     if "judged" not in run.windows:
-        torque, means = run.history["torque"], run.history.get("torque_mean")
-        is_summed = means is not None and bool(np.isfinite(means).all())
-        window = last_window(run.times, torque, means if is_summed else None)
+        window = window_of_line(run.times, run.history["torque"], judged_line(run))
         longer = window.start < _last(run).start
         if longer and np.isnan(own_frequency(run, window).hz) and np.isfinite(_hz(run)):
             window = slice(_last(run).start, window.stop)  # the rest is of the start
         run.windows["judged"] = window
     judged: slice = run.windows["judged"]
     return judged
+
+
+def judged_rows(run: Motion) -> slice:
+    """The rows of `judged_window` whose sums say something: without that of the start."""
+    window, last = judged_window(run), len(run.times) - 1
+    return slice(max(window.start, min(1, last)), window.stop)
 
 
 def own_frequency(run: Motion, window: slice) -> Fundamental:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -50,16 +51,17 @@ class Spectrum:
 
     def level(self, frequency: np.ndarray | float) -> np.ndarray:
         """RMS (...) of what lies around a frequency; 0 at NaN, NaN beyond the Nyquist frequency."""
-        bins, known = self.power.shape[-1], np.isfinite(frequency)
-        at = np.where(known, frequency, 0.0) / self.resolution
-        half = np.maximum(3.0, LINE_WIDTH * at)
-        ends = np.maximum(1, np.rint(at - half)), np.rint(at + half)
-        number = np.arange(bins)
-        near = (number >= ends[0][..., None]) & (number <= ends[1][..., None])
-        size = np.sqrt(np.where(near, self.power, 0.0).sum(axis=-1))
-        size = np.where(at >= bins - 1, np.nan, size)
-        levels: np.ndarray = np.where(known, size, 0.0)[()]
-        return levels
+        bins, every = self.power.shape[-1], np.zeros(np.shape(frequency))
+        spectra = self.power.reshape(-1, bins)
+        for k, hz in enumerate(np.ravel(frequency).tolist()):
+            if not math.isfinite(hz):
+                continue
+            at = hz / self.resolution
+            half = max(3.0, LINE_WIDTH * at)
+            first, last = max(1, round(at - half)), round(at + half) + 1
+            size = math.sqrt(spectra[k, first:last].sum()) if at < bins - 1 else math.nan
+            every.flat[k] = size
+        return every[()]
 
 
 def spectrum(step: float, signal: np.ndarray) -> Spectrum:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,10 +28,10 @@ from squealstudy.motion.outcome.levels import (
     errors_by_rows,
     period_swings,
     swing_spread,
-    torque_levels,
 )
-from squealstudy.motion.outcome.periods import judged_window, own_frequency
+from squealstudy.motion.outcome.periods import judged_rows, judged_window, own_frequency
 from squealstudy.motion.outcome.settling import settled
+from squealstudy.motion.outcome.torque import find_levels, find_lines, levels_of
 from squealstudy.motion.outcome.verdict import run_verdict
 from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
 
@@ -90,6 +90,17 @@ def summarise(
     return Summary(point, _mode_rows(run, energies, total, shares), growth)
 
 
+def look_ahead(runs: Iterable[Motion]) -> None:
+    """Find side by side what summaries of the runs of a batch look up: lines and levels."""
+    steady = [
+        run
+        for run in runs
+        if run.point.schedule is None and run.outcome == "ok" and len(run.times) >= LEAST_ROWS
+    ]
+    find_lines(steady)
+    find_levels([(run, judged_rows(run)) for run in steady])
+
+
 def _changing(run: Motion) -> Summary:
     """Of a run whose speed or pressure changes: nothing that is of one speed, but the forecast.
 
@@ -146,10 +157,10 @@ def run_levels(
     """
     torque = run.history["torque"]
     window = judged_window(run)
-    rows_judged = slice(max(window.start, min(1, len(torque) - 1)), window.stop)
+    rows_judged = judged_rows(run)
     sums = TorqueSums.of(run.history, rows_judged)
     all_sums = TorqueSums.of_rows(torque[rows_judged]) if sums is None else sums
-    levels = torque_levels(run.times[rows_judged], torque[rows_judged], all_sums)
+    levels = levels_of(run, rows_judged)
     rows = errors_by_rows(torque[rows_judged]) if sums is None else np.zeros(3)
     own_hz = own_frequency(run, window)
     width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else levels.frequency_hz)
