@@ -174,9 +174,9 @@ def _projected(product: np.ndarray, overlap: np.ndarray, modes: list[int]) -> fl
     axes = [2 * k + i for k in modes for i in (0, 1)]
     part = np.ix_(axes, axes)
     size, vectors = np.linalg.eigh(overlap[part])
-    vectors = vectors[:, size > OVERLAP_EIGENVALUE_CUTOFF * size.max()]
-    kept = size[size > OVERLAP_EIGENVALUE_CUTOFF * size.max()]
-    return 0.5 * float((((product[part] @ vectors) * vectors).sum(axis=0) / kept).sum())
+    spans = size > OVERLAP_EIGENVALUE_CUTOFF * size.max()
+    along = ((product[part] @ vectors) * vectors).sum(axis=0)
+    return 0.5 * float((along[spans] / size[spans]).sum())
 
 
 def level_shares(run: Motion, window: slice) -> np.ndarray:

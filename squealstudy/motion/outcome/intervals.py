@@ -88,8 +88,8 @@ def periods_mean(values: np.ndarray, width: np.ndarray | float) -> np.ndarray:
 def _period_count(rows: int, width: np.ndarray) -> np.ndarray:
     """How many whole periods of `width` rows (m,) a mean is over, 0 where it is over rows."""
     with np.errstate(invalid="ignore"):
-        told = width >= 1.0
-    count = (rows / np.where(told, width, np.inf) * (1 + 1e-12)).astype(int)
+        has_rows = width >= 1.0
+    count = (rows / np.where(has_rows, width, np.inf) * (1 + 1e-12)).astype(int)
     count = np.where(count < SUBWINDOW_COUNTS[-1], 0, count)
     left_over = np.where(count >= 2 * PERIODS_OF_HARMONICS, count % PERIODS_OF_HARMONICS, 0)
     whole: np.ndarray = count - left_over
@@ -150,8 +150,8 @@ class _Periods:
         half, is_correlated = np.zeros_like(mean), np.ones(len(mean), dtype=bool)
         for number, blocks in by_number.items():
             served = is_correlated & (self.count >= number)
-            own, rho = _student(blocks.T)
-            half = np.where(served, own, half)
+            of_blocks, rho = _student(blocks.T)
+            half = np.where(served, of_blocks, half)
             is_correlated &= ~served | (rho > MAX_CORRELATION)
         fine, coarse = (by_number[number] for number in SUBWINDOW_COUNTS[1:])
         thirds = self.blocks(3)
@@ -197,8 +197,8 @@ def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarr
     half = np.zeros_like(mean)
     is_correlated = np.ones(np.shape(mean), dtype=bool)
     for blocks in block_means:
-        own, rho = _student(blocks)
-        half = np.where(is_correlated, own, half)
+        of_blocks, rho = _student(blocks)
+        half = np.where(is_correlated, of_blocks, half)
         is_correlated = is_correlated & (rho > MAX_CORRELATION)
     return half
 

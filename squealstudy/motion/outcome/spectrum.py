@@ -101,11 +101,11 @@ def folds(
     -------
     ndarray (...) of bool
     """
-    known = np.isfinite(frequency)
-    if not np.any(known):
-        return known
-    least = (1.0 - MAX_MISSING_SHARE) * np.sinc(np.where(known, frequency, 0.0) * step)
-    is_folded: np.ndarray = known & (
+    is_line = np.isfinite(frequency)
+    if not np.any(is_line):
+        return is_line
+    least = (1.0 - MAX_MISSING_SHARE) * np.sinc(np.where(is_line, frequency, 0.0) * step)
+    is_folded: np.ndarray = is_line & (
         spectrum(step, means).level(frequency) < least * lines.level(frequency)
     )
     return is_folded

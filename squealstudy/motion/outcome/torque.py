@@ -63,7 +63,7 @@ def plain_levels_of(run: Motion, rows: slice) -> np.ndarray:
 def find_lines(runs: Iterable[Motion]) -> None:
     """`judged_line` of runs of a batch."""
     whole = [(run, judged_part(len(run.times))) for run in runs if len(run.times) > 1]
-    for group in _alike(whole):
+    for group in _windows_of_equal_rows(whole):
         rows = group[0][1]
         signals, means = (
             np.array([run.history[name][rows] for run, _ in group])
@@ -76,7 +76,7 @@ def find_lines(runs: Iterable[Motion]) -> None:
 
 def find_levels(windows: Iterable[RowsOfRun]) -> None:
     """`levels_of` rows of runs of a batch."""
-    for group in _alike(windows):
+    for group in _windows_of_equal_rows(windows):
         torque, sums = _together(group)
         levels = levels_side_by_side(step_of(group[0][0].times), torque, sums)
         for (run, rows), one in zip(group, levels, strict=True):
@@ -85,14 +85,14 @@ def find_levels(windows: Iterable[RowsOfRun]) -> None:
 
 def find_plain_levels(windows: Iterable[RowsOfRun]) -> None:
     """`plain_levels_of` rows of runs of a batch."""
-    for group in _alike(windows):
+    for group in _windows_of_equal_rows(windows):
         torque, sums = _together(group)
         levels = plain_levels_side_by_side(step_of(group[0][0].times), torque, sums)
         for (run, rows), one in zip(group, levels, strict=True):
             run.windows[PLAIN, rows.start, rows.stop] = one
 
 
-def _alike(windows: Iterable[RowsOfRun]) -> Iterator[list[RowsOfRun]]:
+def _windows_of_equal_rows(windows: Iterable[RowsOfRun]) -> Iterator[list[RowsOfRun]]:
     """Windows of runs that were summed over every step, those of the same rows together."""
     groups: dict[tuple[int, int, int, float], list[RowsOfRun]] = {}
     for run, rows in windows:
