@@ -43,8 +43,10 @@ def block(folder, **values):
 class Tabled(Block):
     """The block with this table."""
 
+    ratio = staticmethod(judge())
+
     def drag(self, slip):
-        return self.force * self.friction * float(judge()(abs(slip)))
+        return self.force * self.friction * float(self.ratio(abs(slip)))
 
 
 def test_the_curve_is_scipys_between_the_ends_and_constant_beyond():

@@ -402,6 +402,7 @@ def test_few_coordinates_are_those_of_a_larger_system(n):
     np.testing.assert_array_equal(together[0].v, few.v)  # each goes alone
 
 
+@pytest.mark.full_size  # kernels of single precision are compiled for it
 def test_single_precision_storage_is_close(rough):
     system, design, r = rough
     single = replace(SHORT, integrator=Newmark(single_storage=True))

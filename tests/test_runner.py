@@ -313,7 +313,11 @@ def _session_members(leader: int) -> list[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 @pytest.mark.parametrize(
-    ("text", "after"), [(BRAKE, (1, 6)), (BATCHES, (1, 3))], ids=["points", "batches"]
+    ("text", "after"),
+    [
+        pytest.param(BRAKE, (1, 6), id="points"),
+        pytest.param(BATCHES, (1, 3), id="batches", marks=pytest.mark.full_size),
+    ],
 )
 def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(
     text: str, after: tuple[int, int], tmp_path: Path, tiny: None

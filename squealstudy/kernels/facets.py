@@ -164,8 +164,8 @@ def _settle(
     for _ in range(MAX_NEWTON_STEPS):
         place(kind, X, a, b, N, x)
         if follow:
-            t[0] = x[1]
-            t[1] = x[2]
+            for j in range(3):
+                t[0, j], t[1, j] = x[1, j], x[2, j]
         r0 = r1 = j00 = j01 = j10 = j11 = 0.0
         for j in range(3):
             d = p[j] - x[0, j]
@@ -207,7 +207,9 @@ def _approach(
     if found:
         return a, b, True
     place(kind, X, centre, centre, N, x)
-    c, q = x[0].copy(), np.zeros(3)
+    c, q = np.zeros(3), np.zeros(3)
+    for j in range(3):
+        c[j] = x[0, j]
     a = b = centre
     for k in range(1, HOMOTOPY_STEPS + 1):
         for j in range(3):
@@ -314,8 +316,8 @@ def project(
             elif abs(g) < abs(gap[i]):
                 facet[i] = m
                 gap[i] = g
-                values[i, : kinds[m]] = N[0, : kinds[m]]
-                values[i, kinds[m] :] = 0.0
+                for k in range(MAX_FACET_NODES):
+                    values[i, k] = N[0, k] if k < kinds[m] else 0.0
 
 
 @kernel
@@ -368,5 +370,5 @@ def feet(
             best = off + beyond * search
             facet[i] = m
             distance[i] = off
-            values[i, : kinds[m]] = N[0, : kinds[m]]
-            values[i, kinds[m] :] = 0.0
+            for k in range(MAX_FACET_NODES):
+                values[i, k] = N[0, k] if k < kinds[m] else 0.0

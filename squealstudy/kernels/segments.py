@@ -36,7 +36,8 @@ def clip(corners: np.ndarray, n: int, height: np.ndarray, out: np.ndarray) -> in
         if m + 2 > len(out):
             return -1
         if height[i] >= 0:
-            out[m] = corners[i]
+            for j in range(corners.shape[1]):
+                out[m, j] = corners[i, j]
             m += 1
         if (height[i] > 0 > height[k]) or (height[i] < 0 < height[k]):
             share = height[i] / (height[i] - height[k])
@@ -55,8 +56,9 @@ def cut(corners: np.ndarray, n: int, height: np.ndarray, other: np.ndarray) -> i
     if inside:
         return n
     n = clip(corners, n, height, other)
-    if n >= 3:
-        corners[:n] = other[:n]
+    for c in range(n if n >= 3 else 0):
+        for j in range(corners.shape[1]):
+            corners[c, j] = other[c, j]
     return n
 
 
@@ -91,7 +93,8 @@ def outline(
                 a = corners[i, 0] + s * (corners[k, 0] - corners[i, 0])
                 b = corners[i, 1] + s * (corners[k, 1] - corners[i, 1])
                 place(kind, X, a, b, N, x)
-                out[m] = x[0]
+                for j in range(3):
+                    out[m, j] = x[0, j]
             m += 1
     return m
 
@@ -114,6 +117,23 @@ def has_straight_sides(kind: int, X: np.ndarray, n: np.ndarray) -> bool:
 
 
 @exact_kernel
+def cross(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
+    """The vector product of a and b (3,)."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@exact_kernel
+def rise(direction: np.ndarray, point: np.ndarray, base: np.ndarray) -> float:
+    """How far a point (3,) lies from the base along a direction, times its length."""
+    total = 0.0
+    for j in range(3):
+        total += direction[j] * (point[j] - base[j])
+    return total
+
+
+@exact_kernel
 def near(
     kind: int,
     X: np.ndarray,
@@ -128,7 +148,7 @@ def near(
     Further off, the facet's local coordinates may turn back. A plane facet with straight sides is
     its own neighbourhood.
     """
-    x, out = np.zeros((3, 3)), np.zeros(3)
+    x, out, along, inward = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
     three = kind == 3 or kind == 6
     sides = 3 if three else 4
     centre = 1 / 3 if three else 0.0
@@ -136,22 +156,18 @@ def near(
     normal(x, out)
     straight = has_straight_sides(kind, X, out)
     for i in range(sides):
-        e = X[(i + 1) % sides] - X[i]
-        inward = np.array(
-            [
-                out[1] * e[2] - out[2] * e[1],
-                out[2] * e[0] - out[0] * e[2],
-                out[0] * e[1] - out[1] * e[0],
-            ]
-        )
+        k = (i + 1) % sides
+        for j in range(3):
+            along[j] = X[k, j] - X[i, j]
+        cross(out, along, inward)
         low = high = 0.0  # of the nodes over the straight side
         for c in range(kind):
-            h = np.sum(inward * (X[c] - X[i]))
+            h = rise(inward, X[c], X[i])
             low, high = min(low, h), max(high, h)
         if not straight:
             low -= SEARCH_BOX_MARGIN * (high - low)
         for c in range(n):
-            height[c] = np.sum(inward * (corners[c] - X[i])) - low
+            height[c] = rise(inward, corners[c], X[i]) - low
         n = cut(corners, n, height, other)
         if n < 3:
             break

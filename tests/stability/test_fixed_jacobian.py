@@ -157,10 +157,13 @@ def test_rates_are_read_where_they_are_geometric():
     assert fixed_jacobian.rate(np.array([1.0, 1e7, 1e7])) == pytest.approx(1e7)
 
 
+KERNELS_OF_THEIR_OWN = ("fixed_jacobian", "storage")  # which take half a minute to compile
+
+
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.full_size] * name.startswith("fixed_jacobian"))
+        pytest.param(name, marks=[pytest.mark.full_size] * name.startswith(KERNELS_OF_THEIR_OWN))
         for name in known_cases()
     ],
 )
