@@ -1,13 +1,26 @@
-"""Final states of runs in time: files of arrays, which anybody may have written."""
+"""Final states of runs in time: files of arrays, which anybody may have written.
+
+A design point has a file of its own, named by its id, or is a row of one that a batch has.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from squealstudy.array_files import read_arrays
+from squealstudy.engine.keys import HASH_DIGITS, content_hash
+from squealstudy.engine.result_names import STATES
+from squealstudy.engine.store import Store
+
+POINT_ID = re.compile(rf"[0-9a-f]{{{HASH_DIGITS}}}")
+IDS = "point_id"  # of the rows of a file that several points share
+
+States = Mapping[str, tuple[np.ndarray, np.ndarray]]  # deviation and velocity (n,) by point id
 
 
 class FinalState(NamedTuple):
@@ -19,16 +32,58 @@ class FinalState(NamedTuple):
     representation: str
 
 
-def read_state(path: Path) -> FinalState:
-    """The final state in a file; OSError, ValueError where it holds none."""
+def state_files(
+    states: States, prepared_key: str, representation: str, apart: bool
+) -> dict[str, dict[str, Any]]:
+    """Files of final states by their paths: each `apart`, or one of all.
+
+    States are in component-mode coordinates of one model.
+    """
+    model = {"prepared_key": prepared_key, "representation": representation}
+    if apart or len(states) < 2:
+        return {f"{STATES}/{i}.npz": {"q": q, "v": v, **model} for i, (q, v) in states.items()}
+    q, v = (np.array(part) for part in zip(*states.values(), strict=True))
+    name = f"{STATES}/{content_hash(sorted(states))}.npz"
+    return {name: {IDS: np.array(list(states)), "q": q, "v": v, **model}}
+
+
+def state_names(store: Store) -> dict[str, str]:
+    """Files of the final states in a results directory by the ids of their points, ascending."""
+    names = store.names(STATES)
+    every = {i: name for name in names for i in _points_of(store.directory / name)}
+    return dict(sorted(every.items()))
+
+
+def _points_of(path: Path) -> list[str]:
+    """Ids of the design points that a file should have the states of.
+
+    Of one that cannot be read as of several, its name: whoever reads it tells what is wrong.
+    """
+    try:
+        ids = read_arrays(path)[IDS].ravel().astype(str).tolist()
+    except (OSError, ValueError, KeyError):
+        return [path.stem]
+    return [name for name in ids if POINT_ID.fullmatch(name)]
+
+
+def read_state(path: Path, point_id: str = "") -> FinalState:
+    """The final state of a point in a file; OSError, ValueError where it holds none.
+
+    The id is of no matter where the file is that of one point.
+    """
     arrays = read_arrays(path)
     try:
         q, v = arrays["q"], arrays["v"]
         texts = [str(arrays[name]) for name in ("prepared_key", "representation")]
     except KeyError as error:
         raise ValueError(f"it holds no {error}") from None
-    expect_numbers(q, (len(q),) if q.ndim else ())
+    expect_numbers(q, q.shape if IDS in arrays and q.ndim == 2 else (len(q),) if q.ndim else ())
     expect_numbers(v, q.shape)
+    if IDS in arrays:
+        rows = np.flatnonzero(arrays[IDS].ravel() == point_id)
+        if not (len(rows) and q.ndim == 2 and len(q) == arrays[IDS].size):
+            raise ValueError(f"it holds no state of '{point_id}'")
+        q, v = q[rows[0]], v[rows[0]]
     return FinalState(q, v, *texts)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from squealstudy.engine.final_states import read_state
+from squealstudy.engine.final_states import read_state, state_names
 from squealstudy.engine.mode_shapes import PointShapes
 from squealstudy.engine.result_names import STATES
 from squealstudy.engine.result_tables import ResultTables
@@ -130,12 +130,12 @@ def _state(
     results: ResultTables, point_id: str, shapes: PointShapes
 ) -> tuple[np.ndarray, np.ndarray]:
     """Deviation from steady sliding and velocity in the coordinates of the shapes' model."""
-    name = f"{STATES}/{point_id}.npz"
-    if name not in results.store.names(STATES):
-        raise ResultsError(f"{results.directory}: there is no final state {name}")
+    name = state_names(results.store).get(point_id)
+    if name is None:
+        raise ResultsError(f"{results.directory}: there is no final state {STATES}/{point_id}.npz")
     path = results.store.whole(name)
     try:
-        q, v, key, representation = read_state(path)
+        q, v, key, representation = read_state(path, point_id)
     except (OSError, ValueError) as error:
         raise ResultsError(f"{path} is no final state ({error})") from None
     if representation != MODAL:

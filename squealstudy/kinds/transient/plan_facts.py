@@ -6,6 +6,7 @@ speed at which friction saturates in time is one for all design points of a stud
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,12 +16,11 @@ import numpy as np
 
 from squealstudy.cycles.harmonics import series_at
 from squealstudy.engine.cycle_states import stored_cycle
-from squealstudy.engine.final_states import read_state
+from squealstudy.engine.final_states import read_state, state_names
 from squealstudy.engine.keys import source_hash
 from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.model_kind import Columns
 from squealstudy.engine.plan import Plan
-from squealstudy.engine.result_names import STATES
 from squealstudy.engine.store import POINTS, Store
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.schedules import schedules_of
@@ -131,14 +131,6 @@ class StartState:
         return replace(self, q=factor * self.q, v=factor * self.v)
 
 
-def state_file(
-    point_id: str, prepared_key: str, representation: str, q: np.ndarray, v: np.ndarray
-) -> dict[str, dict[str, Any]]:
-    """The final state of a design point by its path; component-mode coordinates (n,)."""
-    content = {"q": q, "v": v, "prepared_key": prepared_key, "representation": representation}
-    return {f"{STATES}/{point_id}.npz": content}
-
-
 @lru_cache(maxsize=PLAN_CACHE_SIZE)
 def start_of(plan: Plan) -> StartState | None:
     """The state that a study continues; None where it starts from steady sliding.
@@ -171,13 +163,15 @@ def start_of(plan: Plan) -> StartState | None:
     store = Store(directory)
     try:
         finished = _finished(store)
-        states = {Path(name).stem: name for name in store.names(STATES)}
+        states = state_names(store)
         states = {k: name for k, name in states.items() if finished is None or k in finished}
-        path = store.whole(_chosen(section, source, states))
+        point_id = _chosen(section, source, list(states))
+        path = store.whole(states[point_id])
     except ResultsError as error:
         raise source.error(KEY, str(error)) from None
     try:
-        return _read(path).scaled(section.start_scale)
+        q, v, key, representation = read_state(path, point_id)
+        return StartState(point_id, key, representation, q, v).scaled(section.start_scale)
     except (OSError, ValueError) as error:
         raise source.error(KEY, f"{path} is no final state ({error})") from None
 
@@ -211,28 +205,24 @@ def _finished(store: Store) -> set[str] | None:
     return {row["point_id"] for row in table if row["status"] == "ok"}
 
 
-def _chosen(section: TransientSection, source: SourceText, states: dict[str, str]) -> str:
+def _chosen(section: TransientSection, source: SourceText, points: Sequence[str]) -> str:
+    """The one of the design points with final states that the study asks for."""
     point_name = section.start_point
-    if not states:
+    if not points:
         raise source.error(KEY, f"no design point of '{section.start}' has reached its end")
-    if point_name is None and len(states) == 1:
-        return next(iter(states.values()))
+    if point_name is None and len(points) == 1:
+        return points[0]
     if point_name is None:
         raise source.error(
             KEY,
-            f"'{section.start}' has {len(states)} final states: name one by start_point, "
-            f"for example '{next(iter(states))}'",
+            f"'{section.start}' has {len(points)} final states: name one by start_point, "
+            f"for example '{points[0]}'",
         )
-    matching = [name for point, name in states.items() if point.startswith(point_name)]
+    matching = [point for point in points if point.startswith(point_name)]
     if len(matching) != 1:
         what = "is not unique" if matching else "is not finished, failed, or is unknown"
         raise source.error(POINT_KEY, f"point '{point_name}' of '{section.start}' {what}")
     return matching[0]
-
-
-def _read(path: Path) -> StartState:
-    q, v, key, representation = read_state(path)
-    return StartState(path.stem, key, representation, q, v)
 
 
 def check_model(start: StartState, prepared_keys: set[str], section: TransientSection) -> str:

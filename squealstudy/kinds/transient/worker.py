@@ -20,6 +20,7 @@ from squealstudy.engine.cache import (
     prepared_path,
     save_value,
 )
+from squealstudy.engine.final_states import state_files
 from squealstudy.engine.keys import content_hash, source_hash
 from squealstudy.engine.validity import open_reason
 from squealstudy.engine.workers import Solved
@@ -27,7 +28,6 @@ from squealstudy.errors import ConvergenceError, ModelError, SquealstudyError
 from squealstudy.kinds.transient.batch import BatchTask, sensed_modes
 from squealstudy.kinds.transient.batch_steps import BatchSteps
 from squealstudy.kinds.transient.histories import history_file, history_frame
-from squealstudy.kinds.transient.plan_facts import state_file
 from squealstudy.kinds.transient.starts import set_up_all
 from squealstudy.kinds.transient.tables import lost_row, row
 from squealstudy.mechanics.failures import FAILURES, reason
@@ -89,7 +89,8 @@ def solve_batch(task: BatchTask) -> Solved:
         batch_rows, steps = [], BatchSteps(task, motions)
         for point, motion in zip(chosen, motions, strict=True):
             batch_rows.append(_row(task, point, motion, steps))
-            files |= _files(task, point, motion)
+            files |= _history(task, point, motion)
+        files |= _states(task, chosen, motions)
         wall = (time.perf_counter() - started) / max(len(ready), 1)
         rows += [one | {"wall_s": wall} for one in batch_rows]
     gaps.save()
@@ -141,17 +142,25 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
     )
 
 
-def _files(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any]:
-    """History where it is asked for, and the final state of a finished run, by their paths."""
+def _history(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any]:
+    """The history of a run by its path, where it is asked for."""
     section, every = task.section, task.settings().save_every
-    files: dict[str, Any] = {}
-    if section.save_every:
-        frame = history_frame(motion, section.save_every // every)
-        files |= history_file(point.point_id, frame)
-    if motion.outcome == "ok":
-        q, v = final_state(task, motion)
-        files |= state_file(point.point_id, point.structure, section.representation, q, v)
-    return files
+    if not section.save_every:
+        return {}
+    return history_file(point.point_id, history_frame(motion, section.save_every // every))
+
+
+def _states(
+    task: BatchTask, points: Sequence[DesignPoint], motions: Sequence[Motion]
+) -> dict[str, Any]:
+    """Final states of finished runs by paths: beside its history each has a file of its own."""
+    finished = {
+        point.point_id: final_state(task, motion)
+        for point, motion in zip(points, motions, strict=True)
+        if motion.outcome == "ok"
+    }
+    section, key = task.section, task.points[0].structure
+    return state_files(finished, key, section.representation, apart=bool(section.save_every))
 
 
 def integrate(
