@@ -69,8 +69,12 @@ def show(*parts: RenderableType) -> None:
     """Print to stdout."""
     with named(STDOUT):
         for part in parts:
-            # a path longer than a line stays whole, so that it can be copied
-            overflow: OverflowMethod | None = "ignore" if isinstance(part, str) else None
+            # a path longer than a line stays whole, so that it can be copied; files keep sentences
+            # in one line, terminals have them broken between words
+            whole = isinstance(part, str) and not (
+                console.is_terminal and max(map(len, part.split()), default=0) <= console.width
+            )
+            overflow: OverflowMethod | None = "ignore" if whole else None
             text_or_part = plain(part) if isinstance(part, str) else part
             console.print(text_or_part, crop=False, overflow=overflow)
 

@@ -224,27 +224,40 @@ def compare(
     frequency: Annotated[
         Path, typer.Argument(metavar="RESULTS", help="Complex modes, or limit cycles.")
     ],
-    time: Annotated[Path, typer.Argument(metavar="TIME_RESULTS", help="Transient results.")],
+    other: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OTHER_RESULTS",
+            help="Complex modes after a change of the first, or results in time.",
+        ),
+    ],
     csv: Csv = False,
 ) -> None:
-    """What is predicted beside what happens in time.
+    """What a change does to unstable modes, or what is predicted beside what happens in time.
 
-    Growth against fitted growth, and which instabilities express themselves; of limit cycles
-    verdicts, levels and frequencies, and which designs are bistable.
+    Of two studies of complex modes: onsets, growth and shares before and after. Of one and its
+    runs in time: growth against fitted growth, and which instabilities express themselves; of limit
+    cycles verdicts, levels and frequencies, and which designs are bistable.
     """
     from squealstudy import face, screen
+    from squealstudy.cli.before_after import before_after
     from squealstudy.cli.compare import comparison, cycle_comparison
     from squealstudy.cli.run import outside
     from squealstudy.engine.comparison import in_order
     from squealstudy.engine.manifest import outdated
 
-    pair = in_order(face.open_results(frequency), face.open_results(time))
+    pair = face.open_results(frequency), face.open_results(other)
+    is_change = all("onsets" in results.tables for results in pair)
+    pair = pair if is_change else in_order(*pair)
     for results in pair:
         if text := outdated(results.directory, results.manifest):
             screen.warning(f"{text}; run that study again")
     table = pair[0].compare(pair[1])
     if csv:
         screen.show_csv(table)
+        return
+    if is_change:
+        screen.show(*before_after(table, *pair))
         return
     cycles = "agreement" in table
     screen.show(*(cycle_comparison(table) if cycles else comparison(table, pair[0].track_names)))

@@ -56,8 +56,8 @@ def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
     ours, theirs = (
         [n for n in r.parameters if n not in IN_TIME_ONLY] for r in (frequency, transient)
     )
-    nominal = {n: _elsewhere(transient, n) for n in ours if n not in theirs}
-    nominal |= {n: _elsewhere(frequency, n) for n in theirs if n not in ours}
+    nominal = {n: value_elsewhere(transient, n) for n in ours if n not in theirs}
+    nominal |= {n: value_elsewhere(frequency, n) for n in theirs if n not in ours}
     if LIMIT_CYCLES in frequency.tables:
         table = compare_cycles(
             frequency.points,
@@ -89,14 +89,10 @@ def in_order(first: AnyTables, second: AnyTables) -> tuple[AnyTables, AnyTables]
         if predicts and "growth" in transient.tables:
             return frequency, transient
     kinds = ", ".join(f"{r.directory} is {r.kind}" for r in (first, second))
-    text = "expected results of kind complex_modes or limit_cycles and of kind transient, but"
-    beside = ""
-    if "onsets" in first.tables and "onsets" in second.tables:
-        beside = (
-            "; squealstudy rank tells the modes of each, and one study that sweeps what differs "
-            "has its designs side by side"
-        )
-    raise ResultsError(f"{text} {kinds}{beside}")
+    raise ResultsError(
+        "expected results of kind complex_modes or limit_cycles and of kind transient, or two of "
+        f"complex_modes, but {kinds}"
+    )
 
 
 def _followed(results: ResultTables) -> dict[str, Any]:
@@ -106,7 +102,7 @@ def _followed(results: ResultTables) -> dict[str, Any]:
     return {name: table for _, name, table in take_tables(source.tables)[1]}
 
 
-def _elsewhere(results: ResultTables, name: str) -> float:
+def value_elsewhere(results: ResultTables, name: str) -> float:
     """The value at which a study ran that neither sweeps nor sets the parameter."""
     model = model_of(results.manifest)
     parameter = parse_parameter(name, model)

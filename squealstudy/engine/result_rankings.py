@@ -109,25 +109,27 @@ class RankedResults(ResultTables):
         return table
 
     def compare(self, other: ResultTables) -> pd.DataFrame:
-        """What is predicted beside what happens in time: one study of each, in any order.
+        """What a change does, or what is predicted beside what happens in time.
 
-        Of complex modes see tables.comparison.compare, of limit cycles
+        Of two studies of complex modes these are before and `other` after a change
+        (tables.before_after.paired). Else one study predicts and one is in time, in any order: of
+        complex modes see tables.comparison.compare, of limit cycles
         tables.cycle_comparison.compare_cycles.
 
         Parameters
         ----------
         other : Results
-            Of the other kind.
 
         Raises
         ------
         ResultsError
-            These are not a study that predicts and a transient one of one model, with common design
-            points.
+            These are not two such studies of one model, with common design points.
         """
+        from squealstudy.engine.before_after import compare_modes
         from squealstudy.engine.comparison import compare_results
 
-        return compare_results(self, other)
+        both_have_onsets = {*self.tables} & {*other.tables} >= {"onsets"}
+        return (compare_modes if both_have_onsets else compare_results)(self, other)
 
     def robust(self, confidence: float = 0.95) -> pd.DataFrame:
         """Probability of instability with its interval, of any mode and of each track.

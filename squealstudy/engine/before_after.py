@@ -1,0 +1,135 @@
+"""Two studies of complex modes, before and after a change: what they need to have in common."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.engine.comparison import value_elsewhere
+from squealstudy.engine.result_tables import ResultTables
+from squealstudy.errors import ResultsError
+from squealstudy.study.sweeps import RANDOM_DESIGNS
+from squealstudy.tables.before_after import SIDES, UnstableModes, paired, unstable_modes
+from squealstudy.tables.comparison import join_points
+from squealstudy.tables.mode_ranking import line_codes
+from squealstudy.wording import shown, units_of
+
+PARAMETERS = "parameters"  # table of study files
+NAMES_ALONE = {("study", "name"), ("study", "description")}  # no change of what is computed
+
+
+def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
+    """What a change does to the unstable modes (`tables.before_after.paired`).
+
+    `attrs` tell ``points``, how many solved points are compared, and how many of both failed in a
+    study; ``along``, the parameter of the onsets, or None; of each of SIDES a mapping with
+    ``unstable`` and ``uncertain`` points, ``failed`` ones on its lines and the largest value
+    ``top`` of that parameter; ``changes``, texts on what differs in the study files.
+
+    Raises ResultsError where bands or models differ, or no points are common.
+    """
+    both = (before, after)
+    for results in both:
+        if results.boundary is not None:
+            raise ResultsError(f"{results.directory} is of a boundary design, expected a grid")
+    _expect_alike("models", [r.manifest["model"] for r in both], both)
+    _expect_alike(
+        "bands, so that modes of one would seem silenced",
+        ["{:g} to {:g} Hz".format(*r.fact("band_hz")) for r in both],
+        both,
+    )
+    first, second = before.swept, after.swept
+    nominal = {n: value_elsewhere(after, n) for n in first if n not in second}
+    nominal |= {n: value_elsewhere(before, n) for n in second if n not in first}
+    pairs = join_points(before.points, after.points, first, second, nominal)
+    status = [r.points["status"].to_numpy() for r in both]
+    solved = [(i, k) for i, k in pairs if status[0][i] == status[1][k] == "ok"]
+    if not solved:
+        raise ResultsError("every design point that both studies have failed in one of them")
+    same = before.along == after.along
+    drawn = {before.design, after.design} & set(RANDOM_DESIGNS)
+    along = before.along if same and not drawn else None
+    sides: list[UnstableModes] = []
+    facts: dict[Hashable, Any] = {}
+    for results, side, of in zip(both, SIDES, (0, 1), strict=True):
+        points = results.points
+        common = _marked([pair[of] for pair in solved], len(points))
+        lines = common
+        if along is not None:
+            joined = _marked([pair[of] for pair in pairs], len(points))
+            line, x = line_codes(points, along), points[along].to_numpy(float)
+            within = (x >= x[joined].min()) & (x <= x[joined].max())
+            lines = np.isin(line, line[joined]) & within
+        sides.append(unstable_modes(points, results.modes, results.onsets, along, lines, common))
+        facts[side] = {
+            "unstable": sides[-1].unstable,
+            "uncertain": sides[-1].uncertain,
+            "failed": sides[-1].failed,
+            "top": float(points[along][lines].max()) if along else np.nan,
+        }
+    table = paired(*sides)
+    units = before.units | after.units
+    of_onset = dict.fromkeys((n for n in table.columns if n.startswith("onset_")), "")
+    of_onset |= dict.fromkeys((n for n in of_onset if "kind" not in n), units.get(along or "", ""))
+    table.attrs |= facts | {
+        "points": len(solved),
+        "failed": len(pairs) - len(solved),
+        "along": along,
+        "changes": _changes(before, after),
+        "parameters": list(first),
+        "units": units_of(table.columns, units) | of_onset,
+    }
+    return table
+
+
+def _marked(rows: list[int], count: int) -> np.ndarray:
+    is_named = np.zeros(count, dtype=bool)
+    is_named[rows] = True
+    return is_named
+
+
+def _expect_alike(what: str, texts: list[str], both: tuple[ResultTables, ResultTables]) -> None:
+    if texts[0] != texts[1]:
+        each = ", ".join(f"{r.directory}: {text}" for r, text in zip(both, texts, strict=True))
+        raise ResultsError(f"the two studies have different {what} ({each})")
+
+
+def _changes(before: ResultTables, after: ResultTables) -> list[str]:
+    """What differs in the study files and in the files that they name, each in words."""
+    both = (before, after)
+    settings = [dict(_settings(tomllib.loads(str(r.fact("study"))))) for r in both]
+    names = [n for n in dict.fromkeys([*settings[0], *settings[1]]) if n not in NAMES_ALONE]
+    texts = []
+    for name in names:
+        first, second = (of.get(name) for of in settings)
+        if first != second and name == ("sweep",):
+            texts.append("the sweeps")
+        elif first != second:
+            ends = (_setting_text(r, of, name) for r, of in zip(both, settings, strict=True))
+            texts.append(f"{'.'.join(name)} {' -> '.join(ends)}")
+    files = [(r.manifest.get("model_file") or {}).get("files") for r in both]
+    texts += ["the files of the model"] if files[0] != files[1] else []
+    versions = [str(r.manifest.get("versions", {}).get("squealstudy", "")) for r in both]
+    return texts + ([f"squealstudy {' -> '.join(versions)}"] if versions[0] != versions[1] else [])
+
+
+def _settings(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> list[tuple[Any, Any]]:
+    """Keys of a TOML table with their values, of tables within it those of theirs."""
+    settings: list[tuple[Any, Any]] = []
+    for name, setting in table.items():
+        here = (*path, name)
+        settings += _settings(setting, here) if isinstance(setting, dict) else [(here, setting)]
+    return settings
+
+
+def _setting_text(results: ResultTables, settings: Mapping[Any, Any], name: tuple[str, ...]) -> str:
+    """A setting of a study in words; of a parameter that it leaves out the default."""
+    if name in settings:
+        return shown(settings[name])
+    if name[0] == PARAMETERS:
+        return f"{value_elsewhere(results, '.'.join(name[1:])):g}"
+    return "(left out)"

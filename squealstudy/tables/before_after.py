@@ -1,0 +1,179 @@
+"""Unstable modes of one study of complex modes beside those of another, after a change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.root_pairs import partners
+from squealstudy.tables.mode_ranking import OVERDAMPED_GROUP, group_kind, rank_modes
+from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.stability import BELOW_RANGE, INTO, uncertain_points
+from squealstudy.wording import track_number
+
+FREQUENCY_TOLERANCE = 0.05  # relative, of one mode before and after: a choice, told on screens
+SAME_ONSET_REL_DISTANCE = 1e-9  # values of an onset in a ranking and in the table of onsets
+SIDES = ("before", "after")
+COLUMNS = {  # of each side, with their types
+    "mode_{}": "str",
+    "frequency_{}_hz": "f8",
+    "onset_{}": "f8",
+    "onset_kind_{}": "str",
+    "onset_error_{}": "f8",
+    "growth_rate_{}": "f8",
+    "growth_rate_error_{}": "f8",
+    "unstable_points_{}": "int64",
+}
+EMPTY: dict[str, object] = {"str": "", "int64": 0}  # of a side on which there is no such mode
+COMPONENTS = ["main_component", "second_component"]
+
+
+class UnstableModes(NamedTuple):
+    """The unstable modes of one study at points and on lines that another has, too.
+
+    Attributes
+    ----------
+    table : DataFrame
+        COLUMNS without the side, and the COMPONENTS of most energy, a row a mode.
+    unstable, uncertain : int
+        Common points at which a mode is unstable, and those at which stability is uncertain.
+    failed : int
+        Points that failed on the lines.
+    """
+
+    table: pd.DataFrame
+    unstable: int
+    uncertain: int
+    failed: int
+
+
+def unstable_modes(
+    points: pd.DataFrame,
+    modes: pd.DataFrame,
+    onsets: pd.DataFrame,
+    along: str | None,
+    lines: np.ndarray,
+    common: np.ndarray,
+) -> UnstableModes:
+    """What is unstable of a study at some of its points, and from where on along its lines.
+
+    Tracks that are one mode, whose number changes, are one row.
+
+    Parameters
+    ----------
+    points, modes, onsets : DataFrame
+        Tables of the study.
+    along : str or None
+        Parameter of the onsets; None without them.
+    lines, common : ndarray (n_points,) of bool
+        Points on lines of both studies, for onsets; solved points of both, for growth.
+    """
+    code = point_codes(points, modes)
+    at_lines, at_common = (
+        rank_modes(points[of], modes[of[code]], along, "growth", onsets=onsets)
+        for of in (lines, common)
+    )
+    with_onset = at_common[at_common["track"].isin(at_lines["track"])].set_index("track")
+    rows = [
+        _mode_row(tracks, with_onset.reindex(tracks["track"]).dropna(subset="max_growth_rate"))
+        for tracks in _by_mode(at_lines)
+    ]
+    names = [name.replace("_{}", "") for name in COLUMNS]
+    table = pd.DataFrame(rows, columns=[*names, "tracks", *COMPONENTS])
+    shown = modes[common[code]]
+    table["growth_rate_error"] = [
+        shown.loc[(shown["growth_rate"] == row["growth_rate"]).to_numpy(), "error_estimate"].max()
+        for row in rows
+    ]
+    table["onset_error"] = [_onset_error(row["tracks"], row["onset"], onsets) for row in rows]
+    return UnstableModes(
+        table=table,
+        unstable=int((points["n_unstable"][common] > 0).sum()),
+        uncertain=uncertain_points(modes, code, common[code]),
+        failed=int((points["status"][lines] != "ok").sum()),
+    )
+
+
+def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
+    """A row a mode that is unstable before or after, the fastest first.
+
+    Modes are paired by frequency, where both grow fastest, within FREQUENCY_TOLERANCE, if they
+    have a component of most energy in common.
+
+    Returns
+    -------
+    DataFrame
+        COLUMNS of both SIDES; of a side on which no such mode is unstable texts are empty, numbers
+        NaN and `unstable_points` 0. `mode` has the tracks, or what stands in their place; `onset`
+        is the least value at which the mode turns unstable on lines that both studies have
+        (`onset_kind`: `threshold_kind` of `rank_modes`), its error NaN where none is known.
+    """
+    one, two = before.table, after.table
+    hz = one["frequency_hz"].to_numpy(float)[:, None] / two["frequency_hz"].to_numpy(float)
+    distance = np.nan_to_num(np.abs(hz - 1.0), nan=np.inf)
+    overdamped = [t["mode"].eq(group_kind(OVERDAMPED_GROUP)).to_numpy(bool) for t in (one, two)]
+    distance[np.ix_(*overdamped)] = 0.0
+    for row, one_has in enumerate(one[COMPONENTS].to_numpy()):
+        for column, two_has in enumerate(two[COMPONENTS].to_numpy()):
+            if any(one_has) and any(two_has) and not set(filter(None, one_has)) & set(two_has):
+                distance[row, column] = np.inf
+    partner = partners(distance, FREQUENCY_TOLERANCE)
+    alone = np.setdiff1d(np.arange(len(two)), partner)
+    rows = ([*range(len(one)), *[-1] * len(alone)], [*partner.tolist(), *alone.tolist()])
+    table = pd.DataFrame(index=range(len(rows[0])))
+    for name, kind in COLUMNS.items():
+        for side, side_table, places in zip(SIDES, (one, two), rows, strict=True):
+            values = side_table[name.replace("_{}", "")].reindex(places).reset_index(drop=True)
+            if kind in EMPTY:
+                values = values.where(values.notna(), EMPTY[kind])
+            table[name.format(side)] = values
+    table = table.astype({n.format(s): k for n, k in COLUMNS.items() for s in SIDES})
+    fastest = table[[f"growth_rate_{side}" for side in SIDES]].max(axis=1).fillna(-np.inf)
+    return table.iloc[np.argsort(-fastest.to_numpy(), kind="stable")].reset_index(drop=True)
+
+
+def first_of(table: pd.DataFrame, side: str) -> pd.Series | None:
+    """The row of `paired` whose mode turns unstable first on a side; None where none is known."""
+    below = table[(table[f"onset_kind_{side}"] == BELOW_RANGE).to_numpy(bool)]
+    if len(below):
+        return below.iloc[0]
+    table = table[table[f"onset_{side}"].notna().to_numpy(bool)]
+    onset = table[f"onset_{side}"]
+    return table.iloc[int(onset.to_numpy().argmin())] if len(onset) else None
+
+
+def _by_mode(ranking: pd.DataFrame) -> list[pd.DataFrame]:
+    """Rows of a ranking by mode: tracks of one mode, whose number changes, together."""
+    is_one = (ranking["track"] > 0) & (ranking["family_modes"] == 1)
+    number = ranking["family"].where(is_one, ranking["track"])
+    return [rows for _, rows in ranking.groupby(number.to_numpy(), sort=False)]
+
+
+def _mode_row(tracks: pd.DataFrame, at_common: pd.DataFrame) -> dict[str, Any]:
+    """A mode by the rows of its tracks in rankings by growth: of lines, of common points."""
+    fastest = (at_common if len(at_common) else tracks).iloc[0]
+    below = tracks[(tracks["threshold_kind"] == BELOW_RANGE).to_numpy(bool)]
+    first = below if len(below) else tracks.sort_values("threshold", kind="stable")
+    together = "family_points" if len(tracks) > 1 else "unstable_points"
+    numbers = sorted(tracks["track"].tolist())
+    names = [track_number(track) if track > 0 else group_kind(track) for track in numbers]
+    return {
+        "mode": ", ".join(names),
+        "frequency_hz": float(fastest["frequency_hz"]),
+        "onset": float(first["threshold"].iloc[0]),
+        "onset_kind": str(first["threshold_kind"].iloc[0]),
+        "growth_rate": float(fastest["max_growth_rate"]) if len(at_common) else np.nan,
+        "unstable_points": int(at_common[together].max()) if len(at_common) else 0,
+        "tracks": numbers,
+        **{name: str(fastest[name]) for name in COMPONENTS},
+    }
+
+
+def _onset_error(tracks: Sequence[int], onset: float, onsets: pd.DataFrame) -> float:
+    """Error of the onset of a mode, in the parameter's unit; NaN where the table has none."""
+    into = onsets[(onsets["track"].isin(tracks) & (onsets["direction"] == INTO)).to_numpy(bool)]
+    same = np.isclose(into["onset"], onset, rtol=SAME_ONSET_REL_DISTANCE, atol=0.0)
+    return float(into["error_estimate"][same].max())

@@ -1,0 +1,169 @@
+"""Two studies of complex modes, before and after a change, held against each one's own tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_results import made
+from reference import MU_C
+from study_runs import solved
+from study_texts import study_text, sweep_text
+
+from squealstudy.cli.before_after import before_after
+from squealstudy.engine.before_after import compare_modes
+from squealstudy.errors import ResultsError
+from squealstudy.screen import as_text
+from squealstudy.tables.before_after import UnstableModes, paired, unstable_modes
+
+
+def hulten(folder, name, more="", start=0.1, stop=0.6, num=6, band="[10.0, 1000.0]"):
+    text = study_text(name, "complex_modes", "hulten") + more
+    text += sweep_text("friction", start, stop, num) + f"[modes]\nband = {band}\n"
+    return solved(text, folder / name)
+
+
+@pytest.fixture(scope="module")
+def nominal(tmp_path_factory):
+    return hulten(tmp_path_factory.mktemp("nominal"), "nominal")
+
+
+@pytest.fixture(scope="module")
+def apart(tmp_path_factory):
+    """Modes of 100 and 45 Hz, which do not lock in up to .6."""
+    return hulten(tmp_path_factory.mktemp("a"), "apart", "[parameters]\nfrequency_2 = 45.0\n")
+
+
+def said(before, after):
+    return " ".join(as_text(before_after(before.compare(after), before, after)).split())
+
+
+def test_a_change_moves_onset_and_growth_as_each_study_has_them(nominal, tmp_path):
+    near = hulten(tmp_path, "near", "[parameters]\nfrequency_2 = 80.0\n")
+    table = nominal.compare(near)
+    assert len(table) == 1
+    row = table.iloc[0]
+    assert row["onset_before"] == pytest.approx(MU_C, abs=2e-4)
+    for side, results in (("before", nominal), ("after", near)):
+        into = results.onsets[results.onsets["direction"] == "in"]
+        assert row[f"onset_{side}"] == into["onset"].min()
+        assert row[f"onset_error_{side}"] == into["error_estimate"].iloc[0]
+        unstable = results.modes[results.modes["unstable"]]
+        assert row[f"growth_rate_{side}"] == unstable["growth_rate"].max()
+        assert row[f"unstable_points_{side}"] == unstable["point_id"].nunique()
+    assert table.attrs["changes"] == ["parameters.frequency_2 75 -> 80.0"]
+    text = said(nominal, near)
+    assert text.startswith("The first onset moves down: friction 0.2917 (T")
+    assert f"friction {row['onset_after']:.4g} (T" in text
+    assert f"falls from {row['growth_rate_before']:.1f} to " in text or "rises from" in text
+    assert "What differs: parameters.frequency_2 75 -> 80.0." in text
+
+
+def test_of_a_change_that_silences_it_is_said_to_which_value(nominal, apart):
+    text = said(nominal, apart)
+    assert text.startswith("First onset before: friction 0.2917 (T")
+    assert "after: none to friction 0.6." in text
+    assert "1 mode before and 0 modes after" in text
+    assert "Only before: T" in text
+    assert "Only after" not in text
+    assert "after: friction 0.2917" in said(apart, nominal)
+    assert said(apart, apart).startswith("No mode is unstable, neither before nor after, at any")
+
+
+def test_the_same_study_stays_within_its_error(nominal):
+    text = said(nominal, nominal)
+    assert text.startswith("The first onset stays within its error: ")
+    assert "The fastest growth stays within its error, at " in text
+    assert "What differs: nothing in the study files" in text
+
+
+def test_a_wider_range_of_one_study_has_no_say(apart, nominal, tmp_path):
+    """Onsets and growth are those between values that both studies have."""
+    below = hulten(tmp_path, "below", stop=0.2, num=2)
+    table = below.compare(nominal)
+    assert (len(table), table.attrs["points"]) == (0, 2)
+    half = hulten(tmp_path, "half", stop=0.4, num=4)
+    table = half.compare(nominal)
+    assert table["unstable_points_after"].tolist() == [2]
+    at_most = nominal.modes.merge(nominal.points[["point_id", "friction"]]).query("friction < .45")
+    assert table["growth_rate_after"].iloc[0] == at_most["growth_rate"].max()
+
+
+def test_points_that_failed_leave_open_what_grows(nominal, apart):
+    points = apart.points.copy()
+    points.loc[2, "status"] = "working_point"
+    text = said(nominal, apart.with_tables(points=points))
+    assert "after: none known" in text
+    assert "none to" not in text
+    assert "Failed: 0 points before and 1 point after." in text
+
+
+def test_what_cannot_be_compared_is_refused(nominal, tmp_path):
+    with pytest.raises(ResultsError, match=r"different bands.* would seem silenced"):
+        nominal.compare(hulten(tmp_path, "band", band="[10.0, 900.0]"))
+    with pytest.raises(ResultsError, match="no design point in common"):
+        nominal.compare(hulten(tmp_path, "else", start=0.11, stop=0.12, num=2))
+    other = made(facts=nominal.manifest | {"model": "belt"}).with_tables(points=nominal.points)
+    with pytest.raises(ResultsError, match="different models"):
+        compare_modes(nominal, other)
+
+
+def side(*rows):
+    """Modes of a side: name, frequency, component of most energy, growth."""
+    names = ("mode", "frequency_hz", "main_component", "growth_rate")
+    table = pd.DataFrame([dict(zip(names, row, strict=True)) for row in rows])
+    more = {"onset": 0.3, "onset_kind": "refined", "onset_error": 1e-4, "growth_rate_error": 0.0}
+    return UnstableModes(
+        table.assign(second_component="", unstable_points=1, **more), len(rows), 0, 0
+    )
+
+
+def test_modes_are_paired_by_frequency_and_where_their_energy_is():
+    before = side(("T1", 3000.0, "disc", 90.0), ("T2", 3100.0, "pad", 200.0))
+    after = side(
+        ("T7", 3090.0, "disc", 80.0), ("T8", 3010.0, "pad", 150.0), ("T9", 5e3, "pad", 300.0)
+    )
+    table = paired(before, after)
+    pairs = list(zip(table["mode_before"], table["mode_after"], strict=True))
+    assert pairs == [("", "T9"), ("T2", "T8"), ("T1", "T7")]
+    assert table["unstable_points_before"].tolist() == [0, 1, 1]
+    assert np.isnan(table["growth_rate_before"][0])
+    overdamped = side(("non-oscillating", np.nan, "pad", 5.0))
+    assert len(paired(overdamped, overdamped)) == 1
+
+
+def test_tracks_that_are_one_mode_are_one_row():
+    """Of one mode whose number changes from 1 to 2 while it grows."""
+    friction = np.array([0.1, 0.2, 0.3, 0.4])
+    points = pd.DataFrame({"point_id": list("abcd"), "status": "ok", "friction": friction})
+    points = points.assign(n_modes=2, n_unstable=[0, 1, 1, 1])
+    growth = {1: [-5.0, 20.0, -30.0, -40.0], 2: [-50.0, -20.0, 60.0, 90.0]}
+    modes = pd.DataFrame(
+        {"point_id": p, "track": t, "growth_rate": g, "frequency_hz": 1000.0 + t}
+        for t, rates in growth.items()
+        for p, g in zip("abcd", rates, strict=True)
+    )
+    modes = modes.assign(
+        damping_ratio=-modes["growth_rate"] / 6e3, unstable=modes["growth_rate"] > 0
+    )
+    modes = modes.assign(track_ambiguous=True, overdamped=False, error_estimate=0.1)
+    modes["stability"] = np.where(modes["unstable"], "unstable", "stable")
+    onsets = pd.DataFrame(
+        {
+            "track": 1,
+            "onset": 0.12,
+            "direction": "in",
+            "status": "refined",
+            "error_estimate": 1e-4,
+            "point_before": "a",
+            "point_after": "b",
+            "frequency_hz": 1001.0,
+        },
+        index=[0],
+    )
+    everywhere = np.ones(4, dtype=bool)
+    own = unstable_modes(points, modes, onsets, "friction", everywhere, everywhere)
+    assert own.table["mode"].tolist() == ["T1, T2"]
+    row = own.table.iloc[0]
+    assert (row["onset"], row["growth_rate"], row["unstable_points"]) == (0.12, 90.0, 3)
+    assert (row["onset_error"], row["growth_rate_error"]) == (1e-4, 0.1)
