@@ -435,8 +435,9 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
         ("undecided", "the equations", None, "the equations"),
     ],
 )
+@pytest.mark.parametrize("pulls", ["", "it pulls: 1"])
 def test_a_cycle_of_which_it_is_not_known_whether_it_attracts_is_not_told_unstable(
-    verdict, reason, stable, told
+    verdict, reason, stable, told, pulls
 ):
     there = {"mode": 1, "verdict": verdict, "reason": reason, "unstable": False, "n_cycles": 0}
     numbers = ("torque_rms", "level_error", "regularisation_error", "cycle_frequency_hz")
@@ -454,6 +455,10 @@ def test_a_cycle_of_which_it_is_not_known_whether_it_attracts_is_not_told_unstab
     _judge_again(row, 1, "a cycle that came", cycle)
     assert row["verdicts"][0]["reason"] == told
     assert row["verdicts"][0]["verdict"] == "undecided"
+    _judge_again(row, 1, "another", QUIET | {"energy": 1.0, "invalid_reason": pulls})
+    broken = f"; outside validity: {pulls}" * bool(pulls)
+    new = "another is stable, and so is steady sliding; no threshold"
+    assert row["verdicts"][0]["reason"] == new + broken
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,7 @@ from squealstudy.kinds.limit_cycles.tables import (
     cycle_row,
     known_velocity,
     summary,
+    with_validity,
 )
 from squealstudy.modes.tracking.tree import grid_places
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
@@ -374,10 +375,12 @@ def _judge_again(
                 verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)
         if verdict["verdict"] == SQUEALS:
             if stable:
-                verdict["reason"] = f"unstable mode, with a stable cycle: {came}"
+                reason = f"unstable mode, with a stable cycle: {came}"
+                verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
         elif stable:
             if verdict["verdict"] != IF_KICKED:
-                verdict["reason"] = f"{came} is stable, and so is steady sliding; no threshold"
+                reason = f"{came} is stable, and so is steady sliding; no threshold"
+                verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
             verdict["verdict"] = IF_KICKED
         elif verdict["verdict"] == NO_CYCLE:
             verdict["verdict"], verdict["reason"] = UNDECIDED, came + _of_what_kind(cycle)

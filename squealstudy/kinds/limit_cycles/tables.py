@@ -252,6 +252,11 @@ def known_velocity(cycle: Mapping[str, Any]) -> float:
     )
 
 
+def with_validity(reason: str, broken: str) -> str:
+    """Why a verdict is so, with what its loudest motion breaks."""
+    return reason + (f"; outside validity: {broken}" if broken else "")
+
+
 def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[str, Any]:
     loud, kick = family.loudest, family.threshold
     velocity = np.nan if kick is None else kick.levels["contact_velocity"]
@@ -269,7 +274,6 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         values = (run.torque_rms, run.spread, hz, error, run.line_hz)
         level, opened = dict(zip(LEVEL, values, strict=True)), run.open_share_max
     broken = motion_reason(law_kind, opened)
-    reason = family.reason + (f"; outside validity: {broken}" if broken else "")
     if kick is not None and loud is not None and loud.velocity_error <= MAX_THRESHOLD_REL_ERROR:
         share = velocity / loud.levels["contact_velocity"]
     return {
@@ -278,7 +282,7 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         "growth_rate": family.lam.real,
         "damping_ratio": -family.lam.real / abs(family.lam),
         "verdict": family.verdict,
-        "reason": reason,
+        "reason": with_validity(family.reason, broken),
         "unstable": family.verdict == SQUEALS,
         "n_cycles": len(family.cycles),
         "n_lost": family.lost,
