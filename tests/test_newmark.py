@@ -82,7 +82,7 @@ def test_falling_friction_and_open_points():
 
 def test_column_layout_is_what_the_names_say():
     columns = [v for k, v in vars(newmark_layout).items() if k.startswith(("POINT_", "LAW_"))]
-    assert columns == [*range(15), *range(15)]
+    assert columns == [*range(16), *range(15)]
     assert len(row("smooth")) == N_LAW
 
 

@@ -317,6 +317,21 @@ def test_groan_to_honk(tmp_path) -> None:
     assert points["frequency_hz"][1] == pytest.approx(440.0, rel=0.02)
 
 
+def test_abutment(tmp_path) -> None:
+    """Stuck the onset does not follow the abutment's friction; sliding it does, and is lost."""
+    path = SHIPPED / "lumped" / "abutment.toml"
+    text = path.read_text().replace("num = 13", "num = 4")
+    onsets = solved(plan_of(text, path), tmp_path / "abutment").onsets
+    refined = onsets[onsets["status"] == "refined"].set_index(
+        ["abutment_state", "abutment_friction"]
+    )
+    onset = refined["onset"][refined["direction"] == "in"]
+    assert onset[1.0].to_list() == pytest.approx([0.247] * 4, abs=1e-3)
+    assert onset[0.0].round(3).to_dict() == {0.0: 0.26, 0.1: 0.253}
+    below = onsets[onsets["status"] == "below_range"]
+    assert below["abutment_friction"].round(1).to_list() == [0.3]
+
+
 @pytest.mark.full_size  # a stop against own integration: test_schedules.py
 def test_groan_stop(tmp_path) -> None:
     """The honk falls with the speed until pad and caliper groan; then the pad sticks."""

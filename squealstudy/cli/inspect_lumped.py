@@ -14,7 +14,7 @@ from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.lumped.build import LumpedBuild
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrix_tables import ContactOn, DamperOn, LoadOn, Motion, SpringOn
-from squealstudy.models.lumped.number_types import Direction, Number
+from squealstudy.models.lumped.number_types import STATES, Direction, Number
 from squealstudy.models.lumped.parts import PER_AREA
 from squealstudy.models.lumped.tables import (
     TRANSLATIONS,
@@ -114,6 +114,7 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
         stiffness = contact.area[i] * PER_AREA
         size = f"{stiffness:g} N/m" if point.area is None else f"{contact.area[i]:g} m2"
         slides = f", slides {_text(point.sliding)}" if point.sliding else ", no friction"
+        slides += _friction(point)
         ends = " - ".join(point.between) if isinstance(point, ContactTable) else ""
         name = f"contact {file.name_of('contact', i)}"
         yield [name, ends, _text(point.normal) + slides, size]
@@ -123,6 +124,17 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
         on = load.on if isinstance(load, LoadTable) else ""
         along = _text(load.direction if isinstance(load, LoadTable) else load.along)
         yield [f"load {file.name_of('load', i)}", on, along, size]
+
+
+def _friction(point: ContactTable | ContactOn) -> str:
+    """What friction of its own a contact has, and its state."""
+    texts = [f"friction {point.own_coefficient}"] if point.own_coefficient is not None else []
+    texts += [f"{key} {number}" for key, number in point.friction_law.items()]
+    if point.state is not None:
+        names: dict[Number, str] = {number: name for name, number in STATES.items()}
+        texts += [names.get(point.state, f"state {point.state}")]
+        texts += [f"{point.tangential} N/m in plane"] if point.tangential is not None else []
+    return "".join(f", {text}" for text in texts)
 
 
 def _cubics(dampers: Sequence[DamperTable | DamperOn]) -> int:

@@ -52,7 +52,9 @@ file = "groan.toml"            # a file with [[mass]] or [[term]] is a lumped mo
              side (tension, compression: of one side), at
 [[damper]]   between, direction, damping, cubic, at
 [[contact]]  between (a mass and "belt", "disc" or a mass), normal, sliding, stiffness or area,
-             gap, friction (false: "ground" too), speed_factor, radius, at
+             gap, friction (false: "ground" too; a number: its own), friction_law (own numbers:
+             {static_ratio = 1.5}), speed_factor, radius, at; state (stuck, sliding: of a bracket
+             or pin, "ground" too), tangential [N/m]
 [[load]]     on, direction, force [N] or area [m2], on which the parameter pressure acts
 [parameters] NAME = {default, unit, description, minimum, maximum}, or friction = 0.4 and others
              of the operating point with other defaults

@@ -16,7 +16,6 @@ from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES, LocalForc
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
 from squealstudy.kernels.harmonic_balance import sampled_forces, sampled_rows
-from squealstudy.kernels.laws import law_row
 from squealstudy.kernels.turns import resolve_turns
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
@@ -32,7 +31,8 @@ class ContactForces:
     ----------
     points : ndarray (N_POINT_ROWS, nc)
         `MotionPoint.points`.
-    law : ndarray (N_LAW,)
+    law : ndarray (N_LAW or more,)
+        `MotionPoint.laws`.
     """
 
     points: np.ndarray
@@ -79,7 +79,7 @@ class ContactOscillator:
             raise ModelError("harmonic balance is about steady sliding, without other loads")
         U, m = system.shapes, len(system.shapes)
         d, s = (np.zeros(m) if x is None else x for x in (point.d, point.s))
-        forces = ContactForces(point.points(system), law_row(point.contact, point.friction))
+        forces = ContactForces(point.points(system), point.laws(system)[0])
         C = np.diag(point.c) + U.T @ (d[:, None] * U)
         return Oscillator(
             C=C if point.damping_between is None else C + point.damping_between,

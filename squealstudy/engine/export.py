@@ -94,7 +94,8 @@ def export_reduced(
     point = state_working_point(prepared, state)
     pencil = linearise(prepared.model, point, state).pencil
     model, law = prepared.model, state.operating.law
-    friction = state.operating.friction_at(point.contact_pressure, model.speed_factor)
+    of_points = (point.contact_pressure, model.speed_factor, model.own_friction)
+    friction = state.operating.friction_at(*of_points)
     content: dict[str, Any] = {
         "M": np.eye(len(pencil.K)),
         "C": pencil.C,

@@ -115,7 +115,11 @@ def _put(row: np.ndarray, found: dict[int, float]) -> None:
 
 def law_rows(laws: Iterable[tuple[ContactLaw, FrictionLaw]]) -> np.ndarray:
     """Those of design points, with zeros behind the shorter ones."""
-    rows = [law_row(contact, friction) for contact, friction in laws]
+    return side_by_side(law_row(contact, friction) for contact, friction in laws)
+
+
+def side_by_side(rows: Iterable[np.ndarray]) -> np.ndarray:
+    """Rows of laws as one array, with zeros behind the shorter ones."""
     full: np.ndarray = np.array([*zip_longest(*rows, fillvalue=0.0)]).T
     return np.ascontiguousarray(full)
 

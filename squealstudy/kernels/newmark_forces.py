@@ -30,10 +30,12 @@ from squealstudy.kernels.newmark_layout import X_START, ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, fill, move
 from squealstudy.kernels.spring_points import (
     damper_force,
-    damper_forces,
+    law_begin,
     mean_spring_pressures,
+    other_forces,
     pressure_of,
     spring_pressures,
+    typical_mu,
 )
 from squealstudy.kernels.tile import LANES, POINTS, observe_one, spread_one
 
@@ -98,7 +100,9 @@ def friction_change(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float
         e1 = point[at.OUT_T1, i] - point[at.GUESS_1, i]
         e2 = point[at.OUT_T2, i] - point[at.GUESS_2, i]
         change += e1 * e1 + e2 * e2
-        bound = points[at.POINT_AREA, i] * points[at.POINT_FRICTION, i] * mu * point[at.OUT_P, i]
+        largest = typical_mu(modal.laws[k], points, i) if points[at.POINT_LAW, i] > 0.0 else mu
+        bound = points[at.POINT_AREA, i] * points[at.POINT_FRICTION, i] * largest
+        bound *= point[at.OUT_P, i]
         bounds += bound * bound
         point[at.GUESS_1, i] = point[at.OUT_T1, i]
         point[at.GUESS_2, i] = point[at.OUT_T2, i]
@@ -232,7 +236,7 @@ def slide(points: np.ndarray, law: np.ndarray, point: np.ndarray, first: int, la
     area, factor = points[at.POINT_AREA], points[at.POINT_FRICTION]
     w1, w2, p = point[at.OUT_W1], point[at.OUT_W2], point[at.OUT_P]
     frictions(law, area, factor, w1, w2, p, point[at.OUT_T1], point[at.OUT_T2], first, last)
-    damper_forces(points, point, first, last)
+    other_forces(points, law, point, first, last)
     beyond_base(points, point, first, last)
 
 
@@ -288,7 +292,8 @@ def tangents(
     area = points[at.POINT_AREA, i]
     p, kappa = pressure_of(law, points, i, point[at.OUT_X, i])
     w1, w2 = point[at.OUT_W1, i], point[at.OUT_W2, i]
-    d11, d12, d22, s1, s2 = friction_tangent(law, points[at.POINT_FRICTION, i], p, w1, w2)
+    point_law = law[law_begin(points, i) :]
+    d11, d12, d22, s1, s2 = friction_tangent(point_law, points[at.POINT_FRICTION, i], p, w1, w2)
     if points[at.POINT_SPRING_DAMPING, i] != 0.0:
         _, d11 = damper_force(w1, points[at.POINT_SPRING_DAMPING, i])
     kn, push = points[at.POINT_STIFFNESS, i] - area * kappa, -area * kappa

@@ -78,12 +78,15 @@ N_SUM = 15
 
 # points: base gap m, area m2, factor on friction, arm of the torque m (negative where the
 # sliding is), contact stiffness N/m inside the diagonal stiffness, base forces N, sliding velocity
-# m/s of the base state; 1 of a spring, 0 of contact, then the five numbers of a spring
+# m/s of the base state; 1 of a spring, 0 of contact, then the five numbers of a spring; where in
+# the row of laws that of the point begins: 0, the study's, NO_CONTACT for springs
 POINT_GAP, POINT_AREA, POINT_FRICTION, POINT_RADIUS = 0, 1, 2, 3
 POINT_STIFFNESS, POINT_NORMAL, POINT_T1, POINT_T2, POINT_SPEED = 4, 5, 6, 7, 8
 POINT_SPRING, POINT_SPRING_STIFFNESS, POINT_SPRING_CUBIC = 9, 10, 11
 POINT_SPRING_GAP, POINT_SPRING_SIDE, POINT_SPRING_DAMPING = 12, 13, 14
-N_POINT_ROWS = 15
+POINT_LAW = 15
+N_POINT_ROWS = 16
+NO_CONTACT = -1.0
 # point: change of gap m, sliding velocity m/s, pressure Pa, friction force N; generalised forces N
 OUT_X, OUT_W1, OUT_W2, OUT_P, OUT_T1, OUT_T2 = 0, 1, 2, 3, 4, 5
 R_N, R_1, R_2 = 6, 7, 8
@@ -141,7 +144,7 @@ class ModalArrays(NamedTuple):
     """The design points; see motion.system for units. W2 contains N^T k_ref N."""
 
     points: np.ndarray  # (nb, N_POINT_ROWS, nc) rows POINT_*
-    laws: np.ndarray  # (nb, N_LAW or more) laws.law_rows
+    laws: np.ndarray  # (nb, N_LAW or more) laws.law_row, then those of points with their own
     modes: np.ndarray  # (nb, 3, n) rows W2, C, LOAD
     steps: np.ndarray  # (nb, L + 1, N_STEP, n) coefficients of a sub-step by halving level
     shapes: np.ndarray  # (m, n) rows u: C += u d u^T, K += u s u^T

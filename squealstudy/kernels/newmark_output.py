@@ -124,6 +124,14 @@ def contact_energy(points: np.ndarray, law: np.ndarray, gaps: np.ndarray) -> flo
     return total
 
 
+@fast_kernel
+def brakes(points: np.ndarray, i: int) -> bool:
+    """Whether sliding with friction is imposed on point i."""
+    if points[at.POINT_FRICTION, i] == 0.0:
+        return False
+    return points[at.POINT_LAW, i] <= 0.0 or points[at.POINT_RADIUS, i] != 0.0
+
+
 @hot_kernel
 def contact_row(
     points: np.ndarray,
@@ -136,9 +144,10 @@ def contact_row(
 ) -> None:
     """Torque, normal force, shares of the area, and creep of nc points, into a row of histories.
 
-    Their regimes are known. Points without friction neither stick nor slip: none of these counts
-    them. A point is open below 1 % of the area mean of pressure in the design's own steady sliding,
-    whatever the others do at that instant: a contact may lift off as a whole.
+    Their regimes are known. Points without friction neither stick nor slip, and no sliding is
+    imposed on some (an arm of 0 and a law of their own): none of these counts them. A point is open
+    below 1 % of the area mean of pressure in the design's own steady sliding, whatever the others
+    do at that instant: a contact may lift off as a whole.
 
     The friction of a point that sticks alternates from step to step where the step is long for its
     slope: k_t A times its compliance `own` (Modal.own, empty where unknown) is then above 1. It
@@ -150,7 +159,7 @@ def contact_row(
     area = 0.0
     for i in range(nc):
         torque -= points[at.POINT_RADIUS, i] * point[at.OUT_T1, i]
-        if points[at.POINT_FRICTION, i] > 0.0:
+        if brakes(points, i):
             force += points[at.POINT_AREA, i] * point[at.OUT_P, i]
             steady += points[at.POINT_NORMAL, i]
             area += points[at.POINT_AREA, i]
@@ -159,7 +168,7 @@ def contact_row(
     creep = 0.0
     limit = OPEN_SHARE * steady / area if area > 0.0 else 0.0
     for i in range(nc):
-        if points[at.POINT_FRICTION, i] == 0.0:
+        if not brakes(points, i):
             continue
         if point[at.OUT_P, i] <= limit:
             opened += points[at.POINT_AREA, i] / area

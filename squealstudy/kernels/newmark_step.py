@@ -30,6 +30,7 @@ from squealstudy.kernels.newmark_output import (
 )
 from squealstudy.kernels.newmark_vector import copy, dot, move
 from squealstudy.kernels.regimes import find_regimes, meets_corner
+from squealstudy.kernels.spring_points import typical_mu
 
 MAX_FINITE_SQUARE = 1e290  # squares at or beyond it, and NaN, are not finite
 EQUAL_STEPS = 4  # sub-steps of one length before they grow again
@@ -171,10 +172,10 @@ def force_floor(B: np.ndarray, modal: ModalArrays, work: WorkArrays, k: int) -> 
     """Square of the force that rounding leaves in sums over the contact points."""
     load = modal.modes[k, at.LOAD]
     total = dot(load, load)
-    mu, point, points = modal.laws[k, at.LAW_MU], work.point[k], modal.points[k]
+    point, points = work.point[k], modal.points[k]
     for i in range(modal.fixed.shape[2]):
         normal = points[at.POINT_AREA, i] * point[at.OUT_P, i]
-        drag = points[at.POINT_FRICTION, i] * mu * normal
+        drag = points[at.POINT_FRICTION, i] * typical_mu(modal.laws[k], points, i) * normal
         point_row(B, i, work.row)
         N, T1, T2 = work.row[0], work.row[1], work.row[2]
         total += dot(N, N) * normal * normal + (dot(T1, T1) + dot(T2, T2)) * drag * drag

@@ -19,9 +19,10 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, part_kernel
-from squealstudy.kernels.laws import mu_at, stick_slope
+from squealstudy.kernels.laws import stick_slope
 from squealstudy.kernels.newmark_layout import ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, move
+from squealstudy.kernels.spring_points import coefficient_of
 
 STIFF_POINT_CONTRACTION = 0.05  # contraction that a point alone may cause before it is treated
 MIN_SWEEPS, MAX_SWEEPS = 6, 30
@@ -49,7 +50,7 @@ def stiff_points(modal: ModalArrays, work: WorkArrays, k: int, part: float) -> i
         )
         s2 = point[at.OUT_W1, i] * point[at.OUT_W1, i] + point[at.OUT_W2, i] * point[at.OUT_W2, i]
         if force2 * own * own > STIFF_POINT_CONTRACTION * STIFF_POINT_CONTRACTION * s2:
-            mu, _, _ = mu_at(law, math.sqrt(s2), point[at.OUT_P, i])
+            mu, _, _ = coefficient_of(law, points, i, math.sqrt(s2), point[at.OUT_P, i])
             work.listed[m] = i
             work.free[2 * m] = point[at.OUT_W1, i] + dot(T[2 * i], change)
             work.free[2 * m + 1] = point[at.OUT_W2, i] + dot(T[2 * i + 1], change)

@@ -10,20 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
-from squealstudy.kernels.jit import fast_kernel, hot_kernel
+from squealstudy.kernels.jit import hot_kernel
 from squealstudy.kernels.laws import mu_at, package_mu_at
-from squealstudy.kernels.spring_points import spring_regimes
-
-
-@fast_kernel
-def regime(law: np.ndarray, factor: float, mu: float, p: float, s: float) -> int:
-    """SLIPS, STICKS below the corner of its friction, or IS_OPEN, of a point that slides by s.
-
-    `factor` is that on the point's friction coefficient mu, p its pressure [Pa].
-    """
-    if p <= 0.0:
-        return at.IS_OPEN
-    return at.STICKS if law[at.LAW_SLOPE] * s < factor * mu * p else at.SLIPS
+from squealstudy.kernels.spring_points import other_regimes, regime
 
 
 @hot_kernel
@@ -39,13 +28,13 @@ def find_regimes(points: np.ndarray, law: np.ndarray, point: np.ndarray, nc: int
             s = (w1[i] * w1[i] + w2[i] * w2[i]) ** 0.5
             mu, _, _ = mu_at(law, s, p[i])
             found[i] = regime(law, factor[i], mu, p[i], s)
-        spring_regimes(points, point, nc)
+        other_regimes(points, law, point, nc)
         return
     for i in range(nc):
         s = (w1[i] * w1[i] + w2[i] * w2[i]) ** 0.5
         mu, _, _ = package_mu_at(law, s, p[i])
         found[i] = regime(law, factor[i], mu, p[i], s)
-    spring_regimes(points, point, nc)
+    other_regimes(points, law, point, nc)
 
 
 @hot_kernel

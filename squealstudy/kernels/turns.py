@@ -17,8 +17,9 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import entry_kernel, fast_kernel, room_kernel
-from squealstudy.kernels.laws import contact_at, mu_at
+from squealstudy.kernels.laws import contact_at
 from squealstudy.kernels.newmark_forces import point_forces, tangents
+from squealstudy.kernels.spring_points import coefficient_of, typical_mu
 
 GAUSS_POINTS_AND_WEIGHTS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = 0.5 * (GAUSS_POINTS_AND_WEIGHTS[0] + 1.0), 0.5 * GAUSS_POINTS_AND_WEIGHTS[1]
@@ -95,7 +96,7 @@ def _turned(points: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _bound_speed(points: np.ndarray, law: np.ndarray, x: float, s: float, i: int) -> float:
     """Sliding speed at which friction reaches its bound, m/s."""
     p, _ = contact_at(law, points[at.POINT_GAP, i] + x)
-    mu, _, _ = mu_at(law, s, p)
+    mu, _, _ = coefficient_of(law, points, i, s, p)
     return max(points[at.POINT_FRICTION, i] * mu * p, 0.0) / law[at.LAW_SLOPE]
 
 
@@ -109,8 +110,8 @@ def _fastest_stick(points: np.ndarray, law: np.ndarray, y: np.ndarray, i: int) -
     for s in range(y.shape[0]):
         closest = min(closest, y[s, i, 0])
     p, _ = contact_at(law, points[at.POINT_GAP, i] + closest)
-    mu, _, _ = mu_at(law, 0.0, p)
-    mu = max(mu, law[at.LAW_MU])
+    mu, _, _ = coefficient_of(law, points, i, 0.0, p)
+    mu = max(mu, typical_mu(law, points, i))
     return 2.0 * max(points[at.POINT_FRICTION, i] * mu * p, 0.0) / law[at.LAW_SLOPE]
 
 

@@ -181,31 +181,37 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
         By s, by p, by friction and by each of the curve's parameters in turn; by central
         differences, to some 1e-9 of their size, for a curve that does not give them.
         """
-        law, values = self.definition, (float(friction), *self.parameters)
-        at = p if law.pressure_dependent else np.zeros(1)
-        count = 2 + len(values)
-        if law.slopes is not None:
-            slopes = law.slopes
-            rows = at_points(lambda *x: np.ravel(slopes(*x)), 3 * count, s, at, *values)
-            return rows.reshape(count, 3, -1)
-        found = []
-        for number in range(count):
-            arguments: list[Number] = [s, at, *values]
-            own, size, start = arguments[number], 0.0, 0.0
-            if np.ndim(own):  # all points move together
-                size = float(np.abs(own).max(initial=0.0))
-            else:
-                start, own = float(own), 0.0
+        at = p if self.definition.pressure_dependent else np.zeros(1)
+        return curve_slopes(self.definition, s, at, (float(friction), *self.parameters))
 
-            before, behind = arguments[:number], arguments[number + 1 :]
 
-            def moved(
-                x: float, base: Number = own, a: list[Number] = before, b: list[Number] = behind
-            ) -> np.ndarray:
-                return at_points(law.mu, 3, *a, base + x, *b)
+def curve_slopes(
+    law: FrictionCurveDefinition, s: Number, p: np.ndarray, values: Sequence[Number]
+) -> np.ndarray:
+    """`FrictionCurve.slopes` at values of friction and the curve's parameters, or one a point."""
+    count = 2 + len(values)
+    if law.slopes is not None:
+        slopes = law.slopes
+        rows = at_points(lambda *x: np.ravel(slopes(*x)), 3 * count, s, p, *values)
+        return rows.reshape(count, 3, *rows.shape[1:] or (1,))
+    found = []
+    for number in range(count):
+        arguments: list[Number] = [s, p, *values]
+        own, size, start = arguments[number], 0.0, 0.0
+        if np.ndim(own):  # all points move together
+            size = float(np.abs(own).max(initial=0.0))
+        else:
+            start, own = float(own), 0.0
 
-            found.append(central_slope(moved, start, size))
-        return np.array(found)
+        before, behind = arguments[:number], arguments[number + 1 :]
+
+        def moved(
+            x: float, base: Number = own, a: list[Number] = before, b: list[Number] = behind
+        ) -> np.ndarray:
+            return at_points(law.mu, 3, *a, base + x, *b)
+
+        found.append(central_slope(moved, start, size))
+    return np.array(found)
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 from squealstudy.laws import ContactLaw
+from squealstudy.laws.own_friction import NO_OWN_FRICTION, has_own
 from squealstudy.laws.spring import N_SPRING, NO_SPRINGS
 from squealstudy.models.cells import ComponentCells
 from squealstudy.models.component_slices import component_slices
@@ -148,25 +149,6 @@ class Component:
         return ((both + both.T) / 2).tocsr()
 
 
-class ContactPoints(Protocol):
-    """Contact points of a structure, whatever its coordinates are."""
-
-    @property
-    def area(self) -> np.ndarray:
-        """Areas of the contact points (nc,), m2."""
-        ...
-
-    @property
-    def frictional(self) -> np.ndarray:
-        """Factor (nc,) on the friction coefficient, 0 without friction."""
-        ...
-
-    @property
-    def speed_factor(self) -> np.ndarray:
-        """Sliding speed of each point (nc,) over the imposed one, positive."""
-        ...
-
-
 @dataclass(frozen=True)
 class ContactInterface:
     """Contact points with friction; degrees of freedom are those of the whole assembly.
@@ -193,7 +175,7 @@ class ContactInterface:
     speed_factor : ndarray (n_points,)
         Sliding speed of each point over the imposed one, positive: r over the radius that the
         imposed speed is of, where a body turns. One by default; what stands at points without
-        friction is not used.
+        friction is not used. 0 where no sliding is imposed, of points with friction of their own.
     points : ndarray (n_points, 3)
         Where they are, m; empty for models without coordinates.
     pairs : tuple of str
@@ -201,6 +183,8 @@ class ContactInterface:
     spring_points : ndarray (ns, 5)
         Of the last ns points, which are springs and no contact (laws/spring.py): of 1 m2, without
         friction.
+    own_friction : ndarray (n_points, k)
+        Of points with friction numbers of their own (laws/own_friction.py); no columns without.
     """
 
     N: sp.csr_matrix
@@ -215,9 +199,12 @@ class ContactInterface:
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     pairs: tuple[str, ...] = ()
     spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
+    own_friction: np.ndarray = field(default_factory=lambda: NO_OWN_FRICTION)
 
     def __post_init__(self) -> None:
         n = self.n_points
+        if has_own(self.own_friction) and len(self.own_friction) != n:
+            raise ModelError(f"contact interface: 'own_friction' needs {n} rows")
         if self.spring_points.shape[1:] != (N_SPRING,) or not np.isfinite(self.spring_points).all():
             raise ModelError(
                 f"contact interface: 'spring_points' needs {N_SPRING} finite values each"
@@ -243,7 +230,8 @@ class ContactInterface:
         if not (self.frictional >= 0.0).all():
             raise ModelError("contact interface: no 'frictional' may be negative")
         rubbing = self.frictional > 0
-        if not (self.speed_factor[rubbing] > 0).all():
+        unmoved = self.speed_factor == 0.0 if has_own(self.own_friction) else np.zeros(n, bool)
+        if not (self.speed_factor[rubbing & ~unmoved] > 0).all():
             raise ModelError("contact interface: every 'speed_factor' must be positive")
         if not rubbing.all():
             object.__setattr__(self, "speed_factor", np.where(rubbing, self.speed_factor, 1.0))

@@ -24,6 +24,7 @@ from squealstudy.laws import (
 from squealstudy.laws.friction.exponential_fall import STATIC_RATIO
 from squealstudy.laws.friction.map import MAP_RATIOS
 from squealstudy.laws.friction.table import RATIOS
+from squealstudy.laws.own_friction import NO_OWN_FRICTION, has_own, own_mu, own_slopes
 from squealstudy.models.parameter import Assumption, ModelOption
 from squealstudy.parameter import Parameter
 
@@ -200,38 +201,62 @@ class OperatingPoint:
         speeds: np.ndarray = abs(self.sliding_speed) * speed_factor
         return float(speeds[0]) if len(speeds) and (speeds == speeds[0]).all() else speeds
 
-    def friction_at(self, p: np.ndarray, speed_factor: np.ndarray) -> Friction:
+    def friction_at(
+        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+    ) -> Friction:
         """Friction at contact pressures p (nc,) [Pa] of points with these factors (nc,).
+
+        Some may have friction of their `own` (laws/own_friction.py); of one that no sliding is
+        imposed on the sign is that of slip along T either way.
 
         Of sliding against T the coefficient and dmu/dp are negative: traction is against sliding.
         dmu/ds is the slope by the velocity along T either way. Contact that pulls (p < 0) has no
         friction, as in time. Floats where friction is the same at all points, else (nc,).
         """
-        friction = self.curve.at(self.friction, self.speed_at(speed_factor), p)
+        if has_own(own):
+            speeds = abs(self.sliding_speed) * speed_factor
+            friction = Friction(*own_mu(self.curve.definition, self._values, own, speeds, p))
+        else:
+            friction = self.curve.at(self.friction, self.speed_at(speed_factor), p)
         if (p < 0.0).any():
             friction = Friction(*(np.where(p < 0.0, 0.0, part) for part in friction))
         if self.direction > 0:
             return friction
-        return friction._replace(mu=-friction.mu, by_pressure=-friction.by_pressure)
+        sign = np.where(speed_factor == 0.0, 1.0, -1.0) if has_own(own) else -1.0
+        return friction._replace(mu=sign * friction.mu, by_pressure=sign * friction.by_pressure)
 
-    def friction_slopes(self, p: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
+    @property
+    def _values(self) -> tuple[float, tuple[float, ...]]:
+        """Friction and the parameters of its curve."""
+        return self.friction, self.curve.parameters
+
+    def friction_slopes(
+        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+    ) -> np.ndarray:
         """Derivatives of `friction_at` (k, 3, 1 or nc), in the order of `FrictionCurve.slopes`.
 
         The first row is by the imposed sliding speed.
         """
         speeds = self.speed_at(speed_factor)
-        rows = self.curve.slopes(self.friction, speeds, p)
+        if has_own(own):
+            speeds = abs(self.sliding_speed) * speed_factor
+            rows = own_slopes(self.curve.definition, self._values, own, speeds, p)
+        else:
+            rows = self.curve.slopes(self.friction, speeds, p)
         rows[0] = rows[0] * (speeds / abs(self.sliding_speed))
         if (p < 0.0).any():
             rows = np.where(p < 0.0, 0.0, rows)
         if self.direction < 0:
-            rows[1:, [0, 2]] *= -1.0
+            sign = np.where(speed_factor == 0.0, 1.0, -1.0) if has_own(own) else -1.0
+            rows[1:, [0, 2]] *= sign
             rows[0, 1] *= -1.0
         return rows
 
-    def traction(self, p: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
+    def traction(
+        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+    ) -> np.ndarray:
         """Friction traction mu p [Pa] of steady sliding, against T; arguments of `friction_at`."""
-        drag: np.ndarray = self.friction_at(p, speed_factor).mu * p
+        drag: np.ndarray = self.friction_at(p, speed_factor, own).mu * p
         return drag
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from squealstudy.laws.own_friction import NO_OWN_FRICTION
 from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.models.assembly import Assembly
 
@@ -37,6 +38,8 @@ class StackedAssembly:
         N/Pa, and N.
     spring_points : ndarray (m, ns, 5)
         Springs that are not linear (`ContactInterface.spring_points`), the last contact points.
+    own_friction : ndarray (m, c, k)
+        As in `ContactInterface`.
     """
 
     components: tuple[str, ...]
@@ -56,6 +59,7 @@ class StackedAssembly:
     load: np.ndarray
     constant_load: np.ndarray
     spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS[None])
+    own_friction: np.ndarray = field(default_factory=lambda: NO_OWN_FRICTION[None])
 
     @property
     def n(self) -> int:
@@ -124,6 +128,7 @@ def _columns(a: Assembly) -> dict[str, np.ndarray]:
         "load": a.load,
         "constant_load": a.constant_load,
         "spring_points": contact.spring_points,
+        "own_friction": contact.own_friction,
     }
 
 

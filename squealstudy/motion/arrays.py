@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 from squealstudy.kernels import newmark_layout as layout
-from squealstudy.kernels.laws import law_rows
+from squealstudy.kernels.laws import side_by_side
 from squealstudy.kernels.newmark_correct import NOT_FACTORED
 from squealstudy.kernels.tile import LANES, POINTS, ROWS
 from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
@@ -85,7 +85,7 @@ def modal_arrays(
     tangential, compliance, self_compliance = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
     modal = layout.ModalArrays(
         points=points,
-        laws=law_rows((x.contact, x.friction) for x in designs),
+        laws=side_by_side(x.laws(system)[0] for x in designs),
         modes=modes,
         steps=steps,
         shapes=_padded_rows(system.shapes, n),

@@ -16,7 +16,7 @@ from squealstudy.errors import ParameterError
 from squealstudy.models.matrix_checks import is_skew
 from squealstudy.models.operating import DesignState
 from squealstudy.reduction.hybrid import SAME_TANGENT_REL_CHANGE
-from squealstudy.system.linearise import modal_damping
+from squealstudy.system.modal_damping import modal_damping
 
 
 @dataclass(frozen=True)

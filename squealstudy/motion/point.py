@@ -7,10 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from squealstudy.errors import ParameterError
+from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import FrictionLaw
-from squealstudy.models.assembly import ContactPoints
-from squealstudy.models.operating import DesignState
+from squealstudy.laws.own_friction import (
+    NOT_IN_TIME,
+    has_own,
+    is_unmoved,
+    own_mu,
+    own_values,
+    starts_in_time,
+)
+from squealstudy.models.contact_points import ContactPoints
+from squealstudy.models.operating import DesignState, OperatingPoint
 from squealstudy.motion.growing_modes import GrowingModes, growing_modes
 from squealstudy.motion.integrator import KernelIntegrator
 from squealstudy.motion.settings import MotionSettings
@@ -18,7 +26,7 @@ from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.motion.step_roots import LinearMotions, integrated_roots
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
-from squealstudy.system.contact_weights import contact_weights
+from squealstudy.system.contact_weights import ContactWeights, contact_weights, over_speed
 from squealstudy.system.linearise import StructureWeights, structure_weights
 
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
@@ -54,15 +62,18 @@ def friction_law(
     ParameterError
         Friction so soft that steady sliding is not steady.
     """
+    own_friction = contact.own_friction
+    if not starts_in_time(own_friction, contact.speed_factor):
+        raise ModelError(NOT_IN_TIME)
     operating, automatic = state.operating, slope <= 0
     k_t = automatic_slope(contact, state, point, saturation) if automatic else slope
     friction = FrictionLaw(
         friction=operating.friction, k_t=k_t, curve=operating.curve, regularisation=kind
     )
-    bound = contact.frictional * operating.traction(point.contact_pressure, contact.speed_factor)
+    traction = operating.traction(point.contact_pressure, contact.speed_factor, own_friction)
     speeds = operating.sliding_speed * contact.speed_factor
     # slopes that have reached the bound at each point's sliding speed
-    slopes = friction.saturation * bound / speeds
+    slopes = friction.saturation * over_speed(contact.frictional * traction, speeds)
     critical = int(np.argmax(slopes))
     least, speed = float(slopes[critical]), abs(float(speeds[critical]))
     if k_t >= least:
@@ -89,9 +100,23 @@ def automatic_slope(
     always where it presses hardest, for friction may fall with the pressure.
     """
     operating, p = state.operating, np.maximum(point.contact_pressure, LEAST_PRESSURE)
-    mu = np.maximum(operating.curve.at_rest(operating.friction, p), LEAST_FRICTION)
+    mu = operating.curve.at_rest(operating.friction, p)
+    if has_own(contact.own_friction):
+        mu = at_rest(operating, contact.own_friction, contact.speed_factor, p)
+    mu = np.maximum(mu, LEAST_FRICTION)
     rubbing = contact.frictional > 0
     return float((contact.frictional * mu * p)[rubbing].max(initial=LEAST_PRESSURE) / speed)
+
+
+def at_rest(
+    operating: OperatingPoint, own: np.ndarray, speed_factor: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    """Static coefficients (nc,) at pressures p, of points with friction of their own among them."""
+    values = (operating.friction, operating.curve.parameters)
+    slow = np.where(is_unmoved(own, speed_factor), 0.0, np.finfo(float).tiny)
+    mu: np.ndarray = own_mu(operating.curve.definition, values, own, slow, p)[0]
+    stuck = own_values(own, *values)[0]
+    return np.where(slow == 0.0, stuck, mu)
 
 
 def motion_point(
@@ -201,11 +226,28 @@ def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray,
     return d, np.array([changes.get(key, 0.0) for key in keys])
 
 
+def weights_in_time(
+    system: ModalSystem, design: MotionPoint, point: WorkingPoint, state: DesignState
+) -> ContactWeights:
+    """Weights of contact and friction at steady sliding, as a run has them.
+
+    Points that no sliding is imposed on are at rest, where friction has its slope.
+    """
+    contact = contact_weights(system, point, state.operating)
+    unmoved = is_unmoved(system.own_friction, system.speed_factor)
+    if not unmoved.any():
+        return contact
+    mu = at_rest(state.operating, system.own_friction, system.speed_factor, point.contact_pressure)
+    holds = unmoved & (system.frictional * mu * point.contact_pressure > 0.0)
+    slope = np.where(holds, system.area * design.friction.k_t, 0.0)
+    return contact._replace(across=contact.across + slope, along=contact.along + slope)
+
+
 def tangent(
     system: ModalSystem, design: MotionPoint, point: WorkingPoint, state: DesignState
 ) -> tuple[np.ndarray, np.ndarray]:
     """Damping and stiffness of the system linearised at the design's steady sliding (n, n)."""
-    contact = contact_weights(system, point, state.operating)
+    contact = weights_in_time(system, design, point, state)
     shapes = (0.0, 0.0) if design.d is None or design.s is None else (design.s, design.d)
     weights = structure_weights(
         (system.omega2, 0.0, shapes[0]),

@@ -84,7 +84,7 @@ def shared_modes(
         Component modes that design points damp or shift: rows of `system.shapes`, exact in these
         coordinates.
     """
-    tangent = linearise(model, point, state)
+    tangent = linearise(model, point, state, in_time=True)
     omega2, phi = la.eigh(tangent.K_sym)
     rows = [model.mode_coordinate(*key) for key in component_modes]
     system = ModalSystem(
@@ -101,6 +101,7 @@ def shared_modes(
         shapes=phi[rows],
         speed_factor=model.speed_factor,
         spring_points=model.spring_points,
+        own_friction=model.own_friction,
     )
     damping = AssemblyDamping(
         omega2=omega2,

@@ -16,15 +16,23 @@ they may all change against one reference. `k_ref` stays the system's: it is the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.kernels.newmark_layout import POINT_SPEED, POINT_SPRING
-from squealstudy.laws import ContactLaw, FrictionLaw
+from squealstudy.kernels.laws import law_row
+from squealstudy.kernels.newmark_layout import NO_CONTACT, POINT_LAW, POINT_SPEED, POINT_SPRING
+from squealstudy.laws import ContactLaw, FrictionCurve, FrictionLaw, friction_curve
+from squealstudy.laws.own_friction import (
+    COEFFICIENT,
+    NO_OWN_FRICTION,
+    has_own,
+    is_unmoved,
+    own_values,
+)
 from squealstudy.laws.spring import N_SPRING, NO_SPRINGS, evaluate_points
 from squealstudy.motion.growing_modes import GrowingModes
 from squealstudy.motion.schedule import Schedule
@@ -34,6 +42,7 @@ if TYPE_CHECKING:
     from squealstudy.reduction.hybrid import HybridModel
 
 STICK_LIMIT = 1e3  # stick number: a margin of ten below where steps failed on the medium brake
+CONSTANT_CURVE = "exponential_fall"  # with a static ratio of 1
 CLOSING_LIMIT = 3.0  # closing number from which on small models halve steps; they fail from 100 on
 
 
@@ -64,6 +73,8 @@ class ModalSystem:
         Sliding speed of each point over the imposed one; one by default.
     spring_points : ndarray (ns, 5)
         Of the last ns points, which are springs and no contact (laws/spring.py).
+    own_friction : ndarray (nc, k)
+        Of points with friction of their own (laws/own_friction.py); no columns without.
 
     Raises
     ------
@@ -85,6 +96,7 @@ class ModalSystem:
     sensed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     speed_factor: np.ndarray = field(default_factory=lambda: np.zeros(0))
     spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
+    own_friction: np.ndarray = field(default_factory=lambda: NO_OWN_FRICTION)
 
     def __post_init__(self) -> None:
         nc, n = np.shape(self.N)
@@ -138,6 +150,7 @@ class ModalSystem:
             frequencies={},
             places={},
             shapes=self.shapes,
+            own_friction=self.own_friction,
         )
 
     @property
@@ -255,12 +268,41 @@ class MotionPoint:
         arm = system.radius * np.copysign(1.0, self.speed)  # torque brakes either way
         columns = (gap, system.area, system.frictional, arm, system.k_ref)
         speed = self.speed * system.speed_factor
-        rows = np.vstack([*columns, force.T, speed, np.zeros((1 + N_SPRING, len(gap)))])
+        rows = np.vstack([*columns, force.T, speed, np.zeros((2 + N_SPRING, len(gap)))])
+        rows[POINT_LAW] = self.laws(system)[1]
         if len(springs := getattr(system, "spring_points", NO_SPRINGS)):
             rows[POINT_SPRING, -len(springs) :] = 1.0
-            rows[POINT_SPRING + 1 :, -len(springs) :] = springs.T
+            rows[POINT_SPRING + 1 : POINT_LAW, -len(springs) :] = springs.T
+            rows[POINT_LAW, -len(springs) :] = NO_CONTACT
             rows[POINT_SPEED, -len(springs) :] = 0.0  # dampers do not slide with the belt
         return np.ascontiguousarray(rows, dtype=np.float64)
+
+    def laws(self, system: ModalSystem | HybridModel) -> tuple[np.ndarray, np.ndarray]:
+        """Laws for the kernels: one behind the other; where that of each point (nc,) begins."""
+        first = law_row(self.contact, self.friction)
+        own_friction = getattr(system, "own_friction", NO_OWN_FRICTION)
+        if not has_own(own_friction):
+            return first, np.zeros(len(system.area))
+        rows, begins, places = [first], {}, np.zeros(len(own_friction))
+        for i, unmoved in enumerate(is_unmoved(own_friction, system.speed_factor)):
+            if not (unmoved or np.isfinite(own_friction[i, COEFFICIENT:]).any()):
+                continue
+            key = (bool(unmoved), own_friction[i, COEFFICIENT:].tobytes())
+            if key not in begins:
+                begins[key] = sum(map(len, rows))
+                rows.append(law_row(self.contact, self._own_law(own_friction[i], bool(unmoved))))
+            places[i] = begins[key]
+        return np.concatenate(rows), places
+
+    def _own_law(self, own: np.ndarray, unmoved: bool) -> FrictionLaw:
+        """Friction of a point that has its own; of one without imposed sliding a constant."""
+        law = self.friction
+        values = own_values(own, law.friction, law.curve.parameters)
+        friction, *parameters = (float(number) for number in values)
+        curve = FrictionCurve(law.curve.kind, tuple(parameters))
+        if unmoved:
+            curve = friction_curve(CONSTANT_CURVE, static_ratio=1.0)
+        return replace(law, friction=friction, curve=curve)
 
 
 def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float:

@@ -11,6 +11,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.laws.own_friction import NO_OWN_FRICTION
 from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.linalg.factor import RefinedFactor, factorise, side_by_side
 from squealstudy.linalg.real_modes import real_modes, shifted
@@ -92,6 +93,7 @@ class ReducedModel:
     unturned : str
         Why there are none, where something turns.
     spring_points : ndarray (ns, 5)
+    own_friction : ndarray (nc, k)
         As in ContactInterface.
     load : ndarray (n,)
         Of a unit of brake pressure (Assembly.load); none where springs are there in vibration
@@ -116,6 +118,7 @@ class ReducedModel:
     load: np.ndarray = field(default_factory=lambda: np.zeros(0))
     turning: np.ndarray | None = None
     unturned: str = ""
+    own_friction: np.ndarray = field(default_factory=lambda: NO_OWN_FRICTION)
 
     @property
     def n(self) -> int:
@@ -314,7 +317,8 @@ def _load_responses(
         return np.zeros((assembly.n_dof, 0))
     c = assembly.contact
     k_n = c.area * nominal.tangent
-    drag = c.area * c.frictional * nominal.contact_pressure / c.speed_factor
+    drag = c.area * c.frictional * nominal.contact_pressure
+    drag = drag / np.where(c.speed_factor == 0.0, 1.0, c.speed_factor)
     normal = c.N @ phi
     loads = [
         c.T_perp.T @ (drag[:, None] * (c.T_perp @ phi)),
@@ -368,6 +372,7 @@ def project(
         load=np.zeros(0) if in_vibration_only else basis.restrict(assembly.load),
         turning=_turning(assembly, basis),
         unturned="" if assembly.rotors is None else assembly.rotors.unturned,
+        own_friction=c.own_friction,
     )
 
 

@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.laws.own_friction import NO_OWN_FRICTION
 from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.linalg.factor import RefinedFactor, factorise
 from squealstudy.models.assembly import ContactInterface
@@ -62,6 +63,7 @@ class ContactSpace:
     C_UU : ndarray (m, m)
         U^T K0^-1 U.
     spring_points : ndarray (ns, 5)
+    own_friction : ndarray (nc, k)
         As in ContactInterface.
     """
 
@@ -80,6 +82,7 @@ class ContactSpace:
     C_fU: np.ndarray
     C_UU: np.ndarray
     spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS)
+    own_friction: np.ndarray = field(default_factory=lambda: NO_OWN_FRICTION)
 
     @property
     def touching(self) -> slice:
@@ -250,6 +253,7 @@ def contact_space(
         C_fU=loads.T @ X_U,
         C_UU=shapes.T @ X_U,
         spring_points=c.spring_points,
+        own_friction=c.own_friction,
     )
 
 

@@ -72,7 +72,8 @@ class GapEquations:
         ]
         p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
         by_point = zip(self.operating, p, strict=True)
-        drag = np.array([o.traction(row, space.speed_factor) for o, row in by_point])
+        of_points = (space.speed_factor, space.own_friction)
+        drag = np.array([o.traction(row, *of_points) for o, row in by_point])
         s = space.area * (p + space.k_c * (g - space.gap0))
         F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
         return F, p, kappa
@@ -103,7 +104,8 @@ class GapJacobian:
     def __init__(
         self, space: ContactSpace, point: OperatingPoint, p: np.ndarray, kappa: np.ndarray
     ) -> None:
-        drag_slope = space.frictional * point.friction_at(p, space.speed_factor).following(p)
+        friction = point.friction_at(p, space.speed_factor, space.own_friction)
+        drag_slope = space.frictional * friction.following(p)
         self._space = space
         self._normal = space.area * (kappa - space.k_c)
         self._sliding = space.area * drag_slope * kappa

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
+from squealstudy.laws.own_friction import NO_OWN_FRICTION, has_own
 from squealstudy.linalg.factor import factorise
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.assembly import Assembly
@@ -103,6 +104,11 @@ class HybridModel:
         return int(self.M.shape[0])
 
     @property
+    def own_friction(self) -> np.ndarray:
+        """No point has friction of its own."""
+        return NO_OWN_FRICTION
+
+    @property
     def sensors(self) -> np.ndarray:
         """Rows phi^T M (m, n), whose products with q are modal amplitudes (THEORY.md eq. (85))."""
         rows: np.ndarray = (self.M @ self.phi).T
@@ -172,6 +178,8 @@ def hybrid_model(
         )
     if len(assembly.contact.spring_points):
         raise ModelError("the hybrid representation has no springs with a gap or a third power")
+    if has_own(assembly.contact.own_friction):
+        raise ModelError("the hybrid representation has no contact with friction of its own")
     c = assembly.contact
     K = assembly_stiffness(assembly, point)
     if modes is None:

@@ -15,7 +15,7 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.laws import ContactLaw
 from squealstudy.laws.spring import NO_SPRINGS, at_a_corner, engaged, spring_error
-from squealstudy.models.assembly import ContactPoints
+from squealstudy.models.contact_points import ContactPoints
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.gap_equations import GapEquations, GapJacobian
@@ -82,7 +82,8 @@ class WorkingPoint:
     def forces(self, contact: ContactPoints, operating: OperatingPoint) -> np.ndarray:
         """Normal and friction forces (nc, 3) [N] of the contact points, along and across."""
         p, area = self.contact_pressure, contact.area
-        drag = -area * contact.frictional * operating.traction(p, contact.speed_factor)
+        of_points = (contact.speed_factor, contact.own_friction)
+        drag = -area * contact.frictional * operating.traction(p, *of_points)
         return np.column_stack([area * p, drag, np.zeros_like(drag)])
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from squealstudy.laws.own_friction import NO_OWN_FRICTION, has_own, own_slopes
 from squealstudy.laws.registry import DIFFERENCE_REL_STEP, at_points
 from squealstudy.laws.spring import spring_slopes
 from squealstudy.models.operating import FRICTION, SLIDING_SPEED
@@ -57,18 +58,25 @@ def contact_slopes(operating: StackedOperating, gap: np.ndarray) -> list[Slope]:
 
 
 def friction_slope(
-    operating: StackedOperating, name: str, p: np.ndarray, speed_factor: np.ndarray
+    operating: StackedOperating,
+    name: str,
+    p: np.ndarray,
+    speed_factor: np.ndarray,
+    own: np.ndarray = NO_OWN_FRICTION,
 ) -> np.ndarray:
     """Derivatives (3, m, c) of mu, dmu/ds and dmu/dp by the sliding speed, `friction` or a curve's.
 
-    At fixed pressures p (m, c) [Pa] of points with these factors (m or 1, c) of the speed.
+    At fixed pressures p (m, c) [Pa] of points with these factors (m or 1, c) of the speed, and
+    friction of their `own` (m or 1, c, k).
     """
     curve = operating.curve
     number = {SLIDING_SPEED.name: 0, FRICTION.name: 2}.get(name)
     if number is None:
         number = 3 + [parameter.name for parameter in curve.parameters].index(name)
     constant = curve.constant is not None and np.all(curve.constant(*operating.curve_values))
-    if constant and number in (0, 2):
+    if has_own(own):
+        slopes = _own_slope(operating, number, p, speed_factor, own)
+    elif constant and number in (0, 2):
         slopes = np.zeros((3, *p.shape))
         slopes[0] = 1.0 if number == 2 else 0.0
     else:
@@ -77,11 +85,31 @@ def friction_slope(
 
 
 def friction_by_pressure(
-    operating: StackedOperating, p: np.ndarray, speed_factor: np.ndarray
+    operating: StackedOperating,
+    p: np.ndarray,
+    speed_factor: np.ndarray,
+    own: np.ndarray = NO_OWN_FRICTION,
 ) -> np.ndarray:
     """The same by the pressure of each point itself."""
-    slopes = _curve_slope(operating, 1, p, speed_factor)
+    if has_own(own):
+        slopes = _own_slope(operating, 1, p, speed_factor, own)
+    else:
+        slopes = _curve_slope(operating, 1, p, speed_factor)
     return _signed(operating, slopes, 1, p, speed_factor)
+
+
+def _own_slope(
+    operating: StackedOperating,
+    number: int,
+    p: np.ndarray,
+    speed_factor: np.ndarray,
+    own: np.ndarray,
+) -> np.ndarray:
+    """By one argument, of points of which some have friction of their own."""
+    speeds = np.abs(operating.sliding_speed)[:, None] * speed_factor
+    values = (operating.friction[:, None], operating.curve_values)
+    slopes = own_slopes(operating.curve, values, own, np.broadcast_to(speeds, p.shape), p)
+    return slopes[number]
 
 
 def _curve_slope(
@@ -117,7 +145,7 @@ def _signed(
     if number == 0:
         slopes = slopes * speed_factor
     slopes = np.where(p < 0.0, 0.0, slopes)
-    backwards = (operating.sliding_speed < 0)[:, None]
+    backwards = (operating.sliding_speed < 0)[:, None] & (speed_factor != 0.0)
     turned = [1] if number == 0 else [0, 2]
     slopes[turned] = np.where(backwards, -slopes[turned], slopes[turned])
     return slopes

@@ -10,6 +10,7 @@ from squealstudy.linalg.overflow import MAX_SQUARABLE_ENTRY
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.sliding import StackedSliding
 from squealstudy.stacked.structures import StackedStructures
+from squealstudy.system.contact_weights import over_speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +77,12 @@ def linearised(
     """M = I, C and K of a batch (THEORY.md eq. (17) to (20))."""
     s, p = structures, sliding.pressure
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        friction = operating.rubbing(p, s.speed_factor)
+        friction = operating.rubbing(p, s.speed_factor, s.own_friction)
         normal = s.area * sliding.tangent
         rubbing = s.area * p * s.frictional
         coupling = -friction.following(p) * s.frictional * normal
-        across = friction.mu * rubbing / (operating.sliding_speed[:, None] * s.speed_factor)
+        speed = operating.sliding_speed[:, None] * s.speed_factor
+        across = over_speed(friction.mu * rubbing, speed)
         elastic = s.k_el * damping.scale**2
         omega = np.sqrt(np.maximum(s.k_el, 0.0)) * damping.scale
         dampers = 2.0 * damping.component_ratio * omega

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from squealstudy.laws.own_friction import has_own
 from squealstudy.modes.sensitivity.mode_gradient import damping_factors
 from squealstudy.stacked.law_slopes import friction_by_pressure, point_slopes
 from squealstudy.stacked.linear import quadratic
@@ -57,7 +58,8 @@ class SlidingSlopes:
         self._rows = PointRows(self._equations, gap0, np.arange(shape[0]))
         self.area, self.frictional = self._equations.area, np.broadcast_to(s.frictional, shape)
         self.speed_factor = np.broadcast_to(s.speed_factor, shape)
-        self.friction = operating.rubbing(sliding.pressure, self.speed_factor)
+        self.own = s.own_friction
+        self.friction = operating.rubbing(sliding.pressure, self.speed_factor, self.own)
         self._normal = self._equations.moved[:, :, : shape[1]]  # by normal forces
 
     @cached_property
@@ -114,8 +116,9 @@ class SlidingSlopes:
         dp, dkappa = self.by_law[0]
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
         operating, curve = system.operating, system.operating.curve
-        if curve.pressure_dependent and not self._constant:
-            rows = friction_by_pressure(operating, p, self.speed_factor) * total.pressure
+        if curve.pressure_dependent and (has_own(self.own) or not self._constant):
+            rows = friction_by_pressure(operating, p, self.speed_factor, self.own)
+            rows = rows * total.pressure
             total = total._replace(
                 mu=by.mu + rows[0],
                 by_speed=by.by_speed + rows[1],

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
+from squealstudy.laws.own_friction import NOT_LINEAR, is_linear
 from squealstudy.linalg.overflow import LEAST_MASS, LIMITS, OVERFLOW
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.model_point import ModelPoint
@@ -185,6 +186,8 @@ def system_about_sliding(
     elastic = np.broadcast_to(structures.k_el * damping.scale**2, (count, structures.n))
     sliding = steady_sliding(structures, elastic, operating)
     pressed = bool(structures.load[..., 0].any())
+    unlinear = ~np.broadcast_to(is_linear(structures.own_friction), count)
+    failures |= {int(i): ("failed", NOT_LINEAR) for i in np.flatnonzero(unlinear)}
     for i in np.flatnonzero(sliding.state != SOLVED):
         failures.setdefault(int(i), _reason(int(sliding.state[i]), operating, int(i), pressed))
     linear = linearised(structures, sliding, operating, damping)
@@ -232,8 +235,8 @@ def _checked(
         Where no point has an assembly.
     """
     good = np.ones(count, dtype=bool)
-    for array in stack.arrays.values():
-        good &= computable(array)
+    for name, array in stack.arrays.items():
+        good &= computable(np.nan_to_num(array) if name == "own_friction" else array)
     good &= (np.einsum("mii->mi", stack.M) >= LEAST_MASS).all(axis=1)
     if good.all():
         return stack, {}
@@ -319,7 +322,7 @@ def _contradictions(
             continue
         arrays = {
             name: array[0 if len(array) == 1 else i]
-            for name in ("area", "frictional", "speed_factor")
+            for name in ("area", "frictional", "speed_factor", "own_friction")
             for array in [getattr(structures, name)]
         }
         gap, p, kappa = sliding.gap[i], sliding.pressure[i], sliding.tangent[i]

@@ -12,14 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.models.operating import DesignState
-from squealstudy.motion.point import with_step_roots
+from squealstudy.motion.point import weights_in_time, with_step_roots
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.step_roots import LinearMotions
 from squealstudy.motion.system import ModalSystem, MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.stacked.growing_modes import stacked_growing_modes
 from squealstudy.stacked.linear import computable, quadratic
-from squealstudy.system.contact_weights import contact_weights
 
 
 class SlidingPoint(NamedTuple):
@@ -56,7 +55,7 @@ def watched_points(
 @np.errstate(over="ignore", invalid="ignore")
 def tangents(system: ModalSystem, points: Sequence[SlidingPoint]) -> tuple[np.ndarray, np.ndarray]:
     """Damping and stiffness (m, n, n) linearised at steady sliding, as `point.tangent`."""
-    weights = [contact_weights(system, one.steady, one.state.operating) for one in points]
+    weights = [weights_in_time(system, one.motion, one.steady, one.state) for one in points]
     normal, coupling, across = (
         np.array([getattr(w, name) for w in weights]) for name in ("normal", "coupling", "across")
     )

@@ -11,6 +11,7 @@ import numpy as np
 from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES, FrictionCurve
 from squealstudy.laws.contact_law import ContactLaw, ContactLawDefinition
 from squealstudy.laws.friction_law import FrictionCurveDefinition
+from squealstudy.laws.own_friction import NO_OWN_FRICTION, has_own, own_mu
 from squealstudy.laws.registry import at_points
 from squealstudy.laws.spring import evaluate_springs
 from squealstudy.models.operating import FRICTION, PRESSURE, SLIDING_SPEED, OperatingPoint
@@ -158,13 +159,23 @@ class StackedOperating:
         values = (column[:, 0] for column in self.law_values)
         return np.maximum(_mapped(self.law.gap_scale, p, *values), 1e-300)
 
-    def rubbing(self, p: np.ndarray, speed_factor: np.ndarray) -> StackedFriction:
-        """Friction at contact pressures p (m, c) of points with these factors (m or 1, c)."""
+    def rubbing(
+        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+    ) -> StackedFriction:
+        """Friction at contact pressures p (m, c) of points with these factors (m or 1, c).
+
+        Some may have friction of their `own` (m or 1, c, k).
+        """
         curve, values = self.curve, self.curve_values
         mu = np.broadcast_to(self.friction[:, None], p.shape)
         nothing = np.zeros(p.shape)
         friction = StackedFriction(mu, nothing, nothing)
-        if curve.constant is None or not np.all(curve.constant(*values)):
+        if has_own(own):
+            speeds = np.abs(self.sliding_speed)[:, None] * speed_factor
+            of_study = (self.friction[:, None], values)
+            mus = own_mu(curve, of_study, own, speeds, p)
+            friction = StackedFriction(*(np.broadcast_to(x, p.shape) for x in mus))
+        elif curve.constant is None or not np.all(curve.constant(*values)):
             speeds = np.abs(self.sliding_speed)[:, None] * speed_factor
             at = p if curve.pressure_dependent else 0.0
             arguments = (speeds, at, self.friction[:, None], *values)
@@ -175,6 +186,8 @@ class StackedOperating:
             friction = StackedFriction(*(np.where(pulling, 0.0, part) for part in parts))
         sign = np.copysign(1.0, self.sliding_speed)[:, None]
         if (sign < 0).any():
+            if has_own(own):
+                sign = np.where(speed_factor == 0.0, 1.0, sign)
             return StackedFriction(
                 sign * friction.mu, friction.by_speed, sign * friction.by_pressure
             )

@@ -286,6 +286,11 @@ class PointRows:
     def _frictional(self) -> np.ndarray:
         return self._of(self.equations.structures.frictional)
 
+    @property
+    def _friction_of_points(self) -> tuple[np.ndarray, np.ndarray]:
+        s = self.equations.structures
+        return self._of(s.speed_factor), self._of(s.own_friction)
+
     def _of(self, values: np.ndarray) -> np.ndarray:
         return values if len(values) == 1 else values[self.rows]
 
@@ -293,8 +298,7 @@ class PointRows:
         """F(g) [m], pressure [Pa] and tangent [Pa/m], each (m, c)."""
         e = self.equations
         p, kappa = e.operating.at_points(g, e.springs)
-        speed_factor = self._of(e.structures.speed_factor)
-        drag = e.operating.rubbing(p, speed_factor).mu * p * e.area * self._frictional
+        drag = e.operating.rubbing(p, *self._friction_of_points).mu * p * e.area * self._frictional
         normal = e.area * (p + e.k_c * (g - self.gap0))
         gap_change = _times(e.by_normal, normal) - _times(e.by_sliding, drag) + e.by_load
         return g - self.gap0 - gap_change, p, kappa
@@ -302,8 +306,8 @@ class PointRows:
     def newton(self, F: np.ndarray, p: np.ndarray, kappa: np.ndarray) -> np.ndarray:
         """(dF/dg)^-1 F (m, c); NaN where the matrix is singular or not finite."""
         e = self.equations
-        speed_factor = self._of(e.structures.speed_factor)
-        grip = self._frictional * e.operating.rubbing(p, speed_factor).following(p)
+        friction = e.operating.rubbing(p, *self._friction_of_points)
+        grip = self._frictional * friction.following(p)
         normal = e.area * (kappa - e.k_c)
         sliding = e.area * grip * kappa
         J = e.by_normal * normal[:, None, :] - e.by_sliding * sliding[:, None, :]

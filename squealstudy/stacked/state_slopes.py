@@ -163,7 +163,7 @@ class StateSlopes:
             by, gap = ContactChange(pressure=dp, tangent=dkappa), sliding.gaps_by_law(dp)
         if name not in of_law or name in of_curve:
             p, factor = system.sliding.pressure, sliding.speed_factor
-            mu, by_speed, by_pressure = friction_slope(operating, name, p, factor)
+            mu, by_speed, by_pressure = friction_slope(operating, name, p, factor, sliding.own)
             by = by._replace(
                 mu=mu,
                 by_speed=by_speed,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.errors import SquealstudyError
+from squealstudy.laws.own_friction import STATE, has_own
 from squealstudy.laws.spring import evaluate_springs
 from squealstudy.linalg.overflow import OVERFLOW
 from squealstudy.models.parameter import ModelDefinition
@@ -105,6 +106,9 @@ class StructureSlopes:
         for rows in GEOMETRY:
             same = getattr(first, rows) == getattr(second, rows)
             good &= same.reshape(len(same), -1).all(axis=1)
+        if has_own(first.own_friction):
+            same = first.own_friction[..., STATE] == second.own_friction[..., STATE]
+            good &= same.all(axis=1)
         width = high - low
 
         def slope(one: np.ndarray, two: np.ndarray) -> np.ndarray:
@@ -134,12 +138,21 @@ class StructureSlopes:
         loads = np.einsum("mij,mi->mj", phi, of("load")) * system.operating.pressure[:, None]
         loads = loads + np.einsum("mij,mi->mj", phi, of("constant_load"))
         dp, dkappa = self._by_springs(first, second, width)
+        mu, by_speed, by_pressure = self._by_own_friction(first, second, width)
         force, s = area * p + sliding.area * dp, system.structures
         drag = sliding.frictional * force + factor * sliding.area * p
-        drag = sliding.friction.mu * drag
+        drag = sliding.friction.mu * drag + sliding.frictional * sliding.area * p * mu
         unbalanced = np.einsum("mij,mj->mi", elastic + static, sliding.displacement) - loads
         unbalanced = unbalanced - _along(s.N, force) + _along(s.T, drag)
-        by = ContactChange(area=area, frictional=factor, pressure=dp, tangent=dkappa)
+        by = ContactChange(
+            area=area,
+            frictional=factor,
+            pressure=dp,
+            tangent=dkappa,
+            mu=mu,
+            by_speed=by_speed,
+            by_pressure=by_pressure,
+        )
         opening = np.broadcast_to(of("gap0"), p.shape)
         gaps = sliding.gaps_by_forces(unbalanced) + sliding.gaps_by_opening(opening)
         contact = sliding.contact(gaps, by)
@@ -159,6 +172,20 @@ class StructureSlopes:
             ends = [np.array(evaluate_springs(e, a.spring_points)) for a in (first, second)]
             changes[:, :, gap.shape[1] - count :] = (ends[0] - ends[1]) / width[:, None]
         return changes[0], changes[1]
+
+    def _by_own_friction(
+        self, first: StackedAssembly, second: StackedAssembly, width: np.ndarray
+    ) -> np.ndarray:
+        """Changes (3, m, c) of mu, dmu/ds and dmu/dp at the pressures, by own friction."""
+        system, p = self.slopes.system, self.slopes.system.sliding.pressure
+        if not has_own(first.own_friction):
+            return np.zeros((3, *p.shape))
+        ends = [
+            system.operating.rubbing(p, a.speed_factor, a.own_friction) for a in (first, second)
+        ]
+        pairs = [np.stack([x.mu, x.by_speed, x.by_pressure]) for x in ends]
+        change: np.ndarray = (pairs[0] - pairs[1]) / width[:, None]
+        return change
 
 
 def _along(rows: np.ndarray, forces: np.ndarray) -> np.ndarray:

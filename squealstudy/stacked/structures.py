@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from squealstudy.laws.own_friction import NO_OWN_FRICTION
 from squealstudy.laws.spring import NO_SPRINGS
 from squealstudy.models.stacked_assembly import StackedAssembly
 
@@ -34,6 +35,7 @@ class StackedStructures:
     sensors : ndarray (m, s, n)
         M^(1/2) u of the displacements: shapes of structures of other masses are compared there.
     spring_points : ndarray (m, ns, 5)
+    own_friction : ndarray (m, c, k)
         As in `StackedAssembly`.
     """
 
@@ -54,6 +56,7 @@ class StackedStructures:
     phi: np.ndarray
     sensors: np.ndarray
     spring_points: np.ndarray = field(default_factory=lambda: NO_SPRINGS[None])
+    own_friction: np.ndarray = field(default_factory=lambda: NO_OWN_FRICTION[None])
 
     @property
     def n(self) -> int:
@@ -98,6 +101,7 @@ class StackedStructures:
             phi=phi,
             sensors=roots_of(a.M) @ phi,
             spring_points=a.spring_points,
+            own_friction=a.own_friction,
         )
 
 

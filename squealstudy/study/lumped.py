@@ -7,20 +7,26 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from itertools import combinations
 from pathlib import Path
 
 from squealstudy.errors import ParameterError
+from squealstudy.laws import FRICTION_CURVES
+from squealstudy.laws.friction_law import FrictionCurveDefinition
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.lumped.build import LargestFriction, LumpedBuild
 from squealstudy.models.lumped.checks import check_tables, check_used, texts_of
+from squealstudy.models.lumped.contact_friction import has_own_numbers, law_keys
 from squealstudy.models.lumped.definition import DESCRIPTION, NAME, LumpedDefinition
 from squealstudy.models.lumped.held import check_held, check_pressed
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrices import MatrixSpace
 from squealstudy.models.lumped.matrix_tables import AnyFile, MatrixFile
+from squealstudy.models.lumped.number_types import Number
 from squealstudy.models.lumped.numbers import expression
 from squealstudy.models.lumped.parts import parts_of
-from squealstudy.models.lumped.tables import LumpedFile, ParameterTable
+from squealstudy.models.lumped.tables import LAW_PREFIX, ContactNumbers, LumpedFile, ParameterTable
 from squealstudy.models.lumped.term_matrices import read_terms
 from squealstudy.models.matrices.expression import RESERVED
 from squealstudy.models.operating import (
@@ -35,6 +41,7 @@ from squealstudy.models.operating import (
     STIFFNESS_DAMPING,
     contact_laws,
     contact_parameters,
+    friction_laws,
     friction_parameters,
 )
 from squealstudy.models.parameter import Declared, ModelOption
@@ -51,7 +58,10 @@ POSITIVE = ("mass", "inertia", "area", "speed_factor", "radius")  # keys above z
 NOT_NEGATIVE = (
     "stiffness",
     "damping",
+    "friction",
     "friction_factor",
+    "state",
+    "tangential",
 )  # of springs and dampers; of contact above zero
 
 
@@ -94,13 +104,16 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
             if isinstance(file, LumpedFile)
             else MatrixSpace(file, read_terms(file, folder))
         )
-        parts = parts_of(space, {name: defaults[name] for name in file_names})
+        law = _fitting_law(file)
+        parts = parts_of(space, defaults, law)
         check_held(space, parts)
         if isinstance(space, MatrixSpace):
             check_pressed(space, parts)
     build = LumpedBuild(str(source.path), space, file_names)
-    rubbing = (t for t in file.contact if t.friction and t.sliding is not None)
-    factors = tuple(t.friction_factor for t in rubbing)
+    rubbing = [t for t in file.contact if t.rubs and t.sliding is not None]
+    with_own = [t for t in rubbing if has_own_numbers([t])]
+    factors = tuple(t.friction_factor for t in rubbing if t not in with_own)
+    own_static = tuple(map(_own_static, with_own))
     terms = () if isinstance(file, LumpedFile) else file.term
     paths = dict.fromkeys(folder / term.file for term in terms)
     return LumpedDefinition(
@@ -108,14 +121,16 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
         description=file.description or DESCRIPTION,
         options=(
             ModelOption(CONTACT_OPTION.name, _linear_first, CONTACT_OPTION.description),
-            FRICTION_OPTION,
+            ModelOption(
+                FRICTION_OPTION.name, partial(_law_first, law.name), FRICTION_OPTION.description
+            ),
         ),
         declared=declared,
         components=parts.structure.components,
         build=build,
         stack=build.stack,
         assumptions=tuple(
-            replace(a, group=LargestFriction(factors)) if a is FRICTION_RANGE else a
+            replace(a, group=LargestFriction(factors, own_static)) if a is FRICTION_RANGE else a
             for a in ASSUMPTIONS
         ),
         torque_unit="N" if all(t.radius is None for t in file.contact) else "N m",
@@ -125,6 +140,36 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
             *(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths),
         ),
     )
+
+
+def _own_static(table: ContactNumbers) -> tuple[Number, dict[str, Number]]:
+    """What the static friction of a contact with numbers of its own is made of."""
+    coefficient = table.own_coefficient
+    law: dict[str, Number] = {f"{LAW_PREFIX}{key}": x for key, x in table.friction_law.items()}
+    if table.state is not None:  # it has its coefficient at all speeds
+        law = {p.name: p.default for p in friction_parameters() if p.name.startswith(LAW_PREFIX)}
+    factor = table.friction_factor
+    return (f"friction * ({factor})" if coefficient is None else coefficient), law
+
+
+def _fitting_law(file: AnyFile) -> FrictionCurveDefinition:
+    """The first friction law that has what contacts have own values of: the model's own choice."""
+    numbers = [(i, key) for i, table in enumerate(file.contact) for key in table.friction_law]
+    for name in friction_laws():
+        names = {p.name for p in FRICTION_CURVES[name].parameters}
+        if all(f"{LAW_PREFIX}{key}" in names for _, key in numbers):
+            return FRICTION_CURVES[name]
+    laws = law_keys()
+    pairs = combinations(numbers, 2)
+    unlike = (pair for pair in pairs if not set(laws[pair[0][1]]) & set(laws[pair[1][1]]))
+    (i, first), (j, other) = next(unlike, (numbers[0], numbers[-1]))
+    text = f"expected numbers of one friction law: '{first}' of {file.name_of('contact', i)} is of "
+    text += f"{' or '.join(laws[first])}, and '{other}' of {' or '.join(laws[other])}"
+    raise PlacedError(("contact", j, "friction_law", other), text)
+
+
+def _law_first(name: str) -> tuple[str, ...]:
+    return name, *(law for law in friction_laws() if law != name)
 
 
 def _linear_first() -> tuple[str, ...]:

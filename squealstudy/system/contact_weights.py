@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from squealstudy.models.assembly import ContactPoints
+from squealstudy.models.contact_points import ContactPoints
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.working_point import WorkingPoint
 
@@ -49,15 +49,21 @@ def contact_weights(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint
 ) -> ContactWeights:
     """Weights of contact and friction at a working point."""
-    friction = operating.friction_at(point.contact_pressure, contact.speed_factor)
+    p = point.contact_pressure
+    friction = operating.friction_at(p, contact.speed_factor, contact.own_friction)
     k_n = contact.area * point.tangent
-    rubbing = contact.area * point.contact_pressure * contact.frictional
+    rubbing = contact.area * p * contact.frictional
     return ContactWeights(
         normal=k_n,
-        coupling=-friction.following(point.contact_pressure) * contact.frictional * k_n,
-        across=friction.mu * rubbing / (operating.sliding_speed * contact.speed_factor),
+        coupling=-friction.following(p) * contact.frictional * k_n,
+        across=over_speed(friction.mu * rubbing, operating.sliding_speed * contact.speed_factor),
         along=friction.by_speed * rubbing if np.any(friction.by_speed) else 0.0,
     )
+
+
+def over_speed(drag: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Friction over the sliding velocity; 0 where no sliding is imposed: nothing turns there."""
+    return np.divide(drag, speed, out=np.zeros(np.shape(drag)), where=speed != 0.0)
 
 
 class ContactChange(NamedTuple):
@@ -94,7 +100,7 @@ def contact_weights_change(
 ) -> ContactWeights:
     """Derivatives of `contact_weights` by one parameter: the product rule on its four lines."""
     p = point.contact_pressure
-    friction = operating.friction_at(p, contact.speed_factor)
+    friction = operating.friction_at(p, contact.speed_factor, contact.own_friction)
     speed = operating.sliding_speed * contact.speed_factor
     return changed_weights(contact.area, contact.frictional, p, point.tangent, friction, speed, by)
 
@@ -127,12 +133,14 @@ def changed_weights(
     d_force = area * by.pressure + by.area * p
     following = friction.following(p)
     d_following = by.mu + p * by.by_pressure + by.pressure * friction.by_pressure
-    d_drag = (by.mu - friction.mu * by.speed / speed) * force + friction.mu * d_force
+    d_drag = (
+        by.mu - over_speed(friction.mu * by.speed + 0.0 * speed, speed)
+    ) * force + friction.mu * d_force
     d_along = by.by_speed * force + friction.by_speed * d_force
     more = by.frictional
     return ContactWeights(
         normal=d_k_n,
         coupling=-frictional * (d_following * k_n + following * d_k_n) - more * following * k_n,
-        across=(frictional * d_drag + more * friction.mu * force) / speed,
+        across=over_speed(frictional * d_drag + more * friction.mu * force, speed),
         along=frictional * d_along + more * friction.by_speed * force,
     )

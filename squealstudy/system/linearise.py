@@ -14,7 +14,7 @@ each user adds its own term.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -22,12 +22,15 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from squealstudy.errors import ModelError
+from squealstudy.laws.own_friction import NO_OWN_FRICTION, NOT_LINEAR, is_linear
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.reduction.cmt import ComponentModes, ReducedModel, momenta
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import ContactWeights, contact_weights
+from squealstudy.system.modal_damping import Modes, assembly_damping
 from squealstudy.system.parametric import (
     DAMPING,
     MASS,
@@ -37,8 +40,6 @@ from squealstudy.system.parametric import (
     Term,
     Weights,
 )
-
-Modes = tuple[np.ndarray, np.ndarray]  # squares of frequencies (n,) [(rad/s)^2], shapes (n, n)
 
 
 class StructureWeights(NamedTuple):
@@ -148,6 +149,8 @@ class ContactStructure:
     N, T, T_perp : matrix (nc, n)
         Contact observation (models.assembly.ContactInterface).
     area, frictional, speed_factor : ndarray (nc,)
+    own_friction : ndarray (nc, k)
+        As in ContactInterface.
     frequencies : mapping of (component, mode) -> float
         Component modes that a design point may change or damp, rad/s.
     places : mapping of (component, mode) -> int
@@ -178,6 +181,7 @@ class ContactStructure:
     damping: Matrix | None = None
     turning: Matrix | None = None
     unturned: str = ""
+    own_friction: np.ndarray = field(default_factory=lambda: NO_OWN_FRICTION)
 
     @property
     def n(self) -> int:
@@ -209,11 +213,16 @@ class ContactStructure:
         return ParametricSystem(self.n, terms)
 
     @np.errstate(over="ignore", invalid="ignore")
-    def weights(self, point: WorkingPoint, state: DesignState) -> StructureWeights:
+    def weights(
+        self, point: WorkingPoint, state: DesignState, in_time: bool = False
+    ) -> StructureWeights:
         """Weights without modal damping; ConvergenceError where entries become too large.
 
-        ParameterError where gyroscopic terms are asked for and there are none.
+        ParameterError where gyroscopic terms are asked for and there are none; ModelError where a
+        contact point is stuck without a stiffness, but `in_time`.
         """
+        if not (in_time or is_linear(self.own_friction)):
+            raise ModelError(NOT_LINEAR)
         state.operating.expect_turning(self.turning, self.unturned)
         changes = self.by_mode(state.stiffness_changes(self.frequencies))
         weights = structure_weights(
@@ -256,6 +265,7 @@ def reduced_structure(model: ReducedModel) -> ContactStructure:
         damping=model.C_el,
         turning=model.turning,
         unturned=model.unturned,
+        own_friction=model.own_friction,
     )
 
 
@@ -282,6 +292,7 @@ def unreduced_structure(
         damping=assembly.C_el,
         turning=assembly.turning,
         unturned="" if assembly.rotors is None else assembly.rotors.unturned,
+        own_friction=contact.own_friction,
     )
 
 
@@ -334,6 +345,7 @@ def linearise(
     point: WorkingPoint,
     state: DesignState,
     projected: ParametricSystem | None = None,
+    in_time: bool = False,
 ) -> LinearisedModel:
     """A component-mode model about a working point, modal damping of the assembly included.
 
@@ -345,19 +357,25 @@ def linearise(
     projected : ParametricSystem or None
         The terms of its structure on an orthonormal basis, in whose coordinates the matrices then
         are; modal damping is that of the real modes of the projected stiffness.
+    in_time : bool
+        For runs in time, where stuck points need no tangential stiffness.
 
     Raises
     ------
     ParameterError
         Damping of an assembly mode that the basis does not have.
+    ModelError
+        A contact point that is stuck without a stiffness.
     """
     structure = reduced_structure(model)
     system = projected or structure.system
-    weights = structure.weights(point, state)
+    weights = structure.weights(point, state, in_time)
     K_sym = system.summed(weights, SYMMETRIC_STIFFNESS_FIELDS)
     K = K_sym + system.summed(weights, [StructureWeights._fields.index("coupling")])
     beta = state.stiffness_damping
-    rest = structure.weights(point, replace(state, stiffness_damping=0.0)) if beta else weights
+    rest = weights
+    if beta:
+        rest = structure.weights(point, replace(state, stiffness_damping=0.0), in_time)
     C = system.summed(rest, system.numbers(DAMPING)) + beta * K_sym
     modal, assembly_modes = assembly_damping(K_sym, state, model.damped_to)
     return LinearisedModel(C + modal, K, K_sym, weights, modal, assembly_modes)
@@ -366,34 +384,3 @@ def linearise(
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:
     """Elastic, spring and contact stiffness (n, n), without friction, of dense terms."""
     return structure.system.summed(weights, SYMMETRIC_STIFFNESS_FIELDS)
-
-
-def assembly_damping(
-    K_sym: np.ndarray, state: DesignState, damped_to: float = np.inf
-) -> tuple[np.ndarray | float, Modes | None]:
-    """Modal damping (n, n) [rad/s] of a design point, and its real modes; 0 and None without any.
-
-    Raises
-    ------
-    ParameterError
-        Damping of an assembly mode that the basis does not have.
-    """
-    zeta = state.assembly_damping_ratios(len(K_sym))
-    if not zeta.any():
-        return 0.0, None
-    modes = la.eigh(K_sym, driver="evd")  # of all modes: half the time of the default
-    return modal_damping(modes, zeta, damped_to), modes
-
-
-def modal_damping(modes: Modes, zeta: np.ndarray, damped_to: float = np.inf) -> np.ndarray:
-    """Modal damping (n, n): sum of phi 2 zeta min(omega, damped_to) phi^T, zeta (n,).
-
-    THEORY.md eq. (18) where the mass is the identity; modes are of the symmetric stiffness. Those
-    beyond `damped_to` [rad/s] have the coefficient of a mode there.
-    """
-    omega, phi = np.sqrt(np.maximum(modes[0], 0.0)), modes[1]
-    rates = 2.0 * zeta * np.minimum(omega, damped_to)
-    if (rates < 0).any():
-        return (phi * rates) @ phi.T
-    half = phi * np.sqrt(rates)
-    return half @ half.T  # half the work: BLAS sees that this is symmetric

@@ -13,6 +13,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import DamperInterface, SpringInterface
+from squealstudy.models.lumped.contact_friction import curve_of
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrices import MatrixSpace
 from squealstudy.models.lumped.number_types import Number
@@ -53,7 +54,7 @@ class LumpedBuild:
         values: Mapping[str, float],
     ) -> Assembly:
         """The assembly; ModelError where a number cannot be what it is."""
-        return assembly_of(self.space, self._parts(values))
+        return assembly_of(self.space, self._parts(options, values))
 
     def stack(
         self,
@@ -61,11 +62,11 @@ class LumpedBuild:
         values: Mapping[str, Any],
     ) -> StackedAssembly:
         """As `__call__`, of values that are numbers or arrays (m,)."""
-        return stack_of(self.space, self._parts(values))
+        return stack_of(self.space, self._parts(options, values))
 
-    def _parts(self, values: Mapping[str, Any]) -> LumpedParts:
+    def _parts(self, options: Mapping[str, str | int], values: Mapping[str, Any]) -> LumpedParts:
         try:
-            return parts_of(self.space, {name: values[name] for name in self.own})
+            return parts_of(self.space, values, curve_of(options))
         except PlacedError as error:
             raise ModelError(f"{self.path}, {dotted(error.keys)}: {error.message}") from error
 
@@ -77,10 +78,14 @@ class LargestFriction:
     Attributes
     ----------
     factors : tuple of float or str
-        `friction_factor` of each contact with friction.
+        `friction_factor` of each contact with the study's friction.
+    own : tuple of (float or str, mapping of parameter -> float or str)
+        Coefficient of each contact that has its own or its own friction law; "friction" for the
+        study's.
     """
 
     factors: tuple[Number, ...]
+    own: tuple[tuple[Number, Mapping[str, Number]], ...] = ()
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
         """At values of all parameters, numbers or arrays (m,); factors that have no value count 1.
@@ -92,7 +97,15 @@ class LargestFriction:
         except PlacedError:
             factors = []
         largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
-        return FRICTION_RANGE.group(values) * largest
+        groups = [] if not factors and self.own else [FRICTION_RANGE.group(values) * largest]
+        for coefficient, law in self.own:
+            try:
+                numbers = {name: value_of(number, values, ()) for name, number in law.items()}
+                numbers["friction"] = value_of(coefficient, values, ())
+            except PlacedError:
+                continue
+            groups.append(FRICTION_RANGE.group({**values, **numbers}))
+        return np.maximum.reduce(np.broadcast_arrays(*groups)) if groups else 0.0
 
 
 def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
@@ -126,8 +139,15 @@ def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
                 *(file.name_of("damper", i) for i, d in enumerate(file.damper) if not d.linear),
             ),
             spring_points=c.spring_points[0],
+            own_friction=c.own_friction[0],
         ),
-        springs=tuple(SpringInterface(s.name, sp.csr_matrix(s.row), s.size) for s in parts.springs),
+        springs=(
+            *(SpringInterface(s.name, sp.csr_matrix(s.row), s.size) for s in parts.springs),
+            *(
+                SpringInterface(s.name, sp.csr_matrix(s.row), s.size, False)
+                for s in parts.stuck_springs
+            ),
+        ),
         load=parts.load[0],
         constant_load=parts.constant_load[0],
         dampers=tuple(DamperInterface(d.name, sp.csr_matrix(d.row), d.size) for d in parts.dampers),
@@ -137,7 +157,12 @@ def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
 def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssembly:
     """Assemblies side by side, of parts at arrays."""
     c, own = parts.contact, parts.structure
-    springs = _matrix(parts.springs, space.n)
+    static_springs = _matrix(parts.springs, space.n)
+    springs = (
+        static_springs + _matrix(parts.stuck_springs, space.n)
+        if parts.stuck_springs
+        else static_springs
+    )
     dampers = _matrix(parts.dampers, space.n) if parts.dampers else None
     rates = [A for A in (own.C, own.G, dampers) if A is not None]
     return StackedAssembly(
@@ -146,7 +171,7 @@ def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssem
         M=own.M,
         K=own.K,
         springs=springs,
-        static_springs=springs,
+        static_springs=static_springs,
         C=sum(rates[1:], rates[0]) if rates else None,
         N=c.N,
         T=c.T,
@@ -158,6 +183,7 @@ def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssem
         load=parts.load,
         constant_load=parts.constant_load,
         spring_points=c.spring_points,
+        own_friction=c.own_friction,
     )
 
 

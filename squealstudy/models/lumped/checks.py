@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from squealstudy.models.file_table import KeyPath, PlacedError
+from squealstudy.models.lumped.contact_friction import law_keys
 from squealstudy.models.lumped.matrix_tables import AnyFile, ContactOn
 from squealstudy.models.lumped.numbers import expression
-from squealstudy.models.lumped.tables import GROUND, MOVING, ContactTable, LumpedFile
+from squealstudy.models.lumped.tables import (
+    GROUND,
+    MOVING,
+    ContactNumbers,
+    ContactTable,
+    LumpedFile,
+)
 from squealstudy.models.matrices.expression import ExpressionError
 
 LISTS = ("term", "mass", "spring", "damper", "contact", "load")
@@ -24,15 +31,10 @@ def check_tables(file: AnyFile) -> None:
         if (contact.stiffness is None) == (contact.area is None):
             expected = "expected a stiffness, N/m, or an area, m2"
             raise PlacedError(keys, expected + ("" if contact.area is None else "; not both"))
-        if contact.friction and contact.sliding is None:
+        if contact.rubs and contact.sliding is None:
             text = "the key 'sliding' is missing: the direction in which the second slides past "
             raise PlacedError(keys, text + "the first; or friction = false")
-        if not contact.friction and contact.sliding is not None:
-            raise PlacedError((*keys, "sliding"), "a contact without friction has no such key")
-        if not contact.friction and contact.friction_factor != 1.0:
-            raise PlacedError(
-                (*keys, "friction_factor"), "a contact without friction has no such key"
-            )
+        check_friction(contact, keys)
     for i, load in enumerate(file.load):
         if (load.force is None) == (load.area is None):
             expected = "expected a force, N, or an area, m2, on which the brake pressure acts"
@@ -41,6 +43,41 @@ def check_tables(file: AnyFile) -> None:
     _check_loads(file)
     if isinstance(file, LumpedFile):
         _check_pressed(file)
+
+
+def check_friction(contact: ContactNumbers, keys: KeyPath) -> None:
+    """Keys of friction that fit each other."""
+    is_written = {
+        "friction_factor": contact.friction_factor != 1.0,
+        "friction_law": bool(contact.friction_law),
+        "speed_factor": contact.speed_factor != 1.0,
+        "state": contact.state is not None,
+        "tangential": contact.tangential is not None,
+        "radius": contact.radius is not None,
+    }
+    reasons: list[tuple[str, tuple[str, ...]]] = []
+    if not contact.rubs:
+        keys_of_friction = ("friction_factor", "friction_law", "state", "tangential")
+        reasons.append(("a contact without friction has no such key", keys_of_friction))
+    if contact.own_coefficient is not None:
+        reasons.append(("a contact with its own friction has no such key", ("friction_factor",)))
+    if contact.state is not None:
+        text = "no sliding is imposed on a contact with a state: it has no such key"
+        reasons.append((text, ("friction_law", "speed_factor", "radius")))
+    else:
+        text = "it is of a contact that is stuck: the key 'state' is missing"
+        reasons.append((text, ("tangential",)))
+    if not contact.rubs and getattr(contact, "sliding", None) is not None:
+        raise PlacedError((*keys, "sliding"), "a contact without friction has no such key")
+    for text, barred in reasons:
+        for key in barred:
+            if is_written[key]:
+                raise PlacedError((*keys, key), text)
+    laws_by_key = law_keys()
+    for key in contact.friction_law:
+        if key not in laws_by_key:
+            text = f"no friction law has '{key}', expected one of {', '.join(laws_by_key)}"
+            raise PlacedError((*keys, "friction_law", key), text, key, tuple(laws_by_key))
 
 
 def _check_masses(file: LumpedFile) -> None:
@@ -56,9 +93,14 @@ def _check_masses(file: LumpedFile) -> None:
     for i, contact in enumerate(file.contact):
         keys: KeyPath = ("contact", i, "between")
         _check_ends(contact.between, masses, (GROUND, *MOVING), keys)
-        if contact.friction and contact.between[1] == GROUND:
-            text = f'the ground does not slide: expected "{MOVING[0]}", or friction = false'
+        if contact.rubs and contact.between[1] == GROUND and contact.state is None:
+            text = (
+                f'the ground does not slide: expected "{MOVING[0]}", friction = false, or a state'
+            )
             raise PlacedError(keys, text)
+        if contact.state is not None and contact.between[1] in MOVING:
+            text = f"the {contact.between[1]} slides at sliding_speed: expected no such key"
+            raise PlacedError(("contact", i, "state"), text)
     for i, load in enumerate(file.load):
         _expect_mass(load.on, masses, ("load", i, "on"))
 
@@ -91,10 +133,11 @@ def _expect_mass(name: str, known: tuple[str, ...], keys: KeyPath) -> None:
 
 
 def _check_arms(file: AnyFile) -> None:
-    arms = [table.radius is not None for table in file.contact if table.friction]
+    braking = [i for i, t in enumerate(file.contact) if t.rubs and t.state is None]
+    arms = [file.contact[i].radius is not None for i in braking]
     if any(arms) and not all(arms):
         text = "the key 'radius' is missing: expected of all contacts with friction, or of none"
-        without = (i for i, t in enumerate(file.contact) if t.friction and t.radius is None)
+        without = (i for i in braking if file.contact[i].radius is None)
         raise PlacedError(("contact", next(without)), text)
 
 
@@ -156,7 +199,17 @@ def texts_of(file: AnyFile) -> Iterator[tuple[KeyPath, str]]:
         "mass": ("mass", "inertia", "spin"),
         "spring": ("stiffness", "cubic", "gap"),
         "damper": ("damping", "cubic"),
-        "contact": ("stiffness", "area", "gap", "friction_factor", "speed_factor", "radius"),
+        "contact": (
+            "stiffness",
+            "area",
+            "gap",
+            "friction",
+            "friction_factor",
+            "speed_factor",
+            "state",
+            "tangential",
+            "radius",
+        ),
         "load": ("force", "area"),
     }
     directions = ("direction", "normal", "sliding", "across", "along", "spin_axis")
@@ -165,6 +218,9 @@ def texts_of(file: AnyFile) -> Iterator[tuple[KeyPath, str]]:
             for key in numbers[kind]:
                 if isinstance(text := getattr(table, key), str):
                     yield (kind, i, key), text
+            for key, number in getattr(table, "friction_law", {}).items():
+                if isinstance(number, str):
+                    yield (kind, i, "friction_law", key), number
             for key in directions:
                 parts = getattr(table, key, None)
                 for k, part in enumerate(parts if isinstance(parts, tuple) else ()):

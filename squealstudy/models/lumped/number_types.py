@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, Strict
+from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from squealstudy.wording import shown
 
@@ -25,6 +25,18 @@ def checked_number(written: Any, *, text: str = "an expression in quotes") -> fl
     return float(written)
 
 
+def _coefficient(written: Any) -> bool | float | str:
+    if isinstance(written, bool):
+        return written
+    return checked_number(written, text="an expression in quotes, or false for none")
+
+
+def _state(written: Any) -> float | str:
+    if isinstance(written, str) and written in STATES:
+        return STATES[written]
+    return checked_number(written, text="'stuck', 'sliding' or a parameter that is 1 or 0 of them")
+
+
 def _with_unit(written: Any) -> float | str:
     return checked_number(written, text='text with its unit, such as "7 kN/mm"')
 
@@ -40,7 +52,17 @@ def _direction(written: Any) -> str | tuple[float | str, ...]:
     return tuple(checked_number(part) for part in written)
 
 
+# sliding contact along its direction, or stuck: what a parameter is then
+STATES = {"sliding": 0.0, "stuck": 1.0}
 Number = Annotated[float | str, BeforeValidator(checked_number)]  # or of the file's parameters
+Coefficient = Annotated[
+    bool | float | str,
+    BeforeValidator(_coefficient),
+    WithJsonSchema({"type": ["boolean", "number", "string"]}),
+]
+State = Annotated[
+    float | str, BeforeValidator(_state), WithJsonSchema({"type": ["number", "string"]})
+]
 NumberWithUnit = Annotated[float | str, BeforeValidator(_with_unit)]
 # along x, y and z; z is 0 where there are two
 Direction = Annotated[str | tuple[float | str, ...], BeforeValidator(_direction)]

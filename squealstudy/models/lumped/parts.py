@@ -9,8 +9,16 @@ import numpy as np
 
 from squealstudy.laws import contact_law
 from squealstudy.laws.contact.unilateral import STIFFNESS
+from squealstudy.laws.friction_law import FrictionCurveDefinition
+from squealstudy.laws.own_friction import NO_OWN_FRICTION, SLIDING, STATE
 from squealstudy.laws.spring import N_SPRING
 from squealstudy.models.file_table import KeyPath
+from squealstudy.models.lumped.contact_friction import (
+    has_own_numbers,
+    own_row,
+    state_of,
+    tangential_of,
+)
 from squealstudy.models.lumped.numbers import Values, bounded, side_by_side, value_of
 from squealstudy.models.lumped.space import Space, Structure
 from squealstudy.models.lumped.tables import ContactNumbers, SpringNumbers
@@ -33,7 +41,7 @@ class Points(NamedTuple):
     """Contact points: N, T, T_perp (m or 1, c, n), the others (m or 1, c).
 
     The last are springs and dampers that are not linear, with numbers `spring_points`
-    (m or 1, ns, 5).
+    (m or 1, ns, 5). Friction of their own (m or 1, c, k): `laws.own_friction`.
     """
 
     N: np.ndarray
@@ -45,6 +53,7 @@ class Points(NamedTuple):
     frictional: np.ndarray
     speed_factor: np.ndarray
     spring_points: np.ndarray
+    own_friction: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,8 @@ class LumpedParts:
     contact : Points
     load, constant_load : ndarray (m or 1, n)
         N/Pa, and N.
+    stuck_springs : list of Interface
+        What stuck contacts hold in their plane, in vibration alone: N/m, nothing while they slide.
     """
 
     structure: Structure
@@ -66,10 +77,11 @@ class LumpedParts:
     contact: Points
     load: np.ndarray
     constant_load: np.ndarray
+    stuck_springs: list[Interface]
 
 
-def parts_of(space: Space, values: Values) -> LumpedParts:
-    """The model at values of its parameters.
+def parts_of(space: Space, values: Values, curve: FrictionCurveDefinition) -> LumpedParts:
+    """The model at values of its parameters, with the friction law of the study.
 
     Raises
     ------
@@ -88,9 +100,10 @@ def parts_of(space: Space, values: Values) -> LumpedParts:
         dampers=[
             _interface(space, "damper", "damping", i, values) for i in range(len(file.damper))
         ],
-        contact=_contact(space, values),
+        contact=_contact(space, values, curve),
         load=load,
         constant_load=constant,
+        stuck_springs=_stuck_springs(space, values),
     )
 
 
@@ -116,7 +129,21 @@ def _interface(space: Space, kind: str, key: str, i: int, values: Values) -> Int
     return Interface(space.file.name_of(kind, i), row, np.atleast_1d(size))
 
 
-def _contact(space: Space, values: Values) -> Points:
+def _stuck_springs(space: Space, values: Values) -> list[Interface]:
+    """Tangential springs of contacts with a state, along their sliding and across."""
+    springs = []
+    for i, table in enumerate(space.file.contact):
+        if table.state is None:
+            continue
+        keys: KeyPath = ("contact", i)
+        stuck = state_of(table, keys, values) != SLIDING
+        size = np.atleast_1d(np.where(stuck, tangential_of(table, keys, values), 0.0))
+        name = space.file.name_of("contact", i)
+        springs += [Interface(name, row, size) for row in space.contact_rows(i, values)[1:]]
+    return springs
+
+
+def _contact(space: Space, values: Values, curve: FrictionCurveDefinition) -> Points:
     rows: dict[str, list[np.ndarray]] = {"N": [], "T": [], "T_perp": []}
     columns: dict[str, list[np.ndarray]] = {
         key: [] for key in ("area", "gap", "radius", "frictional", "speed_factor")
@@ -130,12 +157,16 @@ def _contact(space: Space, values: Values) -> Points:
         arm = np.asarray(LEVER_ARM_M)
         if table.radius is not None:
             arm = bounded(table.radius, values, (*keys, "radius"), "m")
-        columns["radius"].append(arm)
+        columns["radius"].append(arm if table.state is None else np.asarray(0.0))
         factor = bounded(table.friction_factor, values, (*keys, "friction_factor"), "", zero=True)
-        columns["frictional"].append(factor if table.friction else np.asarray(0.0))
-        columns["speed_factor"].append(
-            bounded(table.speed_factor, values, (*keys, "speed_factor"), "")
-        )
+        columns["frictional"].append(factor if table.rubs else np.asarray(0.0))
+        speed = bounded(table.speed_factor, values, (*keys, "speed_factor"), "")
+        columns["speed_factor"].append(speed if table.state is None else np.asarray(0.0))
+    own_rows: list[np.ndarray] = []
+    if has_own_numbers(space.file.contact):
+        own_rows = [
+            own_row(t, ("contact", i), values, curve) for i, t in enumerate(space.file.contact)
+        ]
     numbers = []
     for i, spring in enumerate(space.file.spring):
         if spring.linear:
@@ -160,7 +191,17 @@ def _contact(space: Space, values: Values) -> Points:
         **{name: _stacked(parts, space.n) for name, parts in rows.items()},
         **{name: side_by_side(parts) for name, parts in columns.items()},
         spring_points=_stacked(numbers, N_SPRING),
+        own_friction=_own_friction(own_rows, len(numbers)),
     )
+
+
+def _own_friction(rows: list[np.ndarray], n_springs: int) -> np.ndarray:
+    """Friction of their own (m or 1, c, k) of contacts and springs; no columns without any."""
+    if not rows:
+        return NO_OWN_FRICTION[None]
+    of_spring = np.full_like(rows[0][:1], np.nan)
+    of_spring[:, STATE] = SLIDING
+    return _stacked([*rows, *[of_spring] * n_springs], rows[0].shape[1])
 
 
 def _area(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray:

@@ -7,12 +7,20 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, model_validator
 
 from squealstudy.models.file_table import Name, Table
-from squealstudy.models.lumped.number_types import Direction, Number, NumberWithUnit, Position
+from squealstudy.models.lumped.number_types import (
+    Coefficient,
+    Direction,
+    Number,
+    NumberWithUnit,
+    Position,
+    State,
+)
 
 GROUND = "ground"  # what does not move
 MOVING = ("belt", "disc")  # what slides at the imposed speed, and does not vibrate
 TRANSLATIONS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 AXES = (*TRANSLATIONS, *TURNS)
+LAW_PREFIX = "friction_law."  # of parameters of friction laws in studies
 
 Ends = Annotated[tuple[str, str], Strict(False)]
 NameTuple = Annotated[tuple[str, ...], Strict(False)]
@@ -125,7 +133,7 @@ class DamperTable(DamperNumbers):
 
 
 class ContactNumbers(Table):
-    """What a contact point is; friction and contact law are the study's."""
+    """What a contact point is; the contact law is the study's, and friction but where it says."""
 
     name: Name | None = Field(default=None, description=CALLED)
     stiffness: Number | None = Field(
@@ -133,14 +141,41 @@ class ContactNumbers(Table):
     )
     area: Number | None = Field(default=None, description="in m2, instead of a stiffness")
     gap: Number = Field(default=0.0, description="opening without load, m; negative: preloaded")
-    friction: bool = Field(default=True, description="false: it has none")
+    friction: Coefficient = Field(
+        default=True,
+        description="false: it has none; a number: its coefficient, in place of the parameter",
+    )
     friction_factor: Number = Field(
         default=1.0, description="its friction coefficient over the parameter friction"
     )
+    friction_law: dict[str, Number] = Field(
+        default={},
+        description="its values of parameters of the study's friction law, by what follows "
+        "friction_law. in their names",
+    )
     speed_factor: Number = Field(default=1.0, description="its sliding speed over sliding_speed")
+    state: State | None = Field(
+        default=None,
+        description="of a bracket or pin, past which nothing slides steadily: stuck or sliding, "
+        "or a parameter that is 1 or 0; in time it sticks and slips by itself",
+    )
+    tangential: Number | None = Field(
+        default=None,
+        description="in N/m, what it holds in its plane in complex modes while it is stuck",
+    )
     radius: Number | None = Field(
         default=None, description="arm of its friction in torques, m; without any they are forces"
     )
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it has friction, of the study's coefficient or its own."""
+        return self.friction is not False
+
+    @property
+    def own_coefficient(self) -> Number | None:
+        """Its own coefficient; None where it has the study's, or none."""
+        return None if isinstance(self.friction, bool) else self.friction
 
 
 class ContactTable(ContactNumbers):
@@ -148,7 +183,7 @@ class ContactTable(ContactNumbers):
 
     between: Ends = Field(
         description='a mass and what it touches: a mass, "belt" or "disc" that slide at '
-        'sliding_speed, or "ground" without friction'
+        'sliding_speed, or "ground" without friction or with a state'
     )
     normal: Direction = Field(description=ALONG + "in which the first leaves the second")
     sliding: Direction | None = Field(

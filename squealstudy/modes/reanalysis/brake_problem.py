@@ -18,7 +18,7 @@ import scipy.linalg as la
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import pairs_inside
-from squealstudy.models.assembly import ContactPoints
+from squealstudy.models.contact_points import ContactPoints
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import angular_band, state_working_point
 from squealstudy.modes.reanalysis.patch import Box
@@ -37,11 +37,10 @@ from squealstudy.reduction.working_point_field import Cardinals, WorkingPointFie
 from squealstudy.system.linearise import (
     ContactStructure,
     StructureWeights,
-    assembly_damping,
-    modal_damping,
     reduced_structure,
     symmetric_stiffness,
 )
+from squealstudy.system.modal_damping import assembly_damping, modal_damping
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
 DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at

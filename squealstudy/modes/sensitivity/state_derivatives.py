@@ -18,6 +18,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ParameterError
+from squealstudy.laws.own_friction import NO_OWN_FRICTION
 from squealstudy.laws.spring import slopes_of_points
 from squealstudy.models.operating import (
     DAMPING,
@@ -61,13 +62,18 @@ class WeightChange(NamedTuple):
 
 
 def friction_change(
-    operating: OperatingPoint, name: str, p: np.ndarray, speed_factor: np.ndarray
+    operating: OperatingPoint,
+    name: str,
+    p: np.ndarray,
+    speed_factor: np.ndarray,
+    own: np.ndarray = NO_OWN_FRICTION,
 ) -> ContactChange:
     """Friction by the sliding speed, its coefficient or a parameter of its curve.
 
-    At fixed pressures p (nc,) [Pa] of points with these factors (nc,) of the sliding speed.
+    At fixed pressures p (nc,) [Pa] of points with these factors (nc,) of the sliding speed, and
+    friction of their `own` (nc, k).
     """
-    rows = operating.friction_slopes(p, speed_factor)
+    rows = operating.friction_slopes(p, speed_factor, own)
     if name == SLIDING_SPEED.name:
         mu, by_speed, by_pressure = rows[0]
         return ContactChange(mu=mu, by_speed=by_speed, by_pressure=by_pressure, speed=speed_factor)
@@ -113,8 +119,9 @@ class StateDerivatives:
             dp, dkappa = self._law_slopes[1 + law.names.index(name)]
             by, gap = ContactChange(pressure=dp, tangent=dkappa), self.motion.by_law(dp)
         if name not in law.names or name in operating.curve.names:
+            p, of_points = self._point.contact_pressure, self.structure
             friction = friction_change(
-                operating, name, self._point.contact_pressure, self.structure.speed_factor
+                operating, name, p, of_points.speed_factor, of_points.own_friction
             )
             by = friction._replace(pressure=by.pressure, tangent=by.tangent)
             gap = gap + self.motion.by_friction(by.mu)
@@ -133,7 +140,8 @@ class StateDerivatives:
         dp, dkappa = self._law_slopes[0]
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
         if operating.curve.pressure_dependent:
-            rows = operating.friction_slopes(point.contact_pressure, self.structure.speed_factor)
+            of_points = (self.structure.speed_factor, self.structure.own_friction)
+            rows = operating.friction_slopes(point.contact_pressure, *of_points)
             mu, by_speed, by_pressure = rows[1] * total.pressure
             total = total._replace(
                 mu=by.mu + mu,
@@ -197,13 +205,13 @@ class WorkingPointDerivatives:
         self._space, self._operating = space, operating
         self._changes = {j: dk for j, dk in stiffness_changes.items() if dk}
         self._now = space.changed(self._changes)
-        p, factor = point.contact_pressure, space.speed_factor
-        self._grip = operating.friction_at(p, factor).following(p) * space.frictional
+        p, of_points = point.contact_pressure, (space.speed_factor, space.own_friction)
+        self._grip = operating.friction_at(p, *of_points).following(p) * space.frictional
         self.point = point
         A = space.area
         self._jacobian = GapJacobian(self._now, operating, p, point.tangent)
         self._normal = A * (point.contact_pressure + space.k_c * (point.gap - space.gap0))
-        self._sliding = A * space.frictional * operating.traction(p, factor)
+        self._sliding = A * space.frictional * operating.traction(p, *of_points)
 
     def solve(self, imbalance: np.ndarray) -> np.ndarray:
         """Motion dg (nc,) from dF/dtheta (nc,) at fixed gaps."""

@@ -20,13 +20,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ParameterError
-from squealstudy.laws.spring import evaluate_springs
+from squealstudy.laws.own_friction import STATE, has_own
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.linalg.sparse_qep import LowRankSum, WoodburyFactor
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.operating import DesignState, ModeKey
 from squealstudy.modes.full_order.modes import FullOrderSystem, full_order_system
+from squealstudy.modes.sensitivity.assembly_change import AssemblyChange
 from squealstudy.modes.sensitivity.mode_family import mode_family
 from squealstudy.modes.sensitivity.mode_gradient import ModeGradient, RealModes
 from squealstudy.modes.sensitivity.mode_sensitivities import (
@@ -189,7 +190,8 @@ class StaticResponse:
         shapes = np.asarray(full.structure.shapes)
         dk = np.broadcast_to(full.weights.shapes, len(shapes))
         self._factor = WoodburyFactor(LowRankSum(K0, shapes.T, dk))
-        self._friction = operating.friction_at(w.contact_pressure, c.speed_factor).mu
+        of_points = (c.speed_factor, c.own_friction)
+        self._friction = operating.friction_at(w.contact_pressure, *of_points).mu
         self._mu = self._friction * c.frictional
         load = operating.brake_pressure * full.assembly.load + full.assembly.constant_load
         normal = c.area * (w.contact_pressure + k_c * (w.gap - c.gap0))
@@ -204,11 +206,15 @@ class StaticResponse:
         unbalanced = by.static_stiffness @ self._displacement
         unbalanced -= self._full.state.operating.brake_pressure * by.load + by.constant_load
         drag = self._mu * force + self._friction * by.frictional * c.area * w.contact_pressure
+        mu, by_speed, by_pressure = by.friction_at(self._full.state.operating, c, w)
+        drag = drag + c.frictional * c.area * w.contact_pressure * mu
         unbalanced -= c.N.T @ force - c.T.T @ drag
         unbalanced += c.N.T @ (c.area * self._k_c * by.opening)
         imbalance = c.N @ self._factor.solve(unbalanced) - by.opening
         gap = self._derivatives.motion.solve(imbalance)
-        return self._derivatives.contact(gap, ContactChange(dp, dkappa, by.area, by.frictional))
+        change = ContactChange(dp, dkappa, by.area, by.frictional)
+        change = change._replace(mu=mu, by_speed=by_speed, by_pressure=by_pressure)
+        return self._derivatives.contact(gap, change)
 
 
 def structural_products(
@@ -235,56 +241,6 @@ def _changed_pencil(
     assembly = structure.assembly({step.name: step.value + step.size})
     point = structure.working_point(assembly, state, k_c, np.asarray(design.point.gap))
     return structure.system(assembly, state, point).pencil
-
-
-@dataclass(frozen=True)
-class AssemblyChange:
-    """Derivatives of an assembly by one structural parameter.
-
-    Attributes
-    ----------
-    mass : csr_matrix (n_dof, n_dof)
-    stiffness, static_stiffness : LowRankSum (n_dof, n_dof)
-        Components with their changed modes, and springs; `static_stiffness` as at rest.
-    dampers : LowRankSum (n_dof, n_dof)
-        Of component modes.
-    damping : csr_matrix (n_dof, n_dof)
-        Of the components' own, gyroscopic terms among it.
-    load : ndarray (n_dof,)
-        Nodal forces of a unit pressure, N/Pa, and
-    constant_load : ndarray (n_dof,)
-        those that are always there, N.
-    area : ndarray (nc,)
-        m2, of the contact points.
-    frictional : ndarray (nc,)
-        Of their factors on the friction coefficient.
-    opening : ndarray (nc,)
-        Of the gaps without load, m.
-    ends : (first, second) and the step between them
-        Springs that are not linear (ContactInterface.spring_points) at both ends.
-    """
-
-    mass: sp.csr_matrix
-    stiffness: LowRankSum
-    static_stiffness: LowRankSum
-    dampers: LowRankSum
-    damping: sp.csr_matrix
-    load: np.ndarray
-    constant_load: np.ndarray
-    area: np.ndarray
-    frictional: np.ndarray
-    opening: np.ndarray
-    ends: tuple[np.ndarray, np.ndarray, float]
-
-    def springs_at(self, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives (nc,) of pressure and tangent at gaps (nc,): of springs alone."""
-        first, second, step = self.ends
-        slopes = np.zeros((2, len(gap)))
-        if len(first):
-            e = gap[len(gap) - len(first) :]
-            ends = [np.array(evaluate_springs(e, springs)) for springs in (first, second)]
-            slopes[:, len(gap) - len(first) :] = (ends[0] - ends[1]) / step
-        return slopes[0], slopes[1]
 
 
 def assembly_change(structure: StructureBuilder, name: str, state: DesignState) -> AssemblyChange:
@@ -332,6 +288,7 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
         frictional=slope(lambda a: a.contact.frictional),
         opening=slope(lambda a: a.contact.gap0),
         ends=(ends[0].contact.spring_points, ends[1].contact.spring_points, high - low),
+        own=(ends[0].contact.own_friction, ends[1].contact.own_friction),
     )
 
 
@@ -346,6 +303,8 @@ def check_same_mesh(name: str, first: Assembly, second: Assembly) -> None:
         _equal(getattr(one, rows), getattr(other, rows)) for rows in ("N", "T", "T_perp")
     )
     same = same and np.array_equal(one.speed_factor, other.speed_factor)
+    if has_own(one.own_friction):
+        same = same and np.array_equal(one.own_friction[:, STATE], other.own_friction[:, STATE])
     if not same:
         raise ParameterError(
             name,

@@ -1,0 +1,107 @@
+"""Friction of contact points that have numbers of their own, in place of the study's.
+
+An array `own` (.., nc, k) with a row a point: whether it is stuck (`STATE`), its friction
+coefficient, then the parameters of the friction curve in their order; NaN where the study's value
+counts. No columns where no point has any.
+
+A point that no sliding is imposed on (a speed factor of 0: a pad on its bracket, a guide pin) has
+its coefficient at all speeds. Stuck, it has no friction in steady sliding; else that of slip along
+T (THEORY.md eq. (17a)). In time it sticks and slips by itself, from no friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from squealstudy.laws.friction_law import FrictionCurveDefinition, curve_slopes
+from squealstudy.laws.registry import at_points
+
+NO_OWN_FRICTION = np.zeros((0, 0))
+STATE, COEFFICIENT = 0, 1  # columns; those of the curve's parameters follow
+# states: as in time and as it slides; stuck without a stiffness, and with one among the springs
+SLIDING, STUCK, STUCK_BY_SPRING = 0.0, 1.0, 2.0
+
+NOT_LINEAR = (
+    "a contact that is stuck has no tangential stiffness in complex modes: expected 'tangential', "
+    "in N/m, above 0"
+)
+NOT_IN_TIME = (
+    "in time a contact with a state sticks and slips by itself, rigidly, from no friction: "
+    "expected state 'stuck' and no 'tangential'"
+)
+
+
+def has_own(own: np.ndarray) -> bool:
+    """Whether points have friction of their own."""
+    return own.shape[-1] > 0
+
+
+def is_unmoved(own: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
+    """Whether no sliding is imposed on points (.., nc)."""
+    unmoved: np.ndarray = (speed_factor == 0.0) & has_own(own)
+    return unmoved
+
+
+def is_linear(own: np.ndarray) -> np.ndarray:
+    """Whether all points (.., nc) have a tangent: none is stuck without a stiffness (..,)."""
+    linear: np.ndarray = (own[..., :1] != STUCK).all(axis=(-1, -2))
+    return linear
+
+
+def starts_in_time(own: np.ndarray, speed_factor: np.ndarray) -> bool:
+    """Whether all points (nc,) that no sliding is imposed on can be run in time."""
+    if not has_own(own):
+        return True
+    return bool((own[is_unmoved(own, speed_factor), STATE] == STUCK).all())
+
+
+def own_values(own: np.ndarray, friction: Any, parameters: Sequence[Any]) -> list[np.ndarray]:
+    """Coefficients and values (.., nc) of each of the curve's parameters at the points.
+
+    `friction` and `parameters` are the study's: numbers, or (m, 1).
+    """
+    return [
+        np.where(np.isnan(own[..., column]), of_study, own[..., column])
+        for column, of_study in enumerate((friction, *parameters), COEFFICIENT)
+    ]
+
+
+def own_mu(
+    curve: FrictionCurveDefinition,
+    values: tuple[Any, Sequence[Any]],
+    own: np.ndarray,
+    speeds: np.ndarray,
+    p: np.ndarray,
+) -> np.ndarray:
+    """mu, dmu/ds and dmu/dp (3, .., nc) at sliding speeds and pressures (.., nc), of both signs.
+
+    `values` are the study's friction and parameters of the curve.
+    """
+    friction, *parameters = own_values(own, *values)
+    of_curve = at_points(curve.mu, 3, speeds, p, friction, *parameters)
+    slipping = np.where(own[..., STATE] > 0.0, 0.0, friction)
+    unmoved = np.stack([slipping, 0.0 * slipping, 0.0 * slipping])
+    return np.where(speeds == 0.0, unmoved, of_curve)
+
+
+def own_slopes(
+    curve: FrictionCurveDefinition,
+    values: tuple[Any, Sequence[Any]],
+    own: np.ndarray,
+    speeds: np.ndarray,
+    p: np.ndarray,
+) -> np.ndarray:
+    """Derivatives of `own_mu` (count, 3, .., nc) by speed, pressure and the study's values.
+
+    By its friction and by each parameter of the curve: nothing where a point has its own.
+    """
+    rows = curve_slopes(curve, speeds, p, own_values(own, *values))
+    rows = np.where(speeds == 0.0, 0.0, rows)
+    slips = (speeds == 0.0) & (own[..., STATE] == 0.0)
+    rows[2, 0] = np.where(slips, 1.0, rows[2, 0])
+    for column in range(COEFFICIENT, own.shape[-1]):
+        rows[1 + column] = np.where(np.isnan(own[..., column]), rows[1 + column], 0.0)
+    return rows
