@@ -217,8 +217,8 @@ class Transient(ModelKind):
             timed = preparation.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
         if timed is None:
             return None
-        seconds, steps, total = timed
-        return (time.perf_counter() - started - seconds) + seconds * total / steps
+        rest = time.perf_counter() - started - timed.loading_s - timed.seconds
+        return rest + timed.seconds * timed.total / timed.steps
 
 
 KIND = Transient()

@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -182,18 +183,39 @@ def _closing(plan: Plan, closing: list[float]) -> list[str]:
     ]
 
 
-def time_steps(task: BatchTask) -> tuple[float, int, int] | None:
-    """Seconds of the first steps of a point, their number, and that of the whole run."""
+class TimedSteps(NamedTuple):
+    """What the first steps of a point took.
+
+    Attributes
+    ----------
+    seconds : float
+    steps, total : int
+        So many of them, of how many of the whole run.
+    loading_s : float
+        Before them, once a process: kernels were compiled or loaded.
+    """
+
+    seconds: float
+    steps: int
+    total: int
+    loading_s: float
+
+
+def time_steps(task: BatchTask) -> TimedSteps | None:
+    """Seconds of the first steps of a point; None of one that does not slide."""
     design = set_up(task, task.points[0], NewGaps())
     if not isinstance(design, MotionPoint):
         return None
+    loading = time.perf_counter()
     warm(task.section)
     whole = settings_of(task.section, 0)
+    simulate(task.reference.system, [design], replace(whole, duration=whole.step))
     steps = min(TIMED_STEPS, whole.n_steps)
     settings = replace(whole, duration=steps * whole.step)
     started = time.perf_counter()
     simulate(task.reference.system, [design], settings)
-    return time.perf_counter() - started, steps, whole.n_steps
+    seconds = time.perf_counter() - started
+    return TimedSteps(seconds, steps, whole.n_steps, started - loading)
 
 
 def make_training_runs(
