@@ -241,6 +241,22 @@ def test_check_calls_constant_what_is_constant(tmp_path, capsys):
         assert given in screen
 
 
+def test_check_does_not_call_friction_the_same_that_follows_the_speed(tmp_path, capsys):
+    """Nor does a point have its slope, as it has of a law."""
+    path, said = tmp_path / "study.toml", "friction is the same at all speeds"
+    table = "[parameters.friction.table]\nsliding_speed = [0.1, 1.0]\nfriction = [0.5, 0.2]\n"
+    text = HEAD.replace('temperature = "50 degC"', "sliding_speed = 0.9")
+    for added, is_same in (("", True), (table, False)):
+        path.write_text(text + added)
+        assert command("check", str(path)) == 0
+        screen = " ".join(capsys.readouterr().out.split())
+        assert (said in screen) == is_same
+        follows = (
+            "follows friction follows sliding_speed by a table: no slope of it acts at a point"
+        )
+        assert (follows in screen) != is_same
+
+
 BAD = {
     "temperature = [300.0]\nvalue = [0.4]": "2 or more values",
     "temperature = [400.0, 300.0]\nvalue = [0.4, 0.5]": "ascend",

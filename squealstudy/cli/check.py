@@ -43,6 +43,7 @@ from squealstudy.models.operating import (
     PRESSURE,
     SLIDING_SPEED,
 )
+from squealstudy.models.parameter import ParameterTable
 from squealstudy.models.parameter_names import parse_parameter
 from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
@@ -283,13 +284,31 @@ def _constant(study: ResolvedStudy) -> Rows:
     for option, laws in ((CONTACT_OPTION, CONTACT_LAWS), (FRICTION_OPTION, FRICTION_CURVES)):
         if option.name in study.options:
             law = laws[str(study.options[option.name])]
-            texts.append(f"{option.name} = {law.name}{_plain(law, study.values, constant)}")
+            tabled = any(_without_slope(table) for table in study.model.tables)
+            left = "" if tabled else _plain(law, study.values, constant)
+            texts.append(f"{option.name} = {law.name}{left}")
     rows = [("  constant", ", ".join(texts))] if texts else []
+    rows += [("  follows", _followed(table)) for table in study.model.tables]
     if isinstance(study.model, FileDefinition):
         from squealstudy.study.preparations import preparations  # meshes are slow to load
 
         rows += [("  model file", text) for text in preparations(study)]
     return rows
+
+
+def _followed(table: ParameterTable) -> str:
+    """What follows what, and which slopes a design point lacks for it."""
+    text = f"{table.name} follows {' and '.join(table.over)} by a table"
+    if not _without_slope(table):
+        return text
+    return f'{text}: no slope of it acts at a point; those of friction_law "table" and "map" do'
+
+
+def _without_slope(table: ParameterTable) -> bool:
+    """Whether friction changes with the operating point, and would have slopes as a law."""
+    return table.name == FRICTION.name and not {SLIDING_SPEED.name, PRESSURE.name}.isdisjoint(
+        table.over
+    )
 
 
 def _plain(law: LawDefinition, values: Mapping[str, float], constant: Collection[str]) -> str:
