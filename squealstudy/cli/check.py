@@ -285,8 +285,8 @@ def _constant(study: ResolvedStudy) -> Rows:
         if option.name in study.options:
             law = laws[str(study.options[option.name])]
             tabled = any(_without_slope(table) for table in study.model.tables)
-            left = "" if tabled else _plain(law, study.values, constant)
-            texts.append(f"{option.name} = {law.name}{left}")
+            switched_off = "" if tabled else _plain(law, study.values, constant)
+            texts.append(f"{option.name} = {law.name}{switched_off}")
     rows = [("  constant", ", ".join(texts))] if texts else []
     rows += [("  follows", _followed(table)) for table in study.model.tables]
     if isinstance(study.model, FileDefinition):
