@@ -121,8 +121,8 @@ def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
     _, low, high = mean_interval((energies - share * total[:, None]) / whole)
     return ModalShares(
         share=share,
-        low=np.clip(share + low, 0.0, share),
-        high=np.clip(share + high, share, np.maximum(share, 1.0)),
+        low=np.minimum(np.maximum(share + low, 0.0), share),
+        high=np.minimum(np.maximum(share + high, share), np.maximum(share, 1.0)),
         mean=mean,
         outside=float(max(0.0, 1.0 - share.sum())),
     )

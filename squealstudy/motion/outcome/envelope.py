@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import special
@@ -106,7 +107,7 @@ def windows(time: np.ndarray, energy: np.ndarray) -> LevelWindows:
     level = np.maximum(level, SILENT_LEVEL_RATIO * (level.max() or 1.0))
     trend = np.interp(np.arange(rows), middle, np.log(level / level.max()))
     slow, line = _periods(energy / level.max() ** 2 * np.exp(-2 * trend))
-    count = int(np.clip(slow / WINDOW_PERIODS, few, min(most, rows)))
+    count = int(min(max(slow / WINDOW_PERIODS, few), min(most, rows)))
     if line < FINE_PERIODS * count:  # a record of few periods
         count = max(MIN_WINDOWS_SHORT_RECORD, int(line / FINE_PERIODS))
     fine = max(LEAST_ROWS, int(FINE_PERIODS * rows / slow))
@@ -130,11 +131,20 @@ def _levels(energy: np.ndarray, count: int) -> np.ndarray:
 def window_means(values: np.ndarray, count: int) -> np.ndarray:
     """Weighted means of `count` equal windows at the end of a record."""
     rows = len(values) // count
+    weight = _weight(rows)
+    means: np.ndarray = values[len(values) - count * rows :].reshape(count, rows) @ weight
+    return means
+
+
+@lru_cache(maxsize=64)
+def _weight(rows: int) -> np.ndarray:
+    """Weights (rows,) of the sum 1 within a window; read-only."""
     weight = np.ones(rows)
     if rows >= LEAST_ROWS:
         weight = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) ** 4
-    means: np.ndarray = values[len(values) - count * rows :].reshape(count, rows) @ weight
-    return means / weight.sum()
+    weight = weight / weight.sum()
+    weight.flags.writeable = False
+    return weight
 
 
 def _periods(ripple: np.ndarray) -> tuple[float, float]:
