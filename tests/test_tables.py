@@ -15,6 +15,7 @@ from study_runs import plan_of
 import squealstudy
 from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.result_names import CHUNKS
+from squealstudy.engine.rows import REAL, TEXT, WHOLE_NUMBER, items, nested, structs
 from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import MachineError
@@ -269,3 +270,20 @@ def test_two_million_rows_are_ranked_in_a_moment():
     assert ranking["threshold"].to_numpy() == pytest.approx(expected, abs=1e-6)
     assert (ranking["threshold_kind"] == "crossing").all()
     assert spent < 3.0
+
+
+def test_items_of_a_table_are_those_of_its_rows():
+    """Lists of any length, none, lists within, and cells that are missing."""
+    fields = (("mode", WHOLE_NUMBER), ("size", REAL), ("parts", pa.list_(REAL)))
+    first = [{"mode": 1, "size": 0.5, "parts": [1.0, 2.0]}, {"mode": 2, "size": None, "parts": []}]
+    rows = [
+        {"point_id": "a", "modes": first},
+        {"point_id": "b", "modes": []},
+        {"point_id": "c", "modes": [{"mode": None, "size": 0.1, "parts": [3.0]}]},
+    ]
+    table = pa.Table.from_pylist(
+        rows, schema=pa.schema([("point_id", TEXT), ("modes", structs(fields))])
+    )
+    for part in (table, table.slice(1), table.take([2, 0]), table.slice(1, 1)):
+        assert items(part, "modes", fields).equals(nested(part.to_pylist(), "modes", fields))
+    assert items(table, "modes", fields[:2]).equals(nested(rows, "modes", fields[:2]))

@@ -125,6 +125,16 @@ def nested(rows: Sequence[Mapping[str, Any]], name: str, fields: Fields) -> pa.T
     return pa.Table.from_pylist(flat, schema=pa.schema([("point_id", TEXT), *fields]))
 
 
+def items(rows: pa.Table, name: str, fields: Fields) -> pa.Table:
+    """As `nested` of chunk rows as a table."""
+    column = rows[name].combine_chunks()
+    owners = rows["point_id"].take(pc.list_parent_indices(column))
+    schema = pa.schema([("point_id", TEXT), *fields])
+    flat = column.flatten()
+    parts = dict(zip([field.name for field in flat.type], flat.flatten(), strict=True))
+    return pa.table([owners, *(parts[field] for field, _ in fields)], schema=schema)
+
+
 def points_table(plan: Plan, found: pa.Table) -> pa.Table:
     """One row a design point: HEAD, its parameters, what was found, what follows tables.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
@@ -15,12 +14,10 @@ from squealstudy.engine.rows import (
     REAL,
     TEXT,
     WHOLE_NUMBER,
-    Fields,
     failed_row,
-    nested,
-    planned_rows,
+    items,
+    planned_table,
     structs,
-    tabled,
 )
 from squealstudy.engine.store import GROWTH, MODES, WINDOWS, Store
 from squealstudy.engine.validity import write_points
@@ -99,6 +96,7 @@ MODE_FIELDS = (
     ("energy_mean", REAL),
     ("first_share", REAL),
 )
+ENERGIES = ("energies", pa.list_(REAL))  # shares of each component, then of the interfaces
 GROWTH_FIELDS = (
     ("mode", WHOLE_NUMBER),
     ("frequency_hz", REAL),
@@ -140,11 +138,12 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     ResultsError
         Where a point of the plan is in no chunk.
     """
-    rows = planned_rows(plan, store, SCHEMA)
-    store.write_table(MODES, _modes(plan, rows))
-    store.write_table(GROWTH, _growth(rows))
-    store.write_table(WINDOWS, nested(rows, "windows", WINDOW_FIELDS))
-    return write_points(plan, store, tabled(rows, SUMMARY_FIELDS))
+    found = planned_table(plan, store, SCHEMA)
+    store.write_table(MODES, _modes(plan, found))
+    store.write_table(GROWTH, _growth(found))
+    store.write_table(WINDOWS, items(found, "windows", WINDOW_FIELDS))
+    fields = pa.schema([*HEAD, *SUMMARY_FIELDS])
+    return write_points(plan, store, found.select(fields.names).cast(fields))
 
 
 def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
@@ -164,19 +163,20 @@ def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
     }
 
 
-def _modes(plan: Plan, rows: Sequence[dict[str, Any]]) -> pa.Table:
+def _modes(plan: Plan, found: pa.Table) -> pa.Table:
+    """Rows of all sensed modes, with the energy of each component and of the interfaces."""
     names = [f"energy_{c}" for c in (*plan.study.model.components, "interfaces")]
-    fields: Fields = (*MODE_FIELDS, *((name, REAL) for name in names))
-    with_shares = [
-        {**row, "modes": [m | dict(zip(names, m["energies"], strict=True)) for m in row["modes"]]}
-        for row in rows
-    ]
-    return nested(with_shares, "modes", fields)
+    table = items(found, "modes", (*MODE_FIELDS, ENERGIES))
+    shares = table[ENERGIES[0]].combine_chunks().flatten().to_numpy().reshape(-1, len(names))
+    table = table.drop_columns(ENERGIES[0])
+    for name, share in zip(names, shares.T, strict=True):
+        table = table.append_column(name, pa.array(share, REAL))
+    return table
 
 
-def _growth(rows: Sequence[dict[str, Any]]) -> pa.Table:
+def _growth(found: pa.Table) -> pa.Table:
     """Rows of all followed modes; `expressed` is missing where it cannot be told."""
-    table = nested(rows, "growth", GROWTH_FIELDS)
+    table = items(found, "growth", GROWTH_FIELDS)
     frame = table.to_pandas().astype({"expressed": "boolean"})
     return pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
 
@@ -184,7 +184,7 @@ def _growth(rows: Sequence[dict[str, Any]]) -> pa.Table:
 SCHEMA = pa.schema(
     [pa.field(n, t, nullable=t in (WHOLE_NUMBER, FLAG)) for n, t in (*HEAD, *SUMMARY_FIELDS)]
     + [
-        pa.field("modes", structs((*MODE_FIELDS, ("energies", pa.list_(REAL))))),
+        pa.field("modes", structs((*MODE_FIELDS, ENERGIES))),
         pa.field("growth", structs(GROWTH_FIELDS)),
         pa.field("windows", structs(WINDOW_FIELDS)),
     ]
