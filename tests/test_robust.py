@@ -145,6 +145,9 @@ def test_too_many_failed_points_are_an_error_not_an_index():
     failed = np.arange(len(x)) % 7 == 0
     with pytest.raises(ResultsError, match=r"\d+ of 64 groups have one that failed"):
         sobol_table(*tables(x, ishigami(x), failed), NAMES)
+    points, modes = tables(x, np.where(x[:, 0] > 0, ishigami(x), np.nan))
+    with pytest.raises(ResultsError, match=r"has no mode in the band \(0 points failed\)"):
+        sobol_table(points, modes[modes["track"] == 1], NAMES)
 
 
 def test_a_track_that_is_rarely_there_has_no_indices():

@@ -134,8 +134,8 @@ def sobol_table(
         if quantity.track == LARGEST_GROWTH_GROUP and not enough:
             raise ResultsError(
                 f"Sobol indices need whole groups of design points: {dropped} of "
-                f"{dropped + len(groups.a)} groups have one that failed "
-                f"({int((points['status'] != 'ok').sum())} points); see status in points"
+                f"{dropped + n_whole} groups have one that failed or has no mode in the band "
+                f"({int((points['status'] != 'ok').sum())} points failed)"
             )
         table = _indices(groups, confidence) if enough else _none(d)
         table.insert(0, "parameter", list(parameters))
