@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from lumped_files import HULTEN
+from own_blocks import write_blocks
 from scipy.integrate import solve_ivp
 from study_runs import command
 
@@ -418,3 +419,36 @@ def test_bad_input_is_told_in_a_sentence(tmp_path, text, good, bad, key, message
         read(tmp_path, text.replace(good, bad, 1))
     assert error.value.key == key
     assert message in error.value.message
+
+
+def test_friction_of_a_meshed_contact_is_its_own(tmp_path):
+    """Whatever the parameter friction is, modes, derivatives and runs are those of its own."""
+    named = ("search = 0.1", 'search = 0.1\nname = "face"')
+    write_blocks(tmp_path / "plain", named, ("{default = 0.4}", "{default = 0.45}"))
+    write_blocks(tmp_path / "own", (named[0], named[1] + "\nfriction = 0.45"))
+    paths = [tmp_path / name / "blocks.toml" for name in ("plain", "own")]
+    text = paths[1].read_text() + '[parameters.face]\npath = "contact.face.friction"\n'
+    paths[1].write_text(text)
+    band = (500.0, 60000.0)
+    plain, own = (sq.model(str(path), **{"friction_law.static_ratio": 1.3}) for path in paths)
+    expected, found = plain.at(friction=0.45), own.at(friction=0.9)
+    modes = [point.modes(band).lam for point in (expected, found)]
+    assert modes[1] == pytest.approx(modes[0], rel=2e-6)  # bases of two models
+    assert own.at(friction=0.2).modes(band).lam == pytest.approx(modes[1], rel=1e-12)
+    slopes = [
+        point.sensitivities(name, "sliding_speed", "friction_law.static_ratio", modes=2, band=band)
+        for point, name in ((expected, "friction"), (found, "face"))
+    ]
+    for name, other in (("friction", "face"), *[(x, x) for x in slopes[0].names[1:]]):
+        by = [
+            rows.derivative[:, rows.names.index(x)]
+            for rows, x in zip(slopes, (name, other), strict=True)
+        ]
+        scale = np.abs(by[0]).max()
+        assert np.abs(by[1] - by[0]).max() < 1e-4 * scale, name
+    runs = [point.simulate(2e-4, step=1e-6, band=band).torque for point in (expected, found)]
+    assert runs[1] == pytest.approx(runs[0], rel=1e-6)
+    both = text.replace("friction = 0.45", "friction = 0.45\nfriction_factor = 2.0")
+    paths[1].write_text(both)
+    with pytest.raises(StudyFileError, match="a contact with its own friction has no such key"):
+        sq.model(str(paths[1]))

@@ -2,7 +2,7 @@
 
 An array `own` (.., nc, k) with a row a point: whether it is stuck (`STATE`), its friction
 coefficient, then the parameters of the friction curve in their order; NaN where the study's value
-counts. No columns where no point has any.
+counts, as for parameters without a column. No columns where no point has any.
 
 A point that no sliding is imposed on (a speed factor of 0: a pad on its bracket, a guide pin) has
 its coefficient at all speeds. Stuck, it has no friction in steady sliding; else that of slip along
@@ -63,9 +63,11 @@ def own_values(own: np.ndarray, friction: Any, parameters: Sequence[Any]) -> lis
 
     `friction` and `parameters` are the study's: numbers, or (m, 1).
     """
+    columns = np.moveaxis(own, -1, 0)[COEFFICIENT:]
+    missing = [np.full(own.shape[:-1], np.nan)] * (1 + len(parameters) - len(columns))
     return [
-        np.where(np.isnan(own[..., column]), of_study, own[..., column])
-        for column, of_study in enumerate((friction, *parameters), COEFFICIENT)
+        np.where(np.isnan(column), of_study, column)
+        for column, of_study in zip((*columns, *missing), (friction, *parameters), strict=True)
     ]
 
 

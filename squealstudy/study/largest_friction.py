@@ -54,9 +54,12 @@ class LargestFriction:
     ----------
     factors : tuple of float, str or OverFace
         `friction_factor` of each contact, or the parameter that it is.
+    own : tuple of float or str
+        `friction` of each contact that has its own.
     """
 
     factors: tuple[NumberOrParameter | OverFace, ...]
+    own: tuple[NumberOrParameter, ...] = ()
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
         """At values of all parameters, numbers or arrays (m,)."""
@@ -65,7 +68,10 @@ class LargestFriction:
             for f in self.factors
         ]
         largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
-        return FRICTION_RANGE.group(values) * largest
+        groups = [FRICTION_RANGE.group(values) * largest] if self.factors or not self.own else []
+        coefficients = [_of_parameter(number, values) for number in self.own]
+        groups += [FRICTION_RANGE.group({**values, "friction": mu}) for mu in coefficients]
+        return np.maximum.reduce(np.broadcast_arrays(*groups))
 
 
 def _of_parameter(number: NumberOrParameter, values: Mapping[str, Any]) -> Any:
@@ -90,6 +96,9 @@ def largest_friction(
             if isinstance(table.friction_factor, FrictionTable)
             else number_at(i, "friction_factor")
             for i, table in enumerate(file.contact)
-            if table.kind == "sliding"
-        )
+            if table.kind == "sliding" and table.friction is None
+        ),
+        tuple(
+            number_at(i, "friction") for i, t in enumerate(file.contact) if t.friction is not None
+        ),
     )

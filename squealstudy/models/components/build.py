@@ -31,7 +31,7 @@ from squealstudy.models.components.contact_rows import (
 )
 from squealstudy.models.components.file_matrices import check_definite, symmetric
 from squealstudy.models.components.file_names import between
-from squealstudy.models.components.friction_factors import friction_factors
+from squealstudy.models.components.friction_factors import friction_factors, own_coefficients
 from squealstudy.models.components.geometry import (
     Geometry,
     geometry_at,
@@ -241,6 +241,7 @@ class _Interfaces:
             speed_factor=speed,
             points=np.vstack([p.points for p in parts]),
             pairs=pairs,
+            own_friction=own_coefficients(self._numbers, begins),
         )
         return interface, ties
 

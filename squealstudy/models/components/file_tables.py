@@ -112,6 +112,12 @@ class ContactTable(Table):
     tangential: float | None = Field(
         default=None, ge=0, description="stiffness per area that holds a stuck contact in plane"
     )
+    friction: float | None = Field(
+        default=None,
+        ge=0,
+        le=5,
+        description="friction coefficient of a sliding contact in place of the parameter friction",
+    )
     friction_factor: Factor | None = Field(
         default=None,
         description="friction coefficient of a sliding contact over the parameter friction, a "
@@ -135,6 +141,10 @@ class ContactTable(Table):
         plain = self.initial_gap == "zero" or isinstance(self.initial_gap, float)
         if plain and self.gap_scale is not None:
             raise ValueError("gap_scale: expected of a gap that is measured or geometric alone")
+        if self.kind != "sliding" and self.friction is not None:
+            raise ValueError("friction: expected of a sliding contact alone")
+        if self.friction is not None and self.friction_factor is not None:
+            raise ValueError("friction_factor: a contact with its own friction has no such key")
         if self.kind != "sliding" and self.friction_factor is not None:
             raise ValueError("friction_factor: expected of a sliding contact alone")
         if self.friction_spread is not None and not isinstance(self.friction_factor, FrictionTable):

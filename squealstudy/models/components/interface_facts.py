@@ -18,7 +18,12 @@ DIRECTIONS = {"cartesian": ("x", "y", "z"), "cylindrical": ("radial", "around", 
 
 
 def friction_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
-    """`, friction_factor 0.8` of a contact that has one, or `0.7 to 0.9 of mu.csv (mean 0.8)`."""
+    """`, friction_factor 0.8` of a contact that has one, or `0.7 to 0.9 of mu.csv (mean 0.8)`.
+
+    `, friction 0.3` of one with a coefficient of its own.
+    """
+    if numbers.file.contact[number].friction is not None:
+        return f", friction {numbers.at('contact', number, 'friction'):g}"
     written = numbers.file.contact[number].friction_factor
     if written is None:
         return ""

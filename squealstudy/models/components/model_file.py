@@ -79,6 +79,7 @@ DIMENSIONS = {  # of the keys of the file
     "area": AREA,
     "search": LENGTH,
     "initial_gap": LENGTH,
+    "friction": NUMBER,
     "friction_factor": NUMBER,
     "friction_spread": NUMBER,
     "friction_seed": NUMBER,
@@ -99,12 +100,12 @@ POSITIVE = ("E", "G", "rho", "area", "bedding", "rate")
 NOT_NEGATIVE = (
     *("normal", "tangential", "stiffness", "rotary", "mass", "inertia"),
     *("mass_damping", "stiffness_damping", "material_damping", "distance"),
-    *("friction_factor", "friction_spread", "friction_seed"),
+    *("friction", "friction_factor", "friction_spread", "friction_seed"),
 )
 VARIED = {  # keys that parameters may point to
     "contact": (
         *("tangential", "initial_gap", "gap_scale"),
-        *("friction_factor", "friction_spread", "friction_seed"),
+        *("friction", "friction_factor", "friction_spread", "friction_seed"),
     ),
     "tie": ("bedding",),
     "coupling": ("bedding",),
