@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from study_runs import command
 
 import squealstudy as sq
-from squealstudy.errors import ModelError, StudyFileError
+from squealstudy.errors import ModelError, ParameterError, StudyFileError
 from squealstudy.study.lumped import read_lumped
 
 PER_AREA = 5e11  # Pa/m, of contact.stiffness by default
@@ -187,8 +187,6 @@ def test_a_block_between_two_springs_by_hand(tmp_path, sliding):
         assert found == pytest.approx(expected, rel=1e-9), state
         one = model.at(mu_bracket=mu[2], bracket_state=state).modes()
         assert np.sort(one.lam.imag) == pytest.approx(expected[2], rel=1e-9), state
-        reverse = model.at(mu_bracket=mu[2], bracket_state=state, sliding_speed=-1.0).modes()
-        assert np.sort(reverse.lam.imag) == pytest.approx(expected[2], rel=1e-9), state
 
 
 @pytest.mark.parametrize("sign", ["", "-"])
@@ -335,6 +333,20 @@ band = [1.0, 2000.0]
 """
 
 
+def test_parameters_that_no_contact_follows_are_refused(tmp_path):
+    block, three_contacts = model_of(tmp_path, BLOCK), three(tmp_path)
+    for name, why in (
+        ("friction", "every contact with friction has its own"),
+        ("sliding_speed", "no contact slides at it"),
+        ("friction_law.static_ratio", "no contact slides"),
+    ):
+        with pytest.raises(ParameterError, match=f"does nothing here: {why}"):
+            block.at(**{name: 1.0})
+    three_contacts.at(**{"friction": 0.3, "friction_law.static_ratio": 1.2})
+    with pytest.raises(ParameterError, match="every contact with friction has its own"):
+        three_contacts.at(**{"friction_law.decay_speed": 0.4})
+
+
 def test_a_swept_state_of_a_study(tmp_path, capsys):
     (tmp_path / "own.toml").write_text(BLOCK)
     (tmp_path / "study.toml").write_text(STUDY)
@@ -431,10 +443,13 @@ def test_friction_of_a_meshed_contact_is_its_own(tmp_path):
     paths[1].write_text(text)
     band = (500.0, 60000.0)
     plain, own = (sq.model(str(path), **{"friction_law.static_ratio": 1.3}) for path in paths)
-    expected, found = plain.at(friction=0.45), own.at(friction=0.9)
+    expected, found = plain.at(friction=0.45), own.at()
     modes = [point.modes(band).lam for point in (expected, found)]
     assert modes[1] == pytest.approx(modes[0], rel=2e-6)  # bases of two models
-    assert own.at(friction=0.2).modes(band).lam == pytest.approx(modes[1], rel=1e-12)
+    with pytest.raises(
+        ParameterError, match="does nothing here: every sliding contact has its own"
+    ):
+        own.at(friction=0.2)
     slopes = [
         point.sensitivities(name, "sliding_speed", "friction_law.static_ratio", modes=2, band=band)
         for point, name in ((expected, "friction"), (found, "face"))

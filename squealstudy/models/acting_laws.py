@@ -27,7 +27,13 @@ def law_choices(laws: Mapping[str, list[str]]) -> str:
 
 
 def expect_acting(parameter: StudyParameter, design: ModelPoint) -> None:
-    """ParameterError for a parameter of laws that a design point's model does not choose."""
+    """ParameterError for a parameter that does nothing in a design point's model.
+
+    That of a law which the model does not choose, or one that no contact follows.
+    """
+    if parameter.name in design.model.idle:
+        text = f"'{parameter.name}' does nothing here: {design.model.idle[parameter.name]}"
+        raise ParameterError(parameter.name, text)
     owners = laws_with(parameter.name)
     chosen = {CONTACT_OPTION.name: design.law_kind, FRICTION_OPTION.name: design.curve_kind}
     acting = [option for option, laws in owners.items() if chosen[option] in laws]

@@ -187,6 +187,8 @@ class ModelDefinition:
     stack : callable or None
         As `build` for many structures: (options, values of all parameters, numbers or arrays (m,))
         -> StackedAssembly; None: one is built after the other.
+    idle : mapping of str -> str
+        Why a parameter that it has does nothing here, in words.
     absent : mapping of str -> str
         Why it has no parameter of a name that one may look for, in words.
     start : mapping of str -> mapping, or list of mappings
@@ -214,6 +216,7 @@ class ModelDefinition:
     added: tuple[str, ...] = field(default=(), kw_only=True)
     in_place: Callable[[Parameter], bool] = field(default=_not_known, kw_only=True)
     stack: Stacking | None = field(default=None, kw_only=True)
+    idle: Mapping[str, str] = field(default_factory=dict, kw_only=True, hash=False)
     absent: Mapping[str, str] = field(default_factory=dict, kw_only=True, hash=False)
     start: Mapping[str, Any] = field(default_factory=dict, kw_only=True, hash=False)
 

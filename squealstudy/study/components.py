@@ -32,6 +32,7 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.operating import (
     ASSUMPTIONS,
     CONTACT_OPTION,
+    FRICTION,
     FRICTION_OPTION,
     FRICTION_RANGE,
     PRESSURE,
@@ -96,11 +97,20 @@ def read_model(
             *stress_assumptions(build.stressed),
         ),
         torque_unit="N m",
+        idle=_idle(file),
         in_place=_InPlace(tuple(n for n, keys in places.items() if ROTOR_ANGLE in keys)),
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=identities,
     )
+
+
+def _idle(file: ModelFile) -> dict[str, str]:
+    """Parameters of the operating point that no contact follows, and why."""
+    sliding = [table for table in file.contact if table.kind == "sliding"]
+    if not sliding or any(table.friction is None for table in sliding):
+        return {}
+    return {FRICTION.name: "every sliding contact has its own"}
 
 
 @dataclass(frozen=True)

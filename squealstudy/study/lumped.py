@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -133,6 +133,7 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
             replace(a, group=LargestFriction(factors, own_static)) if a is FRICTION_RANGE else a
             for a in ASSUMPTIONS
         ),
+        idle=_idle(rubbing, law),
         torque_unit="N" if all(t.radius is None for t in file.contact) else "N m",
         path=str(source.path.resolve()),
         files=(
@@ -140,6 +141,22 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
             *(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths),
         ),
     )
+
+
+def _idle(rubbing: Sequence[ContactNumbers], law: FrictionCurveDefinition) -> dict[str, str]:
+    """Parameters of the operating point that no contact follows, and why."""
+    if not has_own_numbers(rubbing):
+        return {}
+    sliding = [table for table in rubbing if table.state is None]
+    own = "every contact with friction has its own"
+    idle = {FRICTION.name: own} if all(t.own_coefficient is not None for t in rubbing) else {}
+    if not sliding:
+        idle[SLIDING_SPEED.name] = "no contact slides at it"
+    for parameter in law.parameters:
+        key = parameter.name.removeprefix(LAW_PREFIX)
+        if all(key in table.friction_law for table in sliding):
+            idle[parameter.name] = own if sliding else "no contact slides"
+    return idle
 
 
 def _own_static(table: ContactNumbers) -> tuple[Number, dict[str, Number]]:
