@@ -148,14 +148,14 @@ def _idle(rubbing: Sequence[ContactNumbers], law: FrictionCurveDefinition) -> di
     if not has_own_numbers(rubbing):
         return {}
     sliding = [table for table in rubbing if table.state is None]
-    own = "every contact with friction has its own"
-    idle = {FRICTION.name: own} if all(t.own_coefficient is not None for t in rubbing) else {}
+    why = "every contact with friction has its own"
+    idle = {FRICTION.name: why} if all(t.own_coefficient is not None for t in rubbing) else {}
     if not sliding:
         idle[SLIDING_SPEED.name] = "no contact slides at it"
     for parameter in law.parameters:
         key = parameter.name.removeprefix(LAW_PREFIX)
         if all(key in table.friction_law for table in sliding):
-            idle[parameter.name] = own if sliding else "no contact slides"
+            idle[parameter.name] = why if sliding else "no contact slides"
     return idle
 
 
