@@ -117,6 +117,10 @@ def test_the_onset_of_a_mode_is_seen_where_another_is_first():
     assert rows[0] == ["0", "g", "0.288", "<=", "0.25", "-"]
     assert rows[1] == ["100", "g", "0.297", "<=", "0.25", "below", "range"]
     assert max(map(len, text.splitlines())) <= 80
+    both = as_text(_onsets_by_mode(["0 g", "100 g"], [today, heavier], {23: [23, 33]}))
+    title, *rows = [" ".join(line.split()) for line in both.splitlines()[:3]]
+    assert title == "onset of T23, T33 4972 Hz T7 700 Hz"  # tracks that are one mode, one column
+    assert rows == ["0 g <= 0.25 -", "100 g <= 0.25 below range"]
     one = line((23, 3144.0, 0.25, 90.0))
     assert _onsets_by_mode(["0 g", "100 g"], [one, one]) == []  # the row of a design has it
 

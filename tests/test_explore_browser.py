@@ -46,6 +46,14 @@ step = 2e-5
 perturbation = 1e-4
 save_every = 1
 """
+RECORDER = """window.AudioContext = class {
+  createBuffer(channels, length, rate) {
+    window.played = new Float32Array(length);
+    return {getChannelData: () => window.played};
+  }
+  createBufferSource() { return {connect: () => null, start: () => null}; }
+  close() {}
+}"""
 CYCLES = """[study]
 name = "cycles"
 kind = "limit_cycles"
@@ -242,6 +250,31 @@ def test_a_history_is_enlarged(opened, tmp_path):
     assert page.text("pandas").endswith(
         f"points.query(\"point_id == '{results.points.point_id[0]}'\")"
     )
+
+
+def test_a_run_is_heard(opened, tmp_path):
+    """Samples of what is shown are the run's own, and what is played is said."""
+    results = solved(RUNS, tmp_path / "runs")
+    page = opened(results)
+    history = results.history(1)
+    page.tab.locator("#sound").click()  # the browser's own audio
+    assert "from 0 to 0.1 s, as fast as the run." in page.text("sound-note")
+    page.tab.evaluate(f"() => {{ {RECORDER} }}")
+    for name, value in (("from", "0.02"), ("to", "0.04")):
+        page.tab.locator(f"#{name}").fill(value)
+        page.tab.keyboard.press("Tab")
+    page.tab.locator("#slower").select_option("10")
+    page.tab.locator("#sound").click()
+    sound = np.array(page.tab.evaluate("Array.from(window.played)"))
+    assert len(sound) == pytest.approx(0.02 * 10 * 48000, abs=1)
+    time = 0.02 + np.arange(len(sound)) / 480_000
+    torque = np.interp(time, history["time"], history["torque"])
+    wanted = torque - torque.mean()
+    assert np.abs(sound).max() == pytest.approx(1.0)
+    assert np.allclose(sound, wanted / np.abs(wanted).max(), atol=1e-2)  # times of 16 bits
+    note = page.text("sound-note")
+    assert "from 0.02 to 0.04 s, slower by 10: 1000 Hz sound as 100 Hz." in note
+    assert "of the brake's own loudness it tells nothing" in note
 
 
 def test_verdicts_and_levels_of_cycles(opened, tmp_path):

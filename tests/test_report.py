@@ -191,7 +191,7 @@ def test_of_runs_it_counts_what_they_came_to():
     points = points_table({"friction": np.linspace(0.3, 0.5, 5)}, kinds, **levels)
     runs = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
     told = RUNS.verdict(runs)
-    assert told.startswith("5 runs: 2 limit cycle, 1 failed, 1 stable, 1 growing.")
+    assert told.startswith("5 runs: 2 limit cycles, 1 failed, 1 stable, 1 growing.")
     # that which grows has no level yet
     assert "RMS of the torque 60.0 N m, loudest near 3175 Hz." in told
 
@@ -205,7 +205,7 @@ def test_of_limit_cycles_it_counts_verdicts():
     )
     told = CYCLES.verdict(made(kind="limit_cycles", points=points))
     assert told == (
-        "4 designs, of modes between 1 and 8000 Hz: 2 squeals if kicked, 1 undecided, 1 failed."
+        "4 designs, of modes between 1 and 8000 Hz: 2 squeal if kicked, 1 undecided, 1 failed."
     )
 
 

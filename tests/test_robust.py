@@ -403,6 +403,17 @@ def test_the_most_widespread_mode_is_told_with_all_its_numbers(sampled):
     assert f"Hz, at {100 * share:.0f} % of the 256 solved points." in verdict, verdict
 
 
+def test_the_answer_of_a_random_design_is_its_probability_and_what_it_depends_on(sampled):
+    text = " ".join(screens.as_text(sampled.screen.findings(sampled)[:1]).split())
+    row, index = sampled.robust().iloc[0], sampled.sobol_indices().iloc[0]
+    low, high = (100 * row[f"probability_{end}"] for end in ("low", "high"))
+    assert f"is unstable at {100 * row['probability']:.1f} % of " in text
+    assert f"(95 % interval {low:.1f} to {high:.1f} %): T" in text
+    assert f"The fastest growth is {row['max_growth_rate']:.1f} 1/s." in text
+    assert f"{index['parameter']} {index['total']:.2f} ({index['total_low']:.2f} to " in text
+    assert "sliding_speed" not in text  # on which nothing depends
+
+
 def test_a_sobol_design_has_probabilities_and_no_indices(tmp_path):
     results = run(tmp_path / "r", "sobol", 32)
     assert (results.robust()["points"] == 32).all()

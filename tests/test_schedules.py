@@ -266,7 +266,8 @@ def test_the_screen_tells_of_windows(stop, capsys):
     said = capsys.readouterr().out
     assert "No mode is ranked of 1 changing run" in said
     text = "\n".join(map(str, stop.screen.findings(stop)))
-    assert "1 run: changing" in text
+    assert "1 run: changing. From 0 ms on: " in text
+    assert "Loudest from " in text
 
 
 def test_times_of_slow_runs_are_in_seconds(stop):

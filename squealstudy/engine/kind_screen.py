@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from squealstudy.screen import Rows
 
 N_RANKING_ROWS = 12  # rows of the ranking that a run prints
+OF_SEVERAL = {  # what more than one design point did
+    "squeals": "squeal",
+    "squeals if kicked": "squeal if kicked",
+    "no cycle found": "with no cycle found",
+    "limit cycle": "limit cycles",
+}
 
 
 class KindScreen:
@@ -105,7 +111,10 @@ class KindScreen:
         if len(varied) == 1:
             (name,) = varied
             ranges_text = by_ranges(name, results.units.get(name, ""), points[name].tolist(), words)
-        return ranges_text or ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
+        counts = Counter(words).most_common()
+        return ranges_text or ", ".join(
+            f"{n} {word if n == 1 else OF_SEVERAL.get(word, word)}" for word, n in counts
+        )
 
     def mapped(
         self, results: ResultTables, words: Sequence[str], letters: Mapping[str, str]

@@ -1,5 +1,6 @@
 // Runs in time: the history of a design point, with zoom, and sound where every row is there.
 const own = data.own;
+const SOUND_HZ = 48000, LONGEST_SOUND = 60;  // sound card; seconds
 let shown = null;
 
 detail.start = () => {
@@ -22,7 +23,8 @@ detail.point = row => {
   const kept = own.histories[row], {plot, source} = figures.history;
   shown = kept ? {x: numbers(kept.time), y: numbers(kept.torque), ...kept} : null;
   source("points").data = shown ? {x: shown.x, y: shown.y} : {x: [], y: []};
-  $("sound").hidden = !shown || kept.rows_a_part > 1 || !(rate() >= 8000 && rate() <= 96000);
+  $("sound").hidden = $("slower-label").hidden = !shown || kept.rows_a_part > 1;
+  $("sound-note").textContent = shown && kept.rows_a_part > 1 ? "No sound: not every row is in this page." : "";
   if (!shown) {
     $("history-note").textContent = "No history of this run is kept: [transient] save_every above 0 keeps them.";
     return;
@@ -33,18 +35,42 @@ detail.point = row => {
   const each = kept.rows_a_part > 1 ? `Of each ${kept.rows_a_part} rows the least and the largest value are drawn. ` : "";
   $("history-note").textContent = `${kept.n} rows are kept. ${each}Values are rounded by at most ${digits(kept.torque.error, 2)} ${own.unit}.`;
 };
-const rate = () => (shown.x.length - 1) / (shown.x.at(-1) - shown.x[0]);
+// What is shown as samples of a sound: means of rows where rows are closer than samples, else on the
+// straight line between two rows; about their mean, the largest 1.
+function samples(start, end, slower) {
+  const {x, y} = shown, n = Math.floor((end - start) * slower * SOUND_HZ), out = new Float32Array(n);
+  const step = 1 / (slower * SOUND_HZ);
+  let row = 0, sum = 0;
+  for (let k = 0; k < n; k++) {
+    const from = start + k * step;
+    while (row < x.length - 1 && x[row] < from) row++;
+    let last = row, total = 0;
+    while (last < x.length && x[last] < from + step) total += y[last++];
+    const low = Math.max(row - 1, 0), gap = x[row] - x[low];
+    out[k] = last > row ? total / (last - row) : gap > 0 ? y[low] + (y[row] - y[low]) * (from - x[low]) / gap : y[row];
+    sum += out[k];
+  }
+  let largest = 1e-300;
+  for (const v of out) largest = Math.max(largest, Math.abs(v - sum / n));
+  return out.map(v => (v - sum / n) / largest);
+}
 function play() {
-  const {start, end} = figures.history.plot.x_range;
-  const part = [...shown.y].filter((_, i) => shown.x[i] >= start && shown.x[i] <= end);
-  if (part.length < 2) return;
-  const mean = part.reduce((a, b) => a + b, 0) / part.length;
-  const largest = part.reduce((a, b) => Math.max(a, Math.abs(b - mean)), 1e-300);
-  const audio = new AudioContext(), sound = audio.createBuffer(1, part.length, rate());
-  sound.getChannelData(0).set(part.map(v => (v - mean) / largest));
+  const range = figures.history.plot.x_range, slower = +$("slower").value;
+  const start = Math.max(range.start, shown.x[0]), end = Math.min(range.end, shown.x.at(-1), start + LONGEST_SOUND / slower);
+  const sound = end > start ? samples(start, end, slower) : [];
+  if (sound.length < 2) {
+    $("sound-note").textContent = "Too short to play: show more of the run, or slower.";
+    return;
+  }
+  const audio = new AudioContext(), buffer = audio.createBuffer(1, sound.length, SOUND_HZ);
+  buffer.getChannelData(0).set(sound);
   const player = audio.createBufferSource();
-  player.buffer = sound;
+  player.buffer = buffer;
   player.connect(audio.destination);
   player.onended = () => audio.close();
   player.start();
+  const speed = slower > 1 ? `, slower by ${slower}: 1000 Hz sound as ${1000 / slower} Hz` : ", as fast as the run";
+  $("sound-note").textContent = `Plays ${own.what} from ${digits(start, 4)} to ${digits(end, 4)} s${speed}. ` +
+    "Its mean is left out and its largest value is full loudness: of the brake's own loudness it tells nothing. " +
+    `${SOUND_HZ} samples a second are made of the rows.`;
 }

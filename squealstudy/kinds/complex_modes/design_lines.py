@@ -182,8 +182,13 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     return ", ".join(texts) + (f" and {plural(n_untold, 'other')}" if n_untold else "")
 
 
-def design_table(results: ResultTables, lines: list[DesignLine]) -> list[RenderableType]:
-    """A row a design: its first onset and fastest growth; what `design` stands for."""
+def design_table(
+    results: ResultTables, lines: list[DesignLine], table: pd.DataFrame
+) -> list[RenderableType]:
+    """A row a design: its first onset and fastest growth; what `design` stands for.
+
+    `table` is the ranking over all designs, which tells what tracks are one mode.
+    """
     along = results.along or ""
     units, top = results.units, float(results.points[along].max())
     names = list(lines[0].design)
@@ -227,17 +232,40 @@ def design_table(results: ResultTables, lines: list[DesignLine]) -> list[Rendera
             f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
             "all; Hz: where the mode grows fastest; unstable: share of its solved points\n",
         ),
-        *_onsets_by_mode(designs, lines),
+        *_onsets_by_mode(designs, lines, _of_one_mode(table)),
     ]
 
 
-def _onsets_by_mode(designs: list[str], lines: list[DesignLine]) -> list[RenderableType]:
+def _of_one_mode(table: pd.DataFrame) -> dict[int, list[int]]:
+    """Tracks of each mode whose number changes, by the least of them."""
+    one = table[((table["track"] > 0) & (table["family_modes"] == 1)).to_numpy(bool)]
+    families = {int(str(n)): sorted(rows["track"]) for n, rows in one.groupby("family")}
+    return {number: tracks for number, tracks in families.items() if len(tracks) > 1}
+
+
+def _together(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> dict[int, Row]:
+    """Rows of a design by mode: of tracks that are one the first onset, and the fastest growth."""
+    rows = dict(modes)
+    for number, tracks in families.items():
+        of_mode = [rows.pop(track) for track in tracks if track in rows]
+        if of_mode:
+            fastest = max(of_mode, key=lambda row: float(row["max_growth_rate"]))
+            first = first_onset(pd.DataFrame(of_mode)) or fastest
+            onset: Row = {name: first[name] for name in ("threshold", "threshold_kind")}
+            rows[number] = {**fastest, **onset, "name": ", ".join(map(track_number, tracks))}
+    return rows
+
+
+def _onsets_by_mode(
+    designs: list[str], lines: list[DesignLine], families: Mapping[int, list[int]] | None = None
+) -> list[RenderableType]:
     """The onset of each mode at each design; nothing where the row of a design has it all.
 
     A mode may turn unstable later than another by a change that leaves the first onset alone.
     """
+    by_line = [_together(line.modes, families or {}) for line in lines]
     fastest: dict[int, Row] = {}
-    for track, row in ((t, row) for line in lines for t, row in line.modes.items()):
+    for track, row in ((t, row) for modes in by_line for t, row in modes.items()):
         if track not in fastest or row["max_growth_rate"] > fastest[track]["max_growth_rate"]:
             fastest[track] = row
     chosen = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))[:MOST_ONSETS]
@@ -247,8 +275,8 @@ def _onsets_by_mode(designs: list[str], lines: list[DesignLine]) -> list[Rendera
         "text:onset of",
         *(f"value:{_mode_text(fastest[track])}" for track in chosen),
         rows=(
-            [design, *(_onset_text(line.modes.get(track)) for track in chosen)]
-            for design, line in zip(designs, lines, strict=True)
+            [design, *(_onset_text(modes.get(track)) for track in chosen)]
+            for design, modes in zip(designs, by_line, strict=True)
         ),
     )
     rest = f"; {plural(len(fastest) - len(chosen), 'slower mode')} left out"
@@ -269,4 +297,4 @@ def _mode_text(row: Row | None) -> str:
     if row is None:
         return ""
     name = track_number(row["track"]) if row["kind"] == group_kind(1) else str(row["kind"])
-    return f"{name} {frequency_text(row)} Hz"
+    return f"{row.get('name', name)} {frequency_text(row)} Hz"

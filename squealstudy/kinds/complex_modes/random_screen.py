@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
+from squealstudy.errors import ResultsError
 from squealstudy.screen import grid, notes
+from squealstudy.study.sweeps import SOBOL_INDICES
 from squealstudy.tables.mode_ranking import settings_of
+from squealstudy.tables.robustness import GROWTH, robust_table
+from squealstudy.tables.sobol import base_rows, sobol_table
 from squealstudy.wording import band_text, in_digits, named_tracks, percent, plural, track_number
 
+if TYPE_CHECKING:
+    from squealstudy.engine.result_tables import ResultTables
+
+# before a mode in a table: tracking was not sure there
+DOUBTFUL_NUMBER = (
+    "~ before a mode: somewhere it was not sure which of two neighbouring modes has this number"
+)
+LEAST_SHOWN = 0.01  # of the upper bound of a Sobol index in the answer
+MOST_NAMED = 3  # modes, and parameters, in the answer
 Names = Mapping[int, tuple[str, bool]]
 Row = dict[Hashable, Any]
 
@@ -77,11 +90,94 @@ def _numbering(table: pd.DataFrame) -> list[str]:
     ]
     texts = [f"{names} are one unstable mode, which changes its number" for names in listed]
     if rows["ambiguous"].any():
-        texts.append(
-            "~ before a mode: its number may have jumped to a neighbour somewhere; its line is "
-            "then of both"
-        )
+        texts.append(f"{DOUBTFUL_NUMBER}; its line is then of both")
     return texts
+
+
+def families_in_words(table: pd.DataFrame) -> list[str]:
+    """What is said of tracks of a ranking that are one mode."""
+    sentences = []
+    for _, family_tracks in table[(table["track"] > 0).to_numpy(bool)].groupby(
+        "family", sort=False
+    ):
+        if len(family_tracks) > 1:
+            names = " and ".join(map(track_number, sorted(family_tracks["track"].tolist())))
+            most, share = (
+                int(family_tracks["family_modes"].iloc[0]),
+                family_tracks["family_points"] / family_tracks["points"],
+            )
+            text = (
+                "are one unstable mode, which changes its number"
+                if most == 1
+                else (f"are {plural(most, 'unstable mode')}, which change their numbers")
+            )
+            sentences.append(
+                f"{names} {text} between design points: one or another of these is unstable at "
+                f"{in_digits(100 * share.iloc[0], 1)} % of them"
+            )
+    return sentences
+
+
+def random_answer(results: ResultTables) -> list[str]:
+    """How probable instability is, of which modes, and what its scatter comes from.
+
+    Nothing where too many points failed to tell.
+    """
+    n, d = len(results.points), len(results.swept)
+    of_indices = results.design == SOBOL_INDICES
+    modes = results.rows("modes", GROWTH)
+    try:
+        drawn = base_rows(n, d) if of_indices else None
+        table = robust_table(results.points, modes, drawn, onsets=results.onsets)
+        first, *others = table.to_dict("records")
+        texts = [_probability_text(first, others, results.fact("band_hz"))]
+        if of_indices:
+            points, swept = results.points, results.swept
+            texts += _scatter(sobol_table(points, modes, swept, 0, onsets=results.onsets))
+    except ResultsError:
+        return []
+    return [" ".join(texts)]
+
+
+def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float]) -> str:
+    """The row of any mode of a table of `robust_table` in words, with the modes most unstable."""
+    n_points = first["points"] - first["unknown_points"]
+    interval = percent(first["probability_low"], first["probability_high"])
+    low, high = first["unstable_points_low"], first["unstable_points_high"]
+    maybe = f", within their errors at {percent(low / n_points, high / n_points)} %"
+    left_out = f", {first['failed_points']} not ok left out" if first["failed_points"] else ""
+    named = [_often(row) for row in others if row["unstable_points"]][:MOST_NAMED]
+    rest = sum(row["unstable_points"] > 0 for row in others) - len(named)
+    more = f" and {plural(rest, 'other')}" if rest > 0 else ""
+    return (
+        f"A mode {band_text(band_hz)} is unstable at {_share(first)} % of "
+        f"{plural(n_points, 'random design point')}{maybe if low < high else ''} (95 % interval "
+        f"{interval} %{left_out}): {', '.join(named)}{more}. The fastest growth is "
+        f"{_figure(first['max_growth_rate'])} 1/s."
+    )
+
+
+def _often(row: Row) -> str:
+    if row["quantity"] != "track":
+        return f"{row['quantity']} at {_share(row)} %"
+    names = ", ".join(track_number(int(track)) for track in str(row["tracks"]).split(", "))
+    return f"{names} near {_figure(row['frequency_hz'], 0)} Hz at {_share(row)} %"
+
+
+def _share(row: Row) -> str:
+    return in_digits(100 * row["probability"], 1)
+
+
+def _scatter(table: pd.DataFrame) -> list[str]:
+    """What the fastest growth depends on most, by total Sobol indices with 95 % intervals."""
+    rows = table[(table["quantity"] == "largest") & (table["total_high"] >= LEAST_SHOWN)]
+    largest = rows.sort_values("total", ascending=False)[:MOST_NAMED].to_dict("records")
+    listed = [
+        f"{row['parameter']} {row['total']:.2f} ({row['total_low']:.2f} to {row['total_high']:.2f})"
+        for row in largest
+    ]
+    text = f"Total Sobol indices of the growth of the fastest mode: {', '.join(listed)}."
+    return [text] if listed else []
 
 
 def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:

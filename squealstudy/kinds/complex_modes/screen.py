@@ -22,6 +22,11 @@ from squealstudy.kinds.complex_modes.error_text import (
     unseen_text,
 )
 from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_text
+from squealstudy.kinds.complex_modes.random_screen import (
+    DOUBTFUL_NUMBER,
+    families_in_words,
+    random_answer,
+)
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, command_text, grid, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
@@ -139,8 +144,9 @@ class ComplexModesScreen(KindScreen):
         """The ranking, or that there is no mode at all."""
         if any(len(batch) for batch in results.batches("modes", ["mode"])):
             lines = design_lines(results)
-            designs = design_table(results, lines) if lines else []
-            return [*_answer(results, self, lines), *designs, *self.ranking(results)]
+            table = self.rank(results, "share", None, None)
+            designs = design_table(results, lines, table) if lines else []
+            return [*_answer(results, table, lines), *designs, *self.ranking(results)]
         lost = _left_out(results)
         if not (results.points["status"] == "ok").any():
             return [_no_mode(results, None), notes(lost)]
@@ -159,7 +165,7 @@ class ComplexModesScreen(KindScreen):
         wide = table.iloc[int(table["family_points"].to_numpy().argmax())]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
         text = _over_designs(design_lines(results)) + _how_many(results, table)
-        text += "".join(f"; {family}" for family in _families(table)) + ". "
+        text += "".join(f"; {family}" for family in families_in_words(table)) + ". "
         share = in_digits(100 * wide["family_points"] / wide["points"])
         text += f"Most widespread: {_row_text(wide)}, at {share} % of {_counted(results, None)}. "
         text += f"Fastest: {_row_text(fast)}, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
@@ -208,10 +214,11 @@ def _how_many(results: ResultTables, table: pd.DataFrame) -> str:
 
 
 def _answer(
-    results: ResultTables, screen: ComplexModesScreen, lines: list[DesignLine]
+    results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]
 ) -> list[RenderableType]:
     """What was found, in a sentence; nothing where the ranking alone tells it."""
-    table = screen.rank(results, "share", None, None)
+    if results.design in RANDOM_DESIGNS and len(table):
+        return [*random_answer(results), ""]
     if not len(table) or not onsets_in_words(results, table):
         return []
     return [f"{_over_designs(lines)}{_how_many(results, table)}.", ""]
@@ -227,30 +234,6 @@ def _row_text(row: pd.Series) -> str:
     hz = frequency_text(values)
     name = track_number(values["track"]) if values["track"] > 0 else str(values["kind"])
     return f"{name} at {hz} Hz" if hz else name
-
-
-def _families(table: pd.DataFrame) -> list[str]:
-    """What is said of tracks of a ranking that are one mode."""
-    sentences = []
-    for _, family_tracks in table[(table["track"] > 0).to_numpy(bool)].groupby(
-        "family", sort=False
-    ):
-        if len(family_tracks) > 1:
-            names = " and ".join(map(track_number, sorted(family_tracks["track"].tolist())))
-            most, share = (
-                int(family_tracks["family_modes"].iloc[0]),
-                family_tracks["family_points"] / family_tracks["points"],
-            )
-            text = (
-                "are one unstable mode, which changes its number"
-                if most == 1
-                else (f"are {plural(most, 'unstable mode')}, which change their numbers")
-            )
-            sentences.append(
-                f"{names} {text} between design points: one or another of these is unstable at "
-                f"{in_digits(100 * share.iloc[0], 1)} % of them"
-            )
-    return sentences
 
 
 def _unrefined(manifest: Mapping[str, Any]) -> Rows:
@@ -353,12 +336,9 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
             "untracked: all modes in this range of frequency, maybe different ones; growth and "
             "damping of the fastest"
         )
-    texts += _families(table)
+    texts += families_in_words(table)
     if table["ambiguous"].any():
-        texts.append(
-            "~ before a mode: its number may have jumped to a neighbour somewhere; stability and "
-            "onsets do not depend on it"
-        )
+        texts.append(f"{DOUBTFUL_NUMBER}; stability and onsets do not depend on it")
     return [*texts, *named_tracks(table["track"], results.track_names)]
 
 

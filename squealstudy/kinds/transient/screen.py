@@ -11,7 +11,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
-from squealstudy.kinds.transient.window_screen import windows
+from squealstudy.kinds.transient.window_screen import in_words, windows
 from squealstudy.screen import Rows, command_text, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
 from squealstudy.wording import (
@@ -117,6 +117,8 @@ class TransientScreen(KindScreen):
         """How many runs came to what, and the loudest of those that last."""
         table, unit = results.points, results.units.get(TORQUE, "N m")
         text = f"{plural(len(table), 'run')}: {self.counted(results, table['class'].tolist())}."
+        if (table["class"] == CHANGING).any():
+            text += in_words(results, unit)
         lasting = table[table["class"].isin(SUSTAINED).to_numpy()]
         if len(lasting):
             row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]

@@ -63,5 +63,31 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
     return [shown, legend]
 
 
+def in_words(results: ResultTables, unit: str) -> str:
+    """What one run whose speed or pressure changes does in turn, and where it is loudest."""
+    table = results.table("windows")
+    if not len(table) or table["point_id"].nunique() > 1:
+        return ""
+    slow = bool(table["time_stop"].max() >= SLOW_RUN_S)
+    factor, time_unit = (1.0, "s") if slow else (1e3, "ms")
+    words = table["class"].astype(str)
+    alike = [rows for _, rows in table.groupby((words != words.shift()).cumsum().to_numpy())]
+    parts = [
+        f"{str(rows['class'].iloc[0]).replace('_', ' ')} to "
+        f"{factor * rows['time_stop'].iloc[-1]:.4g} {time_unit}"
+        for rows in alike
+    ]
+    text = f" From {factor * table['time_start'].iloc[0]:.4g} {time_unit} on: {', '.join(parts)}."
+    if table["torque_rms"].isna().all():
+        return text
+    loudest = table.iloc[int(table["torque_rms"].fillna(-1.0).to_numpy().argmax())].to_dict()
+    hz = motion_frequency(loudest["frequency_hz"], loudest["torque_line_hz"])
+    return (
+        f"{text} Loudest from {_span(loudest, 'time', factor)} {time_unit}, at "
+        f"{_span(loudest, 'sliding_speed', 1.0)} m/s: RMS {figure(loudest['torque_rms'])} {unit}, "
+        f"{hz} Hz."
+    )
+
+
 def _span(row: Mapping[Hashable, Any], name: str, factor: float) -> str:
     return f"{factor * row[f'{name}_start']:.4g} to {factor * row[f'{name}_stop']:.4g}"
