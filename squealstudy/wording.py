@@ -248,7 +248,10 @@ def prefixed(unit: str, largest: float) -> tuple[str, float]:
 def amount(value: float, unit: str, largest: float | None = None, digits: int = 4) -> str:
     """A value with its unit, as in ``1.2 MPa``; the prefix is that of the largest of several."""
     shown, factor = prefixed(unit, abs(value) if largest is None else largest)
-    return f"{value * factor:.{digits}g} {shown}".rstrip()
+    text = f"{value * factor:.{digits}g}"
+    if "e+" in text and abs(value * factor) < MAX_PREFIXED:  # 10000, not 1e+04
+        text = f"{float(text):.0f}"
+    return f"{text} {shown}".rstrip()
 
 
 def moment(seconds: float) -> str:

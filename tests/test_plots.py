@@ -433,8 +433,8 @@ def test_ambiguous_labels_are_ringed():
     figure = evolution(points, modes, "friction")
     rings = [c for c in figure.axes[0].get_lines() if c.get_markersize() == 9]
     assert [list(c.get_xdata()) for c in rings] == [[MU[4]]]
-    assert "number may jump" in drawn(figure)
-    assert "number may jump" not in drawn(evolution(*one_line(), "friction"))
+    assert "not sure which mode" in drawn(figure)
+    assert "not sure which mode" not in drawn(evolution(*one_line(), "friction"))
 
 
 def test_many_unstable_tracks_share_a_colour():

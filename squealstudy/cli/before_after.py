@@ -17,7 +17,7 @@ from squealstudy.tables.before_after import FREQUENCY_TOLERANCE, SIDES, first_of
 from squealstudy.tables.stability import BELOW_RANGE, INEXACT
 from squealstudy.wording import amount, in_digits, plural
 
-ABOUT = {"~": "about ", "<= ": "at most "}  # before an onset, in words
+ABOUT = {"~": "about {}", "<= ": "{} or less"}  # an onset in words, by its mark
 MOST_NAMED = 3  # modes of one side alone
 
 Row = Mapping[Hashable, Any]
@@ -87,8 +87,8 @@ def _onset(row: pd.Series | None, side: str, along: str, unit: str) -> str:
     kind, mode = str(row[f"onset_kind_{side}"]), _mode(row.to_dict(), side)
     if kind == BELOW_RANGE:
         return f"below the least {along} ({mode})"
-    about = ABOUT.get(INEXACT.get(kind, ""), "")
-    return f"{along} {about}{amount(float(row[f'onset_{side}']), unit)} ({mode})"
+    about = ABOUT.get(INEXACT.get(kind, ""), "{}")
+    return f"{along} {about.format(amount(float(row[f'onset_{side}']), unit))} ({mode})"
 
 
 def _growth(table: pd.DataFrame) -> list[str]:

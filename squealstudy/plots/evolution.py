@@ -249,12 +249,14 @@ def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Lin
         handles.append(Line2D([], [], color=DARK, marker=".", label="other unstable tracks"))
     if line.doubtful.reindex(columns=line.unstable_tracks).to_numpy().any():
         ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "none"}
-        handles.append(Line2D([], [], linestyle="", color="0.2", label="number may jump", **ring))
+        handles.append(
+            Line2D([], [], linestyle="", color="0.2", label="not sure which mode", **ring)
+        )
     if len(line.onsets):
         bar: dict[str, Any] = {"marker": "|", "markersize": 10, "markeredgewidth": 2}
         handles.append(Line2D([], [], linestyle="", color="0.2", label="onset, refined", **bar))
     if handles:
-        handles.append(Line2D([], [], color=GREY, linewidth=0.7, label="stable tracks"))
+        handles.append(Line2D([], [], color=GREY, linewidth=0.7, label="stable modes"))
     return handles
 
 
@@ -277,7 +279,7 @@ def _locus(axes: Axes, line: StudyLine, track: int) -> None:
     axes.axvline(0.0, color="0.2", linewidth=1.0, zorder=1)
     finish(axes, "Growth rate [1/s]", "Frequency [Hz]")
     name = line.shown.name if len(line.shown.name) <= LONGEST_NAME else "values"
-    head(axes, f"{track_number(track)}, arrows: rising {name}")
+    head(axes, f"{track_number(track)}, from least {name} (open circle) to most (arrow)")
 
 
 def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -> None:

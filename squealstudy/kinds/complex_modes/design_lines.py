@@ -126,8 +126,9 @@ def first_at(row: Row, along: str, unit: str) -> str:
         return f" already at the least {along}"
     if not isinstance(onset, float) or np.isnan(onset):
         return ""
-    about = {"~": "about ", "<= ": "at most "}.get(INEXACT.get(kind, ""), "")
-    return f" first at {along} {about}{amount(onset, unit)}"
+    mark = INEXACT.get(kind, "")
+    about, below = "about " if mark == "~" else "", " or less" if mark == "<= " else ""
+    return f" first at {along} {about}{amount(onset, unit)}{below}"
 
 
 def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:

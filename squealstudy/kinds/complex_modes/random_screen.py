@@ -150,7 +150,7 @@ def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float
     rest = sum(row["unstable_points"] > 0 for row in others) - len(named)
     more = f" and {plural(rest, 'other')}" if rest > 0 else ""
     return (
-        f"A mode {band_text(band_hz)} is unstable at {_share(first)} % of "
+        f"A mode {band_text(band_hz)} is unstable at {_unstable_percent(first)} % of "
         f"{plural(n_points, 'random design point')}{maybe if low < high else ''} (95 % interval "
         f"{interval} %{left_out}): {', '.join(named)}{more}. The fastest growth is "
         f"{_figure(first['max_growth_rate'])} 1/s."
@@ -159,12 +159,12 @@ def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float
 
 def _often(row: Row) -> str:
     if row["quantity"] != "track":
-        return f"{row['quantity']} at {_share(row)} %"
+        return f"{row['quantity']} at {_unstable_percent(row)} %"
     names = ", ".join(track_number(int(track)) for track in str(row["tracks"]).split(", "))
-    return f"{names} near {_figure(row['frequency_hz'], 0)} Hz at {_share(row)} %"
+    return f"{names} near {_figure(row['frequency_hz'], 0)} Hz at {_unstable_percent(row)} %"
 
 
-def _share(row: Row) -> str:
+def _unstable_percent(row: Row) -> str:
     return in_digits(100 * row["probability"], 1)
 
 
