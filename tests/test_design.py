@@ -540,7 +540,7 @@ def test_a_design_that_meets_the_goal_is_proven_without_a_search(tmp_path: Path)
     assert (design["origin"], design["cost"], design["chosen"]) == ("today", 0.0, True)
     facts = results.manifest["design_study"]
     assert facts["outcome"] == "met_linear"
-    assert "as it is it meets the margin" in facts["verdict"]
+    assert "As it is it meets the margin" in facts["verdict"]
 
 
 def test_it_is_said_whether_damping_destabilises(trap) -> None:

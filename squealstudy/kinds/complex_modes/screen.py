@@ -126,7 +126,9 @@ class ComplexModesScreen(KindScreen):
     ) -> list[RenderableType]:
         """The ranking of unstable modes, what its columns mean, and what is uncertain."""
         if not len(table):
-            return [_no_mode(results, where), notes(_doubt(results, where), _left_out(results))]
+            beyond = "" if where else grows_outside(results.manifest, results.units)
+            none = f"{_no_mode(results, where)}{beyond}"
+            return [none, notes(_doubt(results, where), _left_out(results))]
         energies = bool(table["main_component"].any())  # a family of matrices has none
         shown = grid(
             *("mode", "Hz", "unstable", "growth 1/s", "damping %"),

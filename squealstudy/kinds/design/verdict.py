@@ -111,8 +111,8 @@ def _target_text(search: DesignSearch) -> str:
     if not facts["nearest"] or facts["matched"] is None:
         return f"{opening}."
     part = f"{100 * facts['matched']:.3g} %"
-    nearest = f"nearest to them, with {part} of their first-order effect, is {facts['nearest']}"
-    return f"{opening}; {nearest}."
+    nearest = f"The nearest that can be built, with {part} of their first-order effect, is "
+    return f"{opening}. {nearest}{facts['nearest']}."
 
 
 def _reductions(plan: DesignPlan) -> dict[str, int]:
@@ -286,10 +286,10 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
             f"operating points of it could not be solved ({state.failure}). {searched}."
         )
     if state.outcome in (*PROVEN, UNDECIDED):
-        text = f"at a cost of {price:.4g} ({change}) every operating point meets the margin"
-        text = text if changes else "as it is it meets the margin"
+        text = f"At a cost of {price:.4g} ({change}) every operating point meets the margin"
+        text = text if changes else "As it is it meets the margin"
         proof = "Proof" if state.outcome in PROVEN else "Not all of the proof could be told"
-        return f"{today}; {text} of {margin}: {mode}. {proof}: {_proof(search)}. {searched}."
+        return f"{today}. {text} of {margin}: {mode}. {proof}: {_proof(search)}. {searched}."
     if state.outcome == NONE_FOUND:
         nearest = change_text(changes) or "today's design"
         n_active = len(state.active_points)

@@ -123,7 +123,8 @@ class TransientScreen(KindScreen):
         if len(lasting):
             row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]
             what = "torque" if unit == "N m" else "force of friction"
-            text += f" The loudest that lasts: RMS of the {what} {in_digits(row['torque_rms'], 1)} "
+            text += f" {'The loudest that lasts: ' if len(table) > 1 else ''}RMS of the {what} "
+            text += f"{in_digits(row['torque_rms'], 1)} "
             text += f"{unit}, {_heard(row)}{_sticking(row.get('stick_share', np.nan))}."
         return text
 
