@@ -587,7 +587,7 @@ def test_the_verdict_says_what_the_tables_say(trap) -> None:
     text, designs = trap.manifest["design_study"]["verdict"], trap.table("designs")
     chosen = designs[designs["chosen"].to_numpy(bool)].iloc[0]
     worst = trap.points.set_index("point_id").loc[chosen["worst_point"]]
-    assert f"at a cost of {chosen['cost']:.4g}" in text
+    assert f"At a cost of {chosen['cost']:.4g}" in text
     assert f"damping_ratio 0.01 -> {chosen['damping_ratio']:.5g}" in text
     assert f"least damping {100 * worst['min_damping_ratio']:.3g} %" in text
     assert f"mode at {worst['frequency_hz']:.5g} Hz" in text

@@ -390,7 +390,7 @@ def test_the_root_locus_shows_the_track_and_its_neighbour():
         expected = modes.loc[modes["track"] == track, "frequency_hz"].to_numpy()
         assert any(len(c) == len(expected) and np.allclose(c, expected) for c in curves)
     assert locus.get_xlabel() == "Growth rate [1/s]"
-    assert "rising friction" in locus.get_title(loc="left")
+    assert "from least friction (open circle) to most (arrow)" in locus.get_title(loc="left")
 
 
 def test_curves_are_broken_at_failed_points():
