@@ -134,7 +134,7 @@ class _Watched:
         axes = u * (s > DEGENERATE_AXIS_RATIO * s[:, :1])[:, None, :]
         product = np.einsum("Ni,Ni->N", y, 2 * root * right + np.einsum("Nij,Nj->Ni", C, right))
         size = np.abs(right) ** 2
-        energy = np.abs(lam) ** 2 * size.sum(axis=1) + size @ omega2
+        energy = np.abs(lam) ** 2 * size.sum(axis=1) + (size * omega2).sum(axis=1)
         return _Watched(
             lam=lam,
             right=right,

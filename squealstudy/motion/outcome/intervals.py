@@ -173,7 +173,9 @@ def _still_to_come(mean: np.ndarray, blocks: np.ndarray, thirds: np.ndarray) -> 
     x = np.arange(blocks.shape[1]) - 0.5 * (blocks.shape[1] - 1)
     rest = blocks - blocks.mean(axis=1, keepdims=True)
     total = (rest**2).sum(axis=1)
-    drifts = (total > 0) & ((rest @ x) ** 2 >= MIN_TREND_VARIANCE_SHARE * total * float(x @ x))
+    drifts = (total > 0) & (
+        (rest * x).sum(axis=1) ** 2 >= MIN_TREND_VARIANCE_SHARE * total * float(x @ x)
+    )
     first, second = np.diff(thirds, axis=1).T
     passes = np.abs(thirds[:, 2] - thirds[:, 0]) > MAX_REL_DRIFT * np.abs(mean)
     goes_on = drifts & (first * second > 0) & ~passes

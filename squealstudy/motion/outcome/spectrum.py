@@ -69,7 +69,8 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
     rows = signal.shape[-1]
     x = np.arange(rows) - 0.5 * (rows - 1)
     rest = signal - signal.mean(axis=-1, keepdims=True)
-    rest = rest - x * ((rest @ x) / max(float(x @ x), 1.0))[..., None]
+    # sums of each signal by itself: a product of matrices rounds by how many there are
+    rest = rest - x * ((rest * x).sum(axis=-1) / max(float(x @ x), 1.0))[..., None]
     window = hann(rows)
     scale = rows * float(window @ window)
     power = 2 * np.abs(np.fft.rfft(window * rest, axis=-1)) ** 2 / scale
