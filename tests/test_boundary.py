@@ -445,7 +445,7 @@ def test_a_round_beyond_the_limit_needs_yes(tmp_path):
 
 def test_other_designs_do_not_grow(directories):
     plan = plan_of(GRID)
-    assert plan.kind.grown(plan, Store(directories[1])) is plan
+    assert plan.kind.extended_plan(plan, Store(directories[1])) is plan
     assert most_points(plan.study) == 1025
     assert most_points(plan_of(BOUNDARY).study) == 1025
 

@@ -449,7 +449,7 @@ def test_tasks_that_read_meshes_stay_here(changes, local):
         changes = changes | {"transient.duration": 1e-3, "modes.reference_points": 0}
     plan = sq.read_study(OWN_BRAKE).with_(changes).plan()
     workers = Workers(2, cluster=object())
-    assert (plan.kind.place(plan, workers).cluster is None) == local
+    assert (plan.kind.usable_workers(plan, workers).cluster is None) == local
 
 
 def test_an_extension_imports_from_its_own_folder_here_and_there(cluster, here, monkeypatch):

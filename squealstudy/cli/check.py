@@ -106,7 +106,7 @@ def check(
     solver = as_model_kind(plan.kind)
     solver.check(plan)
     store = Store(directory)
-    plan = solver.grown(plan, store)
+    plan = solver.extended_plan(plan, store)
     missing = len(plan.tasks)
     if len(done := store.finished_points(solver.schema)):  # ids are not made without
         missing -= int(np.isin(plan.tasks.ids, done).sum())

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from squealstudy.columns.column import Tables, count, number, text
 
-SECONDS = "The scatter of a loaded machine: see seconds_min and seconds_max."
-OF_PROCESSOR = "Seconds of the processor"
+TIME_SCATTER = "The scatter of a loaded machine: see seconds_min and seconds_max."
+CPU_SECONDS = "Seconds of the processor"
 MEASUREMENTS = (
-    number("number", "The knob's value, where it is a number.", leaves_out="It is given."),
-    number("seconds_median", f"{OF_PROCESSOR} a design point, median of the rounds.",
+    number("number", "Value of the varied setting, where it is a number.",
+           leaves_out="It is given."),
+    number("seconds_median", f"{CPU_SECONDS} a design point, median of the rounds.",
            "seconds_min", "seconds_max"),
     number("seconds_(min|max)", "Least, or largest, of the rounds.", leaves_out="It is a bound."),
     count("rounds", "How often it was measured."),
-    number("setup_seconds", f"{OF_PROCESSOR} for what design points share.", leaves_out=SECONDS),
-    number("reduction_seconds", f"{OF_PROCESSOR} for reductions.", leaves_out=SECONDS),
+    number("setup_seconds", f"{CPU_SECONDS} for what design points share.",
+           leaves_out=TIME_SCATTER),
+    number("reduction_seconds", f"{CPU_SECONDS} for reductions.", leaves_out=TIME_SCATTER),
     number("cost", "seconds_median with the design point's share of the set-up.",
-           leaves_out=SECONDS),
-    number("onset_seconds", f"{OF_PROCESSOR} for one onset.", leaves_out=SECONDS),
-    number("cost_onset", "onset_seconds with its share of the set-up.", leaves_out=SECONDS),
+           leaves_out=TIME_SCATTER),
+    number("onset_seconds", f"{CPU_SECONDS} for one onset.", leaves_out=TIME_SCATTER),
+    number("cost_onset", "onset_seconds with its share of the set-up.", leaves_out=TIME_SCATTER),
     number("memory_mb", "Largest memory while it ran, above that before.",
            leaves_out="What other processes do at the same time."),
     number("iterations", "Evaluations of contact forces a step.", leaves_out="It is counted."),
@@ -27,7 +29,7 @@ MEASUREMENTS = (
            leaves_out="That of the reference; low_ and high_ columns of the quantity bound it."),
     number(r"(low|high)_\w+", "Bound of the largest error.", leaves_out="It is a bound."),
     number(r"median_\w+", "Median error of this quantity.", leaves_out="That of the reference."),
-    number(r"chance_\w+", "What the intervals of both explain of the largest error.",
+    number(r"chance_\w+", "Part of the largest error that the intervals of both explain.",
            leaves_out="It is made of bounds."),
 )  # fmt: skip
 ERRORS = (
@@ -37,7 +39,11 @@ ERRORS = (
     number("truth", "What the reference found.", leaves_out="Its own error."),
     number("error", "Difference of both, relative but for shares and ratios.", "low", "high"),
     number("low|high", "Bound of the error.", leaves_out="It is a bound."),
-    number("chance", "What the intervals of both explain.", leaves_out="It is made of bounds."),
+    number(
+        "chance",
+        "Part of it that the intervals of both explain.",
+        leaves_out="It is made of bounds.",
+    ),
 )
 CELLS = (
     number("predicted", "What theory says of the measured quantity.", leaves_out="Its own limits."),

@@ -1,4 +1,4 @@
-"""A cluster of dask.distributed as the place where tasks are done, instead of local processes.
+"""A cluster of dask.distributed that does tasks instead of local processes.
 
 Only this process writes results. Models go to the workers as the tasks name them, by their keys;
 what tasks add to a worker's cache comes back with their results (engine/cluster_worker.py).
@@ -25,7 +25,7 @@ import numpy as np
 
 from squealstudy.engine import cluster_worker
 from squealstudy.engine.cache import contents, folders_of, keep_contents, prepared_path
-from squealstudy.engine.cluster_scheduler import ALONE, client_of, few_deaths, quiet
+from squealstudy.engine.cluster_scheduler import ALONE, client_of, quiet, retries_limited
 from squealstudy.engine.cluster_worker import (
     SAME_VERSIONS_ADVICE,
     Answer,
@@ -44,17 +44,17 @@ from squealstudy.wording import plural
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# tasks a worker that are drawn: one at work, others there before it is free
+# tasks that a worker has at a time: one being solved, the others waiting there
 TASKS_IN_FLIGHT_PER_WORKER = 3
 CLOSE_TIMEOUT_S = 2.0  # s, for a scheduler to answer
-POLL_INTERVAL_S = 2.0  # s between looks at who is there
+POLL_INTERVAL_S = 2.0  # s between counts of the workers
 ALL_DIED = "every worker that tried it died"
-MOST_MODELS = 8  # whose contents the scheduler keeps; tasks that wait keep theirs besides
+MAX_MODELS_SENT = 8  # models that the scheduler keeps, beside those of tasks that wait
 KEY = re.compile(rb"[0-9a-f]{%d,}" % HASH_DIGITS)
 
 TaskT = TypeVar("TaskT")
 ResultT = TypeVar("ResultT")
-Lost = Callable[[Any, str], Any]
+ResultOfLost = Callable[[Any, str], Any]
 
 
 @dataclass(frozen=True)
@@ -73,11 +73,11 @@ class _DiedError(Exception):
 
 
 @dataclass
-class _Model:
-    """A model in the cache: the names of what this process has of it, and what was sent."""
+class _SentModel:
+    """A model in the cache: names of its folders here and of those that were sent to workers."""
 
-    held: set[str] = field(default_factory=set)
-    sent: set[str] = field(default_factory=set)
+    names_here: set[str] = field(default_factory=set)
+    names_sent: set[str] = field(default_factory=set)
     parcels: list[Future] = field(default_factory=list)
 
 
@@ -88,24 +88,24 @@ class Cluster:
     ----------
     client : distributed.Client
     warn : callable
-        Told where nobody is there to work.
+        Called with a message where there is no worker.
 
     Attributes
     ----------
     members : list of Worker
-        Those that were there at the beginning.
+        Those that there were when the run began.
     run : str
-        With which keys of its tasks begin.
+        Prefix of the keys of its tasks.
     """
 
     def __init__(self, client: Client, warn: Callable[[str], None]) -> None:
         self.client, self.warn = client, warn
         self.members: list[Worker] = []
         self.run, self._count = f"squealstudy-{uuid4().hex[:8]}", 0
-        self._size, self._looked = 0, -np.inf
-        self._models: dict[str, _Model] = {}
+        self._n_workers, self._counted_at_s = 0, -np.inf
+        self._models: dict[str, _SentModel] = {}
         self._present: set[str] = set()  # keys of models in the cache when tasks began
-        self._fresh: set[str] = set()  # of those, what was looked at since
+        self._looked_up: set[str] = set()  # of those, keys of models that tasks have needed since
         self._setting: tuple[Setting, Future] | None = None
         self._shared: Future = None
 
@@ -117,12 +117,12 @@ class Cluster:
     @property
     def size(self) -> int:
         """Workers now; one where there is none yet."""
-        if time.monotonic() - self._looked > POLL_INTERVAL_S:
-            before, self._size = self._size, len(self._threads())
-            self._looked = time.monotonic()
-            if before and not self._size:
+        if time.monotonic() - self._counted_at_s > POLL_INTERVAL_S:
+            before, self._n_workers = self._n_workers, len(self._threads())
+            self._counted_at_s = time.monotonic()
+            if before and not self._n_workers:
                 self.warn(f"{self.name}: no worker is left; waiting for others")
-        return max(1, self._size)
+        return max(1, self._n_workers)
 
     def _threads(self) -> dict[str, int]:
         """Threads of each worker by its address; MachineError where no scheduler answers."""
@@ -161,7 +161,10 @@ class Cluster:
 
     # -- tasks -----------------------------------------------------------------------------------
     def each(
-        self, function: Callable[[TaskT], ResultT], tasks: Iterator[TaskT], lost: Lost | None
+        self,
+        function: Callable[[TaskT], ResultT],
+        tasks: Iterator[TaskT],
+        lost: ResultOfLost | None,
     ) -> Iterator[ResultT]:
         """Results of a function of each task, as they come; see `Workers.each`.
 
@@ -171,40 +174,40 @@ class Cluster:
             Where the scheduler is lost; where a task ends every worker that tries it and `lost`
             makes no result of it.
         """
-        begun: dict[Future, TaskT] = {}
+        task_of: dict[Future, TaskT] = {}
         ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
         suspects: list[TaskT] = []
         models = prepared_path("")
         self._present = {p.name for p in models.iterdir()} if models.is_dir() else set()
-        self._fresh.clear()
-        self._shared = self._common()
+        self._looked_up.clear()
+        self._shared = self._sent_setting()
 
         def begin(some: Iterator[TaskT], most: int, kind: str = "") -> None:
-            for task in islice(some, max(0, most - len(begun))):
+            for task in islice(some, max(0, most - len(task_of))):
                 future = self._submit(function, task, kind)
-                begun[future] = task
+                task_of[future] = task
                 future.add_done_callback(ended.put)
 
         try:
             begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
-            while begun:
+            while task_of:
                 if (future := self._next(ended)) is None:
                     begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)  # workers may have come
                     continue
                 try:
                     task_result = self._result(future)
                 except _DiedError:
-                    suspects.append(begun[future])
+                    suspects.append(task_of[future])
                     self._cancel([future])
-                    del begun[future]
+                    del task_of[future]
                     begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
                     continue
-                del begun[future], future
+                del task_of[future], future
                 begin(tasks, TASKS_IN_FLIGHT_PER_WORKER * self.size)
                 yield task_result
-            for task in suspects:  # others ended with a task only because they were beside it
+            for task in suspects:  # most died only because they ran beside the one that kills
                 begin(iter([task]), 1, ALONE)
-                (future,) = begun
+                (future,) = task_of
                 try:
                     while self._next(ended) is not future:
                         pass
@@ -213,16 +216,16 @@ class Cluster:
                     if lost is None:
                         raise MachineError(str(error)) from None
                     task_result = lost(task, str(error))
-                self._cancel([future])  # errors of others may keep this frame, and it with it
-                begun.clear()
+                self._cancel([future])  # a kept traceback may keep this frame and its future
+                task_of.clear()
                 del future
                 yield task_result
         finally:
-            if begun:
-                self._cancel([*begun])
+            if task_of:
+                self._cancel([*task_of])
 
     def _next(self, ended: queue.SimpleQueue[Future]) -> Future | None:
-        """The next task that has ended; None where none has for so many seconds."""
+        """The next task that has ended; None where none has within POLL_INTERVAL_S."""
         try:
             return ended.get(timeout=POLL_INTERVAL_S)
         except queue.Empty:
@@ -231,7 +234,7 @@ class Cluster:
             return None
 
     def _result(self, future: Future) -> Any:
-        """What a task came to; _DiedError where it ended every worker that tried it."""
+        """The result of a task; _DiedError where every worker that tried it died."""
         from distributed import KilledWorker
 
         try:
@@ -246,62 +249,62 @@ class Cluster:
                 text = f"{self.name}: tasks of this run were cancelled there"
                 raise MachineError(text) from error
             raise
-        for name, files in answer.made.items():
+        for name, files in answer.cached_files.items():
             keep_contents(prepared_path(name), files)
-            self._models.setdefault(name.partition("/")[0], _Model()).held.add(name)
-        return answer.found
+            self._models.setdefault(name.partition("/")[0], _SentModel()).names_here.add(name)
+        return answer.task_result
 
     def _cancel(self, futures: list[Future]) -> None:
         with contextlib.suppress(Exception):  # where the scheduler is gone, so are the tasks
             self.client.cancel(futures)
 
     def release(self) -> None:
-        """Give up what was sent: the scheduler keeps it no longer."""
+        """Release what was sent, so that the scheduler drops it."""
         self._models.clear()
         self._setting = self._shared = None
 
-    # -- what goes along -------------------------------------------------------------------------
+    # -- what is sent with tasks -----------------------------------------------------------------
     def _submit(self, function: Callable[[TaskT], ResultT], task: TaskT, kind: str = "") -> Future:
         call = _pickled((function, task))
         models = [self._model(key) for key in _keys(call) & self._present]
-        cached_keys = frozenset().union(*(model.held for model in models))
+        cached_keys = frozenset().union(*(model.names_here for model in models))
         parcels = [parcel for model in models for parcel in model.parcels]
         return self._send(answer, self._shared, parcels, cached_keys, call, kind=kind)
 
-    def _common(self) -> Future:
-        """What all tasks have in common; extensions may have come."""
+    def _sent_setting(self) -> Future:
+        """The `Setting` of all tasks, sent anew where extensions were added."""
         sources = [sources_of(path) for path in extension_files()]
         setting = Setting(cluster_worker.versions(), sources)
         if self._setting is None or self._setting[0] != setting:
             self._setting = setting, self._send(shared_value, setting)
         return self._setting[1]
 
-    def _model(self, key: str) -> _Model:
-        """A model that a task names; what workers do not have of it is on its way to them."""
-        model = self._models.pop(key, None) or _Model()
+    def _model(self, key: str) -> _SentModel:
+        """A model that a task names, after its folders that were not sent yet are sent."""
+        model = self._models.pop(key, None) or _SentModel()
         self._models[key] = model
-        if key not in self._fresh:
-            self._fresh.add(key)
+        if key not in self._looked_up:
+            self._looked_up.add(key)
             top = prepared_path("")
             folders = {p.relative_to(top).as_posix(): p for p in folders_of(key)}
-            if new := {n: contents(p) for n, p in folders.items() if n not in model.sent}:
+            if new := {n: contents(p) for n, p in folders.items() if n not in model.names_sent}:
                 model.parcels.append(self._send(shared_value, new))
-            model.sent |= folders.keys()
-            model.held |= folders.keys()
-        while len(self._models) > MOST_MODELS:
+            model.names_sent |= folders.keys()
+            model.names_here |= folders.keys()
+        while len(self._models) > MAX_MODELS_SENT:
             del self._models[next(iter(self._models))]
         return model
 
     def _send(self, function: Callable[..., Any], *arguments: Any, kind: str = "") -> Future:
         self._count += 1
         key = f"{self.run}-{self._count}{kind}"
-        with warnings.catch_warnings():  # of large ones: they are meant to go this way
+        with warnings.catch_warnings():  # about large arguments, which is intended
             warnings.simplefilter("ignore", UserWarning)
             return self.client.submit(function, *arguments, key=key, pure=False)
 
 
 def _keys(call: bytes) -> set[str]:
-    """What may be a key among what a pickle holds, in texts or in arrays of them."""
+    """Texts in a pickle that may be keys, in strings or in arrays of them."""
     keys: set[str] = set()
     for run in KEY.findall(call.replace(b"\0", b"")):
         keys.update(run[i : i + HASH_DIGITS].decode() for i in range(len(run) - HASH_DIGITS + 1))
@@ -309,7 +312,7 @@ def _keys(call: bytes) -> set[str]:
 
 
 def _pickled(call: Any) -> bytes:
-    """A pickle in which places in the cache are those of the process that reads it."""
+    """A pickle in which paths in the cache become those of the process that reads it."""
     import cloudpickle
 
     base = cache_directory()
@@ -329,7 +332,7 @@ def _pickled(call: Any) -> bytes:
 def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Iterator[Cluster]:
     """The cluster of a client, or of a scheduler by its address or its file.
 
-    Its workers are there, and have the versions of this process.
+    It has a worker at least, and all have the versions of this process.
 
     Raises
     ------
@@ -361,7 +364,7 @@ def _checked(client: Client, warn: Callable[[str], None]) -> Iterator[Cluster]:
     cluster = Cluster(client, warn)
     cluster.members = cluster.workers()
     try:
-        with few_deaths(client, cluster.run):
+        with retries_limited(client, cluster.run):
             yield cluster
     finally:
         cluster.release()

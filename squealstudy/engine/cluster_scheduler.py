@@ -1,4 +1,4 @@
-"""What a scheduler of dask.distributed is asked for: a connection, and patience with tasks."""
+"""Connecting to a scheduler of dask.distributed, and limiting its retries of tasks."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 CONNECT_TIMEOUT_S = 10.0  # s, for a scheduler to answer
 NAME = "squealstudy"
-MAX_WORKER_DEATHS_PER_TASK = 2  # of workers with a task, until it is kept back to be tried alone
-ALONE = "-alone"  # how the keys of such tasks end: the next death is their last
+MAX_WORKER_DEATHS_PER_TASK = 2  # after so many a task waits until it can be tried by itself
+ALONE = "-alone"  # suffix of the keys of such tasks: they fail with the next death
 
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Without the log of the library: what goes wrong is told in one sentence."""
+    """Without the log of the library: errors are one sentence."""
     names = [n for n in logging.root.manager.loggerDict if n.partition(".")[0] == "distributed"]
     before = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -56,13 +56,11 @@ def client_of(scheduler: str) -> Client:
 
 
 @contextlib.contextmanager
-def few_deaths(client: Client, run: str) -> Iterator[None]:
-    """Tasks of a run, whose keys begin with `run`, fail when so many workers died with them.
+def retries_limited(client: Client, run: str) -> Iterator[None]:
+    """Tasks whose keys begin with `run` fail after MAX_WORKER_DEATHS_PER_TASK deaths of workers.
 
-    Those whose keys end with ALONE fail with the first one.
-
-    dask's own number (`allowed-failures`, 3 by default) is the scheduler's and holds for the tasks
-    of others as well; it counts what a task has more to begin with.
+    Those whose keys end with ALONE fail with the first death. dask's own limit (`allowed-failures`,
+    3 by default) holds for the tasks of all clients: these tasks begin with a count above zero.
     """
     client.register_plugin(_suspicion(run, MAX_WORKER_DEATHS_PER_TASK, ALONE), name=run)
     try:
@@ -73,9 +71,9 @@ def few_deaths(client: Client, run: str) -> Iterator[None]:
 
 
 def _suspicion(run: str, deaths: int, alone: str) -> SchedulerPlugin:
-    """What lets the scheduler count from more than zero for tasks whose keys begin with `run`.
+    """A plugin by which the deaths of tasks whose keys begin with `run` count from above zero.
 
-    Its class is local so that it is sent as it stands: a scheduler need not have this package.
+    Its class is local so that its code is sent: a scheduler need not have this package.
     """
     from distributed.diagnostics.plugin import SchedulerPlugin
 

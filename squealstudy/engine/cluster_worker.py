@@ -30,7 +30,7 @@ from squealstudy.machine.resources import peak_memory_mb
 from squealstudy.paths import cache_directory
 from squealstudy.version import __version__
 
-PACKAGES = ("numpy", "scipy", "numba", "pyarrow")  # that numbers, and how they travel, rest on
+PACKAGES = ("numpy", "scipy", "numba", "pyarrow")  # numbers and their transfer depend on them
 SAME_VERSIONS_ADVICE = "install the same versions there as here"
 Parcel = Mapping[str, Mapping[str, bytes]]  # files by name, of places in the folder of models
 
@@ -53,10 +53,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Answer:
-    """Result of a task, and what it added to the cache that the caller did not have."""
+    """Result of a task, and files it added to the cache that the caller did not have."""
 
-    found: Any
-    made: Parcel = field(default_factory=dict)
+    task_result: Any
+    cached_files: Parcel = field(default_factory=dict)
 
 
 @cache
@@ -76,12 +76,12 @@ def facts(dask_worker: Any) -> dict[str, Any]:
 
 
 def shared_value(value: Any) -> Any:
-    """A value that others need, as a task: what is lost with a worker is made again."""
+    """A value that others need, as a task: dask makes it again where a worker that has it dies."""
     return value
 
 
 def in_cache(name: str) -> Path:
-    """A place in this process's cache."""
+    """A path in this process's cache."""
     return cache_directory() / name
 
 
@@ -89,7 +89,7 @@ _one_at_a_time = Lock()  # caches, warnings and threads of libraries are those o
 
 
 def answer(
-    setting: Setting, parcels: Sequence[Parcel], held: frozenset[str], call: bytes
+    setting: Setting, parcels: Sequence[Parcel], names_here: frozenset[str], call: bytes
 ) -> Answer:
     """Do a task: `call` is a pickled function with its argument.
 
@@ -98,8 +98,8 @@ def answer(
     setting : Setting
     parcels : sequence of Parcel
         Models that the task needs.
-    held : frozenset of str
-        Places in the cache that the caller has, of the models that the task names.
+    names_here : frozenset of str
+        Folders of the models that the task names which the caller has in its cache.
     call : bytes
     """
     with _one_at_a_time:
@@ -116,7 +116,9 @@ def answer(
                 raise MachineError(f"{type(error).__name__}: {error}") from None
         models = prepared_path("")
         names = {place.relative_to(models).as_posix(): place for place in places}
-        return Answer(task_result, {name: contents(names[name]) for name in names.keys() - held})
+        return Answer(
+            task_result, {name: contents(names[name]) for name in names.keys() - names_here}
+        )
 
 
 def _portable(error: Exception) -> bool:
@@ -132,7 +134,7 @@ _entered: list[Setting] = []  # the last one
 
 
 def _enter(setting: Setting) -> None:
-    """See to versions, threads and extensions, once a run."""
+    """Check versions, set threads and load extensions, once a run."""
     if setting in _entered:
         return
     if text := difference(setting.versions, versions()):
@@ -162,17 +164,17 @@ def _extension_file(files: Mapping[str, bytes]) -> Path:
     return folder / next(iter(files))
 
 
-def difference(wanted: Mapping[str, str], got: Mapping[str, str]) -> str:
-    """In which packages a worker differs from the caller; empty where in none."""
-    others = {name: got.get(name, "none") for name in wanted if got.get(name) != wanted[name]}
-    return ", ".join(f"{name} {text}, not {wanted[name]}" for name, text in others.items())
+def difference(expected: Mapping[str, str], got: Mapping[str, str]) -> str:
+    """Packages whose version on a worker is not the expected one, as text; empty where none."""
+    others = {name: got.get(name, "none") for name in expected if got.get(name) != expected[name]}
+    return ", ".join(f"{name} {text}, not {expected[name]}" for name, text in others.items())
 
 
 _unpacked: set[str] = set()
 
 
 def _unpack(parcel: Parcel) -> None:
-    """Keep in this worker's cache what came from that of the caller."""
+    """Write files of the caller's cache to this worker's cache."""
     for name, files in parcel.items():
         place = prepared_path(name)
         if name not in _unpacked or not place.exists():

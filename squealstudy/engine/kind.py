@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,14 @@ if TYPE_CHECKING:
 
 
 Warn = Callable[[str], None]
+RENAMED_HOOKS = {  # methods of kinds by their names up to version 0.3
+    "patience": "seconds_without_workers",
+    "ready": "prepare",
+    "beside": "side_studies",
+    "grown": "extended_plan",
+    "build": "build_models",
+    "place": "usable_workers",
+}
 
 
 class Identified(Protocol):
@@ -80,7 +89,7 @@ class Planned(Protocol):
 
 
 class Kind:
-    """A kind of study; what it does not say it does without.
+    """A kind of study; methods that it does not define do nothing.
 
     Attributes
     ----------
@@ -114,6 +123,17 @@ class Kind:
     row_word: str = "design point"
     of_methods: bool = False
 
+    def __init_subclass__(cls) -> None:
+        """Methods under old names serve under the new ones as well, and the other way round."""
+        super().__init_subclass__()
+        for old, new in RENAMED_HOOKS.items():
+            if old in vars(cls):
+                text = f"{cls.__name__}.{old} is called {new} now"
+                warnings.warn(text, DeprecationWarning, stacklevel=2)
+                setattr(cls, new, vars(cls)[old])
+            elif new in vars(cls):
+                setattr(cls, old, vars(cls)[new])
+
     @property
     def rows_word(self) -> str:
         """What its rows are, for progress."""
@@ -144,12 +164,12 @@ class Kind:
         """Raise StudyFileError where there are more design points than the file allows."""
 
     # -- a run -----------------------------------------------------------------------------------
-    def patience(self, plan: Any) -> float:
-        """Seconds for which work is done without workers, which take longer to start."""
+    def seconds_without_workers(self, plan: Any) -> float:
+        """How long tasks are done in this process [s]: worker processes take longer to start."""
         return 0.0
 
-    def ready(self, plan: Any, workers: Workers, warn: Warn) -> tuple[Any, dict[str, str]]:
-        """Make what all design points need.
+    def prepare(self, plan: Any, workers: Workers, warn: Warn) -> tuple[Any, dict[str, str]]:
+        """Make the models that all design points need.
 
         Returns
         -------
@@ -161,38 +181,37 @@ class Kind:
         Raises
         ------
         StudyFileError, SquealstudyError
-            For what only the models show of the file; where none can be made.
+            For mistakes in the file that only its models show; where no model can be made.
         """
         return plan, {}
 
-    def beside(self, plan: Any) -> Mapping[str, Planned]:
-        """Studies that are run before it, by the folders of their results below its own.
+    def side_studies(self, plan: Any) -> Mapping[str, Planned]:
+        """Studies that a run solves before its own, by the folders of their results in its own.
 
         A folder ``variants/a`` is that of the study of its name, ``_`` and ``a``.
         """
         return {}
 
-    def grown(self, plan: Any, store: Store) -> Any:
-        """The plan with all design points that the finished ones ask for; else the plan itself."""
+    def extended_plan(self, plan: Any, store: Store) -> Any:
+        """The plan with the further design points that finished rows call for, or the same plan."""
         return plan
 
-    def build(self, plan: Any, workers: Workers) -> dict[str, str]:
-        """Make the models that a plan which has grown needs besides; reasons of failure by key."""
+    def build_models(self, plan: Any, workers: Workers) -> dict[str, str]:
+        """Make the models of a plan that are not made yet; by key why some could not be."""
         return {}
 
     def warnings(self, plan: Any) -> list[str]:
         """What may go wrong in a run."""
         return []
 
-    def place(self, plan: Any, workers: Workers) -> Workers:
-        """Those of the workers that can do its tasks: they may need files of this machine."""
+    def usable_workers(self, plan: Any, workers: Workers) -> Workers:
+        """Workers that can do its tasks, which may need files of this machine."""
         return workers
 
     def tasks(self, plan: Any, points: Any, workers: Workers) -> Iterable[Any]:
-        """Work for one call of `solve` each, and whatever that needs made first.
+        """Tasks, one for each call of `solve`; what they need is made before the first.
 
-        `points` are some of the plan's (`Points`). A million of them are many tasks: they are
-        best made as they are drawn.
+        `points` are some of the plan's (`Points`). There may be a million: yield tasks one by one.
         """
         raise NotImplementedError
 
@@ -210,7 +229,7 @@ class Kind:
         return points
 
     def single_tasks(self, task: Any) -> Iterable[Any]:
-        """The same work as tasks of one design point each; `task.points` is all that differs."""
+        """The same work as tasks of one design point each; they differ in `task.points` alone."""
         if not hasattr(task, "points"):
             return (task.at(np.array([k])) for k in range(len(task)))
         points = task.points
@@ -246,7 +265,7 @@ class Kind:
         """What is shown of its results; without more than this, its first table."""
         return KindScreen(tuple(Path(name).stem for name in self.tables), self.row_word)
 
-    # -- what is said of it ----------------------------------------------------------------------
+    # -- the manifest ----------------------------------------------------------------------------
     def manifest(self, plan: Any) -> dict[str, Any]:
         """Facts of the study for the manifest, beside those of every study."""
         return {}
@@ -257,7 +276,7 @@ class Kind:
 
 
 def as_kind(kind: StudyKind) -> Kind:
-    """A kind with all that a run asks of it; TypeError for one that does not derive from Kind."""
+    """The kind, as a `Kind`; TypeError for one that does not derive from it."""
     if not isinstance(kind, Kind):
         raise TypeError(f"the kind of study '{kind.name}' does not derive from Kind")
     return kind

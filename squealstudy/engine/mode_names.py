@@ -13,11 +13,11 @@ from squealstudy.errors import ResultsError
 from squealstudy.progress import progress
 from squealstudy.shapes.names import AND, name_of
 
-NO_DIAMETERS = -1
+NO_DIAMETERS = -1  # in n_diameters: none is counted
 
 
 def mode_names(
-    results: ResultTables, tracks: Iterable[int] | None = None, most: int | None = None
+    results: ResultTables, tracks: Iterable[int] | None = None, max_points: int | None = None
 ) -> pd.DataFrame:
     """Names of modes of results by their shapes.
 
@@ -27,10 +27,10 @@ def mode_names(
     ----------
     tracks : iterable of int or None
         Modes by their numbers in rankings; by default all that are unstable somewhere.
-    most : int or None
-        Design points of a track at which it is named: where it is unstable, or all where it is
-        nowhere. Of more that where it grows fastest, and others evenly through the study. None
-        names it at all of them.
+    max_points : int or None
+        Largest number of design points of a track at which it is named: the one where it grows
+        fastest, and others evenly through the study. None names it at all of them. Points where
+        it is stable count only if it is unstable nowhere.
 
     Returns
     -------
@@ -52,16 +52,17 @@ def mode_names(
     asked_tracks = [int(track) for track in tracks]
     if missing := [track for track in asked_tracks if track not in tracks_there]:
         raise ResultsError(f"{results.directory}: no mode of track {missing[0]}")
-    chosen = [_chosen(modes[modes["track"] == track], most) for track in asked_tracks]
-    rows = pd.concat([modes.iloc[:0], *chosen])
-    place = {point_id: row for row, point_id in enumerate(results.points["point_id"])}
-    order = rows["point_id"].map(place).to_numpy()
+    named_modes = [_chosen(modes[modes["track"] == track], max_points) for track in asked_tracks]
+    rows = pd.concat([modes.iloc[:0], *named_modes])
+    row_of_point = {point_id: row for row, point_id in enumerate(results.points["point_id"])}
+    point_rows = rows["point_id"].map(row_of_point).to_numpy()
     name_rows = []
-    with progress() as tell:
-        for done, row in enumerate(np.unique(order)):
-            tell("names", done, len(np.unique(order)))
+    with progress() as report:
+        for done, row in enumerate(np.unique(point_rows)):
+            report("names", done, len(np.unique(point_rows)))
             shapes = point_shapes(results, int(row))
-            for mode, track in rows.loc[order == row, ["mode", "track"]].itertuples(index=False):
+            of_point = rows.loc[point_rows == row, ["mode", "track"]]
+            for mode, track in of_point.itertuples(index=False):
                 shape = shapes.shape(int(mode))
                 name = name_of(shape)
                 waves = name.waves
@@ -82,7 +83,7 @@ def mode_names(
                         "real_modes_phase": shape.pair_phase,
                     }
                 )
-        tell("names", len(np.unique(order)), len(np.unique(order)))
+        report("names", len(np.unique(point_rows)), len(np.unique(point_rows)))
     return pd.DataFrame(name_rows, columns=list(COLUMNS)).astype(COLUMNS)
 
 
@@ -98,17 +99,21 @@ COLUMNS = {"point_id": "str", "mode": "int64", "track": "int64", "name": "str"} 
 }
 
 
-def _chosen(own: pd.DataFrame, most: int | None) -> pd.DataFrame:
+def _chosen(modes_of_track: pd.DataFrame, max_points: int | None) -> pd.DataFrame:
     """The modes of a track that are named: unstable ones if there are, else all.
 
-    Of more than `most` that with the fastest growth, and others evenly through the study.
+    At most `max_points`: the one of fastest growth, and others evenly through the study.
     """
-    own = own[own["unstable"]] if own["unstable"].any() else own
-    if most is None or len(own) <= most:
-        return own
-    spread = np.linspace(0, len(own) - 1, max(most - 1, 0)).round().astype(int)
-    fastest = own["growth_rate"].to_numpy().argmax()
-    return own.iloc[np.unique(np.append(spread, fastest))]
+    modes_of_track = (
+        modes_of_track[modes_of_track["unstable"]]
+        if modes_of_track["unstable"].any()
+        else modes_of_track
+    )
+    if max_points is None or len(modes_of_track) <= max_points:
+        return modes_of_track
+    spread = np.linspace(0, len(modes_of_track) - 1, max(max_points - 1, 0)).round().astype(int)
+    fastest = modes_of_track["growth_rate"].to_numpy().argmax()
+    return modes_of_track.iloc[np.unique(np.append(spread, fastest))]
 
 
 def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
@@ -124,14 +129,14 @@ def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a track, indexed by it: `name`, where it grows fastest; `n_points` that were named, of
-        which `n_named` have it; `changes`, whether any has another (the order of words does not
-        count); `others`, these with their counts.
+        A row a track, indexed by it: `name` where it grows fastest; `n_points`, how many were
+        named; `n_named`, how many of them have this name; `changes`, whether any has another (the
+        order of words does not count); `others`, the other names with their counts.
     """
-    grown = names.merge(modes[["point_id", "mode", "growth_rate"]], on=["point_id", "mode"])
+    named_modes = names.merge(modes[["point_id", "mode", "growth_rate"]], on=["point_id", "mode"])
     row_of = {}
-    grown["name"] = _in_one_order(grown["name"])
-    for track, track_rows in grown.groupby("track", sort=False):
+    named_modes["name"] = _in_one_order(named_modes["name"])
+    for track, track_rows in named_modes.groupby("track", sort=False):
         counts = track_rows.groupby("name")["growth_rate"].agg(["size", "max"])
         fastest = counts["max"].idxmax()
         others = counts["size"].drop(fastest).sort_values(ascending=False, kind="stable")
@@ -147,6 +152,6 @@ def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
 
 
 def _in_one_order(names: pd.Series) -> pd.Series:
-    """Names whose words differ in their order alone as the most frequent of them."""
+    """Names of the same words in another order replaced by the most frequent of them."""
     words = names.map(lambda name: frozenset(name.split(AND)))
-    return names.groupby(words).transform(lambda own: own.mode().iloc[0])
+    return names.groupby(words).transform(lambda variants: variants.mode().iloc[0])

@@ -142,7 +142,7 @@ class ModelKind(Kind):
         return []
 
     # -- a run -----------------------------------------------------------------------------------
-    def patience(self, plan: Plan) -> float:
+    def seconds_without_workers(self, plan: Plan) -> float:
         """Seconds for which work on a model of few degrees of freedom is done without workers."""
         key, family = plan.tasks[0].structure, isinstance(plan.study.model, FamilyDefinition)
         if has_mesh(plan.study) or (family and not is_prepared(key)):
@@ -153,12 +153,12 @@ class ModelKind(Kind):
             else 0.0
         )
 
-    def ready(self, plan: Plan, workers: Workers, warn: Warn) -> tuple[Plan, dict[str, str]]:
+    def prepare(self, plan: Plan, workers: Workers, warn: Warn) -> tuple[Plan, dict[str, str]]:
         """The reductions; of a basis that is not accurate enough a better one."""
         if text := check_shapes(plan):
             warn(text)
         check_component_modes(plan)
-        failures = self.build(plan, workers)
+        failures = self.build_models(plan, workers)
         if (shared := shared_facts(plan)) and not shared["shared_basis"]["used"]:
             facts = shared["shared_basis"]
             warn(
@@ -168,7 +168,7 @@ class ModelKind(Kind):
         self.check(plan)
         if (better := self.accurate(plan, failures, workers)) is not plan:
             plan = better
-            failures |= self.build(plan, workers)
+            failures |= self.build_models(plan, workers)
         return plan, failures
 
     def check(self, plan: Plan) -> None:
@@ -185,7 +185,7 @@ class ModelKind(Kind):
         """Whether it solves the points of a plan as a batch of small models, without structures."""
         return False
 
-    def build(self, plan: Plan, workers: Workers) -> dict[str, str]:
+    def build_models(self, plan: Plan, workers: Workers) -> dict[str, str]:
         """Make the structures that the cache does not hold; a batch needs none."""
         return {} if plan.stacked else build_structures(plan, workers)
 
@@ -220,12 +220,12 @@ class ModelKind(Kind):
         """Whether its tasks assemble the unreduced model, and so read the meshes of one's own."""
         return False
 
-    def place(self, plan: Plan, workers: Workers) -> Workers:
+    def usable_workers(self, plan: Plan, workers: Workers) -> Workers:
         """Workers of this machine where tasks read its files."""
         has_files = isinstance(plan.study.model, FileDefinition)
         return workers.at_home if has_files and self.reads_meshes(plan) else workers
 
-    # -- what is said of it ----------------------------------------------------------------------
+    # -- the manifest ----------------------------------------------------------------------------
     def manifest(self, plan: Plan) -> dict[str, Any]:
         """Model, parameters, design and structures."""
         return model_facts(plan) | shared_facts(plan)

@@ -17,34 +17,34 @@ from squealstudy.files import sealed, unsealed, write_bytes, write_text
 from squealstudy.paths import cache_directory, others_may_write, user_cache
 
 RECORDS = "extensions"  # key of the manifest
-LIST = "executed_extensions"  # folder of the cache: a folder a hash
-ENTRY = "entry.json"  # of it: where the file was
+LIST_FOLDER = "executed_extensions"  # folder of the cache; in it each hash has a folder
+ENTRY_FILE = "entry.json"  # in that: path and name of the file
 
 
 def recorded_extensions(hashes: Sequence[str]) -> list[dict[str, Any]]:
     """What a manifest keeps of extensions of a study, by their hashes: names and texts."""
-    files = {source: path for path, source in executed_files().items()}
+    files = {source_hash: path for path, source_hash in executed_files().items()}
     return [
         {
-            "name": files[source].name,
-            "hash": source,
+            "name": files[source_hash].name,
+            "hash": source_hash,
             "sources": {
-                n: t.decode(errors="replace") for n, t in sources_of(files[source]).items()
+                n: t.decode(errors="replace") for n, t in sources_of(files[source_hash]).items()
             },
         }
-        for source in hashes
-        if source in files
+        for source_hash in hashes
+        if source_hash in files
     ]
 
 
 def enter_executed(hashes: Sequence[str]) -> None:
     """Enter extensions that this process has executed, by their hashes, in the user's list."""
-    for path, source in executed_files().items():
-        if source in hashes and _listed_file(source) is None:
-            folder = _list() / source
+    for path, source_hash in executed_files().items():
+        if source_hash in hashes and _listed_file(source_hash) is None:
+            folder = _list() / source_hash
             for name, text in sources_of(path).items():
                 write_bytes(folder / name, text)
-            write_text(folder / ENTRY, sealed({"path": str(path), "name": path.name}))
+            write_text(folder / ENTRY_FILE, sealed({"path": str(path), "name": path.name}))
 
 
 def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str, ...]:
@@ -53,13 +53,13 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
     Raises
     ------
     ResultsError
-        Of code that neither this user has run here nor ``--extension`` has named.
+        Code that this user has not run here and that ``--extension`` does not name.
     """
     named = executed_files()
     hashes = []
     for record in manifest.get(RECORDS, []):
-        name, source = _name_and_hash(record, directory)
-        path = next((p for p in named if p.name == name), None) or _listed_file(source)
+        name, source_hash = _name_and_hash(record, directory)
+        path = next((p for p in named if p.name == name), None) or _listed_file(source_hash)
         if path is None:
             raise ResultsError(
                 f"{directory}: the study has code of its own, {name}, which you have not run on "
@@ -76,15 +76,15 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
 def code_of(manifest: Mapping[str, Any], directory: Path) -> list[tuple[str, bool]]:
     """Names of the files of code that results were made with, and whether commands execute them."""
     names_and_hashes = [_name_and_hash(record, directory) for record in manifest.get(RECORDS, [])]
-    return [(name, _listed_file(source) is not None) for name, source in names_and_hashes]
+    return [(name, _listed_file(source_hash) is not None) for name, source_hash in names_and_hashes]
 
 
 def _name_and_hash(record: Mapping[str, Any], directory: Path) -> tuple[str, str]:
-    """Name and hash of a record; ResultsError where it has none that can be."""
-    name, source = record.get("name"), record.get("hash")
-    if not isinstance(name, str) or not isinstance(source, str) or not source.isalnum():
+    """Name and hash of a record; ResultsError where they are absent or of wrong form."""
+    name, source_hash = record.get("name"), record.get("hash")
+    if not isinstance(name, str) or not isinstance(source_hash, str) or not source_hash.isalnum():
         raise ResultsError(f"{directory}: '{RECORDS}' in manifest.json names no file and hash")
-    return printable(Path(name).name)[:100], source
+    return printable(Path(name).name)[:100], source_hash
 
 
 def _list() -> Path:
@@ -92,20 +92,20 @@ def _list() -> Path:
     cache_folder = cache_directory()
     return (
         user_cache() if cache_folder.is_dir() and others_may_write(cache_folder) else cache_folder
-    ) / LIST
+    ) / LIST_FOLDER
 
 
-def _listed_file(source: str) -> Path | None:
+def _listed_file(source_hash: str) -> Path | None:
     """The file of a hash in the user's list: where it was, or its copy; None where neither is."""
-    folder = _list() / source
+    folder = _list() / source_hash
     try:
-        entry = unsealed((folder / ENTRY).read_bytes())
+        entry = unsealed((folder / ENTRY_FILE).read_bytes())
         places = [Path(entry["path"]), folder / Path(entry["name"]).name]
     except (OSError, ValueError, KeyError, TypeError):
         return None
     for path in places:
         try:
-            if hash_of(path) == source:
+            if hash_of(path) == source_hash:
                 return path
         except ExtensionError:
             continue

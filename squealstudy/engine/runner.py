@@ -117,8 +117,8 @@ def run_study(
     kind.check_limit(plan, yes)
     check_owner(directory, plan.owner)
     started = time.perf_counter()
-    workers = Workers(jobs, progress, partial(kind.patience, plan), cluster)
-    plan, failures = kind.ready(plan, workers, warn)
+    workers = Workers(jobs, progress, partial(kind.seconds_without_workers, plan), cluster)
+    plan, failures = kind.prepare(plan, workers, warn)
     prepared_s = time.perf_counter() - started
     with locked(directory), reading_earlier_files(store := Store(directory)):
         manifest_before = check_owner(directory, plan.owner, store.journal)
@@ -132,9 +132,9 @@ def run_study(
         whole = store.repair(warn)
         options = _Options(jobs, yes, progress, warn, fresh, cluster)
         beside, changed = _run_beside(plan, directory, options)
-        if (further := kind.grown(plan, store)) is not plan:
+        if (further := kind.extended_plan(plan, store)) is not plan:
             plan = further
-            failures |= kind.build(plan, workers)
+            failures |= kind.build_models(plan, workers)
         if manifest_before and whole and not changed and _is_complete(manifest_before, plan, store):
             statuses = store.read_table(kind.tables[0], ["status", "message"])
             if len(statuses):
@@ -156,10 +156,10 @@ def run_study(
         for text in kind.warnings(plan):
             warn(text)
         n_solved = _solve_points(plan, store, done, failures, workers, manifest)
-        while len((further := kind.grown(plan, store)).tasks) > len(plan.tasks):
+        while len((further := kind.extended_plan(plan, store)).tasks) > len(plan.tasks):
             plan = further
             kind.check_limit(plan, yes)
-            failures |= kind.build(plan, workers)
+            failures |= kind.build_models(plan, workers)
             manifest |= kind.manifest(plan) | identity_facts(plan)
             done = store.finished_points(kind.schema)
             n_solved += _solve_points(plan, store, done, failures, workers, manifest)
@@ -188,7 +188,7 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
     A study file or a machine that is at fault ends the run; else the others go on.
     """
     failures, changed = {}, False
-    for folder, other in as_kind(plan.kind).beside(plan).items():
+    for folder, other in as_kind(plan.kind).side_studies(plan).items():
         expect_inside(directory, folder)
         options_there = replace(options, progress=partial(_told_of, options.progress, folder))
         failures[folder] = ""
@@ -207,7 +207,7 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
 def _left_beside(plan: Planned, directory: Path) -> list[Path]:
     """Results of studies that were run beside one, and are no more: their journals tell whose."""
     name, kind, _ = plan.owner
-    planned = {directory / folder for folder in as_kind(plan.kind).beside(plan)}
+    planned = {directory / folder for folder in as_kind(plan.kind).side_studies(plan)}
     folders = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - planned
     begun = {p for p in folders if not leads_out(directory, p.relative_to(directory).as_posix())}
     owners = {p: Journal(p).owner or () for p in sorted(begun)}
@@ -274,7 +274,7 @@ def _solve_points(
 ) -> int:
     """Solve the design points that are not among those `done_before`; their number."""
     started, kind = time.perf_counter(), as_kind(plan.kind)
-    workers = kind.place(plan, workers)
+    workers = kind.usable_workers(plan, workers)
     pending = np.flatnonzero(np.isin(plan.tasks.ids, done_before, invert=True))
     why = kind.unsolvable(plan, plan.tasks.at(pending), failures)
     rows = [kind.failed_row(name, "structure", text) for name, text in why.items()]

@@ -102,7 +102,7 @@ def silent(stage: str, done: int, total: int, failed: int = 0) -> None:
 
 
 def at_once() -> float:
-    """The patience of work that goes to worker processes at once."""
+    """No seconds: tasks go to worker processes at once."""
     return 0.0
 
 
@@ -116,9 +116,9 @@ class Workers:
         How many; with one local one all is done in this process.
     report : callable
         Told (stage, done, total, failed).
-    patience : callable
+    seconds_without_workers : callable
         Seconds for which tasks are done in this process: a worker takes longer to start than a
-        small study to run. Workers of a cluster are there: they get all tasks, but where it is
+        small study to run. Workers of a cluster have started: they get all tasks, unless it is
         infinite.
     pace : Pace
         What design points have taken, by which tasks are cut.
@@ -128,7 +128,7 @@ class Workers:
 
     jobs: int = 1
     report: Progress = silent
-    patience: Callable[[], float] = at_once
+    seconds_without_workers: Callable[[], float] = at_once
     cluster: Cluster | None = None
     pace: Pace = field(default_factory=Pace, kw_only=True)
 
@@ -187,15 +187,15 @@ class Workers:
         tasks: Iterator[TaskT],
         lost: Callable[[TaskT, str], ResultT] | None,
     ) -> Iterator[ResultT]:
-        started, patience = time.perf_counter(), self.patience()
-        if self.cluster is not None and math.isfinite(patience):
+        started, limit_s = time.perf_counter(), self.seconds_without_workers()
+        if self.cluster is not None and math.isfinite(limit_s):
             yield from self.cluster.each(function, tasks, lost)
             return
         drawn = list(islice(tasks, 2))
         alone = self.jobs == 1 or len(drawn) == 1
         tasks = chain(drawn, tasks)
         for task in tasks:
-            if not alone and time.perf_counter() - started >= patience:
+            if not alone and time.perf_counter() - started >= limit_s:
                 yield from self._on_processes(function, chain((task,), tasks))
                 return
             yield _on_one_thread(function, task)

@@ -1,7 +1,7 @@
 """Complex modes of a batch of point masses on springs and contact, all design points at once.
 
-Their coordinates are displacements times the root of each mass, whichever way they are solved: what
-`System.linear` and single points of the batch have are the same ones.
+Coordinates are displacements times the square root of each mass, as in `System.linear` and in
+single points of the batch.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from squealstudy.stacked.roots import StackedRoots
 
 
 class BatchModes(NamedTuple):
-    """Modes of m design points; what a row has not is NaN.
+    """Modes of m design points; rows of fewer than k modes are filled up with NaN.
 
     Attributes
     ----------
@@ -47,20 +47,20 @@ class BatchModes(NamedTuple):
 
 
 def is_small_batch(values: Values) -> bool:
-    """Whether design points are several, of a small model that arrays can hold."""
+    """Whether there are several design points, of a model small enough for arrays of all."""
     definition = values.definition
     if values.length is None or definition.meshed or isinstance(definition, FamilyDefinition):
         return False
     try:
         assembly = values.point(0).assembly()
-    except FAILURES:  # which the loop over points tells
+    except FAILURES:  # the loop over single points reports them
         return False
     plain = all(c.correspondence is None for c in assembly.components)
     return plain and assembly.n_dof <= MOST_COORDINATES
 
 
-def in_batches(values: Values) -> bool:
-    """Whether they are of point masses besides: in coordinates of which there is one choice."""
+def is_point_mass_batch(values: Values) -> bool:
+    """Whether the small batch is also of point masses, whose coordinates need no convention."""
     return is_small_batch(values) and all(
         not c.K.count_nonzero() and not (c.M - sp.diags(c.M.diagonal())).count_nonzero()
         for c in values.point(0).assembly().components
@@ -68,7 +68,7 @@ def in_batches(values: Values) -> bool:
 
 
 def batch_modes(values: Values, band_hz: tuple[float, float]) -> BatchModes:
-    """Complex modes of a batch in a band, by blocks of BLOCK design points."""
+    """Complex modes of a batch in a band, by blocks of POINTS_PER_BLOCK design points."""
     parts = [
         _batch_block(values, slice(start, min(start + POINTS_PER_BLOCK, values.count)), band_hz)
         for start in range(0, values.count, POINTS_PER_BLOCK)
@@ -101,30 +101,30 @@ def _batch_block(values: Values, rows: slice, band_hz: tuple[float, float]) -> B
     except FAILURES as error:
         if count == 1:
             return _failed(values, *reason(error))
-        each = (slice(i, i + 1) for i in range(rows.start, rows.stop))
-        alone = [_batch_block(values, one, band_hz) for one in each]
-        width = max(part.lam.shape[1] for part in alone)
+        single_rows = (slice(i, i + 1) for i in range(rows.start, rows.stop))
+        parts = [_batch_block(values, row, band_hz) for row in single_rows]
+        width = max(part.lam.shape[1] for part in parts)
         return BatchModes(
-            *(_joined(list(field_parts), width) for field_parts in zip(*alone, strict=True))
+            *(_joined(list(field_parts), width) for field_parts in zip(*parts, strict=True))
         )
 
 
 def _batch_modes(system: StackedSystem, roots: StackedRoots) -> BatchModes:
     is_root = roots.held
 
-    def known(values: np.ndarray) -> np.ndarray:
-        place = is_root if values.ndim == 2 else is_root[:, None, :]
-        return np.where(place, values, np.nan)
+    def only_roots(values: np.ndarray) -> np.ndarray:
+        mask = is_root if values.ndim == 2 else is_root[:, None, :]
+        return np.where(mask, values, np.nan)
 
     ok = (OK, "")
     outcomes = [system.failures.get(i, ok) for i in range(len(is_root))]
     return BatchModes(
         counts=roots.count,
-        lam=known(roots.lam),
-        residual=known(roots.residual),
-        error=known(roots.error),
-        right=known(roots.psi),
-        energies=known(system.energies(roots.psi)),
+        lam=only_roots(roots.lam),
+        residual=only_roots(roots.residual),
+        error=only_roots(roots.error),
+        right=only_roots(roots.psi),
+        energies=only_roots(system.energies(roots.psi)),
         status=np.array([status for status, _ in outcomes], object),
         message=np.array([message for _, message in outcomes], object),
     )

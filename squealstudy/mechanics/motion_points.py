@@ -1,4 +1,4 @@
-"""Design points about their own steady sliding, on modes that they share: one, or a batch."""
+"""Steady sliding of design points and motion about it, in modes that they share."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def motion_at(
     regularisation: str,
     band_hz: tuple[float, float] | None,
     tolerance: float,
-    known: np.ndarray | None = None,
-    near: np.ndarray | None = None,
+    gap: np.ndarray | None = None,
+    start_gap: np.ndarray | None = None,
     settings: MotionSettings | None = None,
 ) -> tuple[WorkingPoint, MotionPoint]:
-    """Steady sliding of a design point, and the design about it on shared modes.
+    """Steady sliding of a design point, and its motion about that in shared modes.
 
     Parameters
     ----------
@@ -60,25 +60,25 @@ def motion_at(
     band_hz : (low, high) or None
         Where unstable modes are followed; nowhere without one.
     tolerance : float
-        Damping ratio below minus which a mode is unstable.
-    known : ndarray (nc,) or None
-        Gaps of the working point, where they are known.
-    near : ndarray (nc,) or None
-        Those of a design nearby, to start from.
+        A mode is unstable where its damping ratio is below minus this.
+    gap : ndarray (nc,) or None
+        Gaps of the working point, if it has been solved before.
+    start_gap : ndarray (nc,) or None
+        Gaps of a nearby design's working point, from which the solution starts.
     settings : MotionSettings or None
-        Of its run, at whose step followed modes have other roots.
+        Of its run: the time step changes the roots of the modes that are followed.
 
     Raises
     ------
     ParameterError
-        Friction so soft that steady sliding is not steady.
+        The slope of friction at zero speed is so small that sliding is not steady.
     ConvergenceError
         No steady sliding.
     """
-    sliding = _sliding(reference, prepared, point, regularisation, known, near)
+    sliding = _sliding(reference, prepared, point, regularisation, gap, start_gap)
     if band_hz is None:
         return sliding.steady, sliding.motion
-    return sliding.steady, _watched(reference, sliding, band_hz, tolerance, settings)
+    return sliding.steady, _followed(reference, sliding, band_hz, tolerance, settings)
 
 
 def motions_at(
@@ -88,54 +88,63 @@ def motions_at(
     regularisation: str,
     band_hz: tuple[float, float],
     tolerance: float,
-    known: Sequence[np.ndarray | None],
+    gaps: Sequence[np.ndarray | None],
     settings: MotionSettings | None = None,
 ) -> list[tuple[WorkingPoint, MotionPoint] | Exception]:
-    """`motion_at` of design points, or which of FAILURES one is; small models have arrays of all.
+    """`motion_at` of each design point, or the error, one of FAILURES, that it ended in.
 
-    Parameters as of `motion_at`, of each point what is known.
+    Points of a small model are computed at once, as arrays. `gaps` are those of each working point
+    (nc,), or None where they are not known; other parameters as of `motion_at`.
     """
-    every: list[SlidingPoint | Exception] = []
-    for point, gap in zip(points, known, strict=True):
+    sliding_or_error: list[SlidingPoint | Exception] = []
+    for point, gap in zip(points, gaps, strict=True):
         try:
-            every.append(_sliding(reference, prepared, point, regularisation, gap))
+            sliding_or_error.append(_sliding(reference, prepared, point, regularisation, gap))
         except FAILURES as error:
-            every.append(error)
-    sliding = [one for one in every if isinstance(one, SlidingPoint)]
-    watched = iter(_all_watched(reference, sliding, band_hz, tolerance, settings))
-    return [one if isinstance(one, Exception) else next(watched) for one in every]
+            sliding_or_error.append(error)
+    sliding_points = [one for one in sliding_or_error if isinstance(one, SlidingPoint)]
+    followed = iter(_all_followed(reference, sliding_points, band_hz, tolerance, settings))
+    return [s if isinstance(s, Exception) else next(followed) for s in sliding_or_error]
 
 
-def _all_watched(
+def _all_followed(
     reference: SharedModes,
-    sliding: Sequence[SlidingPoint],
+    sliding_points: Sequence[SlidingPoint],
     band_hz: tuple[float, float],
     tolerance: float,
     settings: MotionSettings | None,
 ) -> list[tuple[WorkingPoint, MotionPoint] | Exception]:
-    """Points with their growing modes; where arrays of all cannot serve one, each by itself."""
-    if len(sliding) > 1 and reference.system.n <= MOST_COORDINATES:
+    """Points with their growing modes: as arrays where that works, else one after the other."""
+    if len(sliding_points) > 1 and reference.system.n <= MOST_COORDINATES:
         with contextlib.suppress(np.linalg.LinAlgError):
-            motions = watched_points(reference.system, sliding, band_hz, tolerance, settings)
-            return [(one.steady, motion) for one, motion in zip(sliding, motions, strict=True)]
-    watched: list[tuple[WorkingPoint, MotionPoint] | Exception] = []
-    for one in sliding:
+            motions = watched_points(reference.system, sliding_points, band_hz, tolerance, settings)
+            pairs = zip(sliding_points, motions, strict=True)
+            return [(sliding.steady, motion) for sliding, motion in pairs]
+    followed: list[tuple[WorkingPoint, MotionPoint] | Exception] = []
+    for sliding in sliding_points:
         try:
-            watched.append((one.steady, _watched(reference, one, band_hz, tolerance, settings)))
+            motion = _followed(reference, sliding, band_hz, tolerance, settings)
+            followed.append((sliding.steady, motion))
         except FAILURES as error:
-            watched.append(error)
-    return watched
+            followed.append(error)
+    return followed
 
 
-def _watched(
+def _followed(
     reference: SharedModes,
-    one: SlidingPoint,
+    sliding: SlidingPoint,
     band_hz: tuple[float, float],
     tolerance: float,
     settings: MotionSettings | None,
 ) -> MotionPoint:
     return watched_point(
-        reference.system, one.motion, one.steady, one.state, band_hz, tolerance, settings
+        reference.system,
+        sliding.motion,
+        sliding.steady,
+        sliding.state,
+        band_hz,
+        tolerance,
+        settings,
     )
 
 
@@ -144,12 +153,12 @@ def _sliding(
     prepared: PreparedModel,
     point: ModelPoint,
     regularisation: str,
-    known: np.ndarray | None,
-    near: np.ndarray | None = None,
+    gap: np.ndarray | None,
+    start_gap: np.ndarray | None = None,
 ) -> SlidingPoint:
-    """A design point at its own steady sliding."""
+    """A design point, its steady sliding, and its motion about that before modes are followed."""
     state, values = point.state(), point.values
-    steady = state_working_point(prepared, state, known, near)
+    steady = state_working_point(prepared, state, gap, start_gap)
     slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]
     friction = friction_law(reference.system, state, steady, slope, saturation, regularisation)
     motion_start = unwatched_point(reference, steady, state, friction)

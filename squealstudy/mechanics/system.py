@@ -12,7 +12,7 @@ import numpy as np
 
 from squealstudy.errors import ParameterError
 from squealstudy.mechanics.basis import Basis, checked_band
-from squealstudy.mechanics.batch import batch_modes, in_batches
+from squealstudy.mechanics.batch import batch_modes, is_point_mass_batch
 from squealstudy.mechanics.defaults import (
     CYCLE_REACH,
     CYCLE_TOLERANCE,
@@ -170,7 +170,7 @@ class System(Design):
 
     def _modes(self, basis: Basis) -> ComplexModes:
         definition, single = self.values.definition, self.single
-        if in_batches(self.values):
+        if is_point_mass_batch(self.values):
             return self._batch(basis)
         if self.family is None:
             structures = self._structures(basis)

@@ -21,7 +21,7 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.energies import reduced_energy_shares
 from squealstudy.system.linearise import component_frequencies, linearise
 
-# energy norm of what modes of unit energy have beyond the kept ones: less is left out
+# energy norm of the part of a unit-energy mode outside the retained modes: less is left out
 MIN_NEW_DIRECTION = 1e-3
 
 
@@ -41,15 +41,15 @@ class SharedModes:
     energies : ndarray (n_components + 1, n)
         Share of each component, then of the interfaces, in the elastic energy of each mode.
     n_exact : int
-        Leading coordinates that are assembly modes; all of them unless the basis was reduced.
+        Number of leading coordinates that are assembly modes: n unless the basis was reduced.
     damping : AssemblyDamping
-        What the damping of each design point is made of, at its own working point.
+        Gives the damping of each design point at its working point.
     component_modes : tuple of (component, mode)
-        In the order of the rows of `system.shapes`: what design points may change.
+        Component modes that design points may change, as rows of `system.shapes`.
     component_frequencies : mapping of (component, mode) -> float
         Free-free, of every component mode of the reduced assembly, rad/s.
     load : ndarray (n,)
-        Modal load of a unit of brake pressure; none where that is not known.
+        Modal load by a brake pressure of 1 Pa; empty where it is not known.
     """
 
     system: ModalSystem
@@ -130,7 +130,7 @@ def shared_modes(
 
 @dataclass(frozen=True)
 class Training:
-    """What a truncated basis is repaired by.
+    """Motion with all modes, from which a truncated basis gets further vectors.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class Training:
     modes: np.ndarray
 
 
-def kept_modes(reference: SharedModes, below_hz: float) -> int:
+def n_modes_below(reference: SharedModes, below_hz: float) -> int:
     """Number of assembly modes up to a frequency; ParameterError where there is none."""
     count = int((reference.system.omega2 <= (2 * np.pi * below_hz) ** 2).sum())
     if count == 0:
@@ -160,13 +160,13 @@ def truncated(reference: SharedModes, below_hz: float) -> SharedModes:
     ParameterError
         Where there is none.
     """
-    return project(reference, np.eye(reference.system.n)[:, : kept_modes(reference, below_hz)])
+    return project(reference, np.eye(reference.system.n)[:, : n_modes_below(reference, below_hz)])
 
 
 def with_pod(
     reference: SharedModes, below_hz: float, training: Training, count: int
 ) -> SharedModes:
-    """The assembly modes up to `below_hz`, and vectors of what training did beyond them.
+    """The assembly modes up to `below_hz`, and vectors of training motion in the other modes.
 
     Parameters
     ----------
@@ -175,8 +175,8 @@ def with_pod(
     below_hz : float
     training : Training
     count : int
-        Vectors: those that growing modes need, then POD vectors of the snapshots' rest; fewer where
-        training has no more.
+        Number of vectors: those of growing modes, then POD vectors of what snapshots have besides;
+        fewer where training has no more.
 
     Notes
     -----
@@ -184,15 +184,15 @@ def with_pod(
     vectors are turned so that their stiffness is diagonal; their damping is that of the full
     model, so not diagonal, and enters by shapes.
     """
-    n, k = reference.system.n, kept_modes(reference, below_hz)
+    n, k = reference.system.n, n_modes_below(reference, below_hz)
     omega = reference.system.frequencies[k:]
     growing = _growing(reference, training.modes, k)[:, :count]
     weighted = training.snapshots[:, k:] * omega
-    rest = weighted - (weighted @ growing) @ growing.T
-    _, values, right = la.svd(rest, full_matrices=False)
-    least = la.norm(weighted, 2) * np.finfo(float).eps * max(weighted.shape)
-    rank = int((values > least).sum())
-    pod = right[: min(count - growing.shape[1], rank)].T
+    beyond_growing = weighted - (weighted @ growing) @ growing.T
+    _, values, right_vectors = la.svd(beyond_growing, full_matrices=False)
+    round_off = la.norm(weighted, 2) * np.finfo(float).eps * max(weighted.shape)
+    rank = int((values > round_off).sum())
+    pod = right_vectors[: min(count - growing.shape[1], rank)].T
     V, _ = la.qr(np.hstack([growing, pod]) / omega[:, None], mode="economic")
     _, turn = la.eigh(V.T @ (reference.system.omega2[k:, None] * V))
     basis = np.zeros((n, k + V.shape[1]))
@@ -202,9 +202,9 @@ def with_pod(
 
 
 def _growing(reference: SharedModes, modes: np.ndarray, k: int) -> np.ndarray:
-    """Energy-orthonormal vectors (n - k, r) of what modes of unit energy have beyond the first k.
+    """Energy-orthonormal vectors (n - k, r): parts of unit-energy modes outside the first k.
 
-    Modes of neighbouring designs are nearly alike: what they have in common is there once.
+    Modes of neighbouring designs are nearly alike: the vectors hold their common part once.
     """
     weighted = reference.system.frequencies[:, None] * modes
     weighted = weighted / np.linalg.norm(weighted, axis=0)

@@ -34,12 +34,12 @@ ABOUT = (
     "temperature, which acts through tables of other parameters only; in results in degC, in files "
     "with its unit, a bare number is in K"
 )
-LEAST_KNOTS = 2
+MIN_KNOTS = 2  # values along one axis of a table
 GivenTable = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
 
 
 def take_tables(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[GivenTable]]:
-    """A study file's tables without those in [parameters], and these."""
+    """A study file's tables without the tables of values in [parameters], and those."""
     parameters = tables.get(SECTION)
     if not isinstance(parameters, Mapping):
         return tables, []
@@ -48,30 +48,38 @@ def take_tables(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Give
     return ({**tables, SECTION: remaining} if given_tables else tables), given_tables
 
 
-def _without(table: Mapping[str, Any], keys: KeyPath, found: list[GivenTable]) -> dict[str, Any]:
+def _without(
+    table: Mapping[str, Any], keys: KeyPath, given_tables: list[GivenTable]
+) -> dict[str, Any]:
     remaining: dict[str, Any] = {}
     for key, entry in table.items():
-        here = (*keys, key)
+        entry_keys = (*keys, key)
         if not isinstance(entry, Mapping) or len(keys) > MAX_NESTING:
             remaining[key] = entry
         elif set(entry) == {TABLE}:
-            found.append(((*here, TABLE), ".".join(map(str, here[1:])), entry[TABLE]))
+            given_tables.append(
+                ((*entry_keys, TABLE), ".".join(map(str, entry_keys[1:])), entry[TABLE])
+            )
         else:
-            remaining[key] = _without(entry, here, found)
+            remaining[key] = _without(entry, entry_keys, given_tables)
     return remaining
 
 
-def with_temperature(model: ModelDefinition, found: Sequence[GivenTable]) -> ModelDefinition:
+def with_temperature(model: ModelDefinition, given_tables: Sequence[GivenTable]) -> ModelDefinition:
     """The model with a parameter ``temperature``, where it has none and there are tables.
 
     It is structural where one of the parameters that follow it is. It is in degC, a bare
     number of a file in K.
     """
-    over = [name for _, name, table in found if isinstance(table, Mapping) and TEMPERATURE in table]
+    followers = [
+        name
+        for _, name, table in given_tables
+        if isinstance(table, Mapping) and TEMPERATURE in table
+    ]
     by_name = {p.name: p for p in model.parameters}
-    if TEMPERATURE in by_name or not found:
+    if TEMPERATURE in by_name or not given_tables:
         return model
-    structural = any(name in by_name and by_name[name].structural for name in over)
+    structural = any(name in by_name and by_name[name].structural for name in followers)
     least = -float(ZERO_CELSIUS)
     temperature = Parameter(
         TEMPERATURE, math.nan, "degC", ABOUT, above=least, structural=structural, bare="K"
@@ -80,12 +88,12 @@ def with_temperature(model: ModelDefinition, found: Sequence[GivenTable]) -> Mod
 
 
 def read_parameter_tables(
-    model: ModelDefinition, found: Iterable[GivenTable], source: SourceText
+    model: ModelDefinition, given_tables: Iterable[GivenTable], source: SourceText
 ) -> tuple[ParameterTable, ...]:
-    """The tables of a study file; StudyFileError for what they cannot say."""
-    read = tuple(_read(model, keys, name, table, source) for keys, name, table in found)
+    """The tables of a study file; StudyFileError where one is wrong."""
+    read = tuple(_read(model, keys, name, table, source) for keys, name, table in given_tables)
     names = [table.name for table in read]
-    for (keys, *_), table in zip(found, read, strict=True):
+    for (keys, *_), table in zip(given_tables, read, strict=True):
         for over in table.over:
             if over in names:
                 text = f"'{over}' follows a table itself: expected a parameter that has a value"
@@ -111,12 +119,14 @@ def _read(
         )
     if not over:
         raise source.error(keys, f"expected a list of values of what {parameter.name} follows")
-    at = [
+    knots = [
         _knots(_plain(model, key, (*keys, key), source), table[key], keys, source) for key in over
     ]
-    of = VALUE if VALUE in table else parameter.name
-    values = list(_numbers(parameter, table[of], (*keys, of), [len(x) for x in at], source))
-    return ParameterTable(parameter.name, tuple(over), tuple(map(tuple, at)), tuple(values))
+    values_key = VALUE if VALUE in table else parameter.name
+    values = list(
+        _numbers(parameter, table[values_key], (*keys, values_key), [len(x) for x in knots], source)
+    )
+    return ParameterTable(parameter.name, tuple(over), tuple(map(tuple, knots)), tuple(values))
 
 
 def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText) -> Parameter:
@@ -130,10 +140,10 @@ def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText)
 
 
 def _knots(parameter: Parameter, given: Any, keys: KeyPath, source: SourceText) -> list[float]:
-    """Values of what a table is over, ascending."""
+    """Ascending values of the parameter that a table is over."""
     here = (*keys, parameter.name)
-    if not isinstance(given, list) or len(given) < LEAST_KNOTS:
-        text = f"expected a list of {LEAST_KNOTS} or more values, got {shown(given)}"
+    if not isinstance(given, list) or len(given) < MIN_KNOTS:
+        text = f"expected a list of {MIN_KNOTS} or more values, got {shown(given)}"
         raise source.error(here, text)
     knots = [_number(parameter, number, (*here, k), source) for k, number in enumerate(given)]
     if any(b <= a for a, b in pairwise(knots)):
@@ -171,7 +181,7 @@ def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText)
 def expect_values(
     tables: Iterable[ParameterTable], given: Mapping[str, float], source: SourceText
 ) -> None:
-    """StudyFileError where what a table is over has no value, or one beyond the table."""
+    """StudyFileError where a parameter that a table is over has no value, or one beyond it."""
     for table in tables:
         for name, at in zip(table.over, table.at, strict=True):
             keys = (SECTION, name)
@@ -184,7 +194,7 @@ def expect_values(
 def expect_sweeps(
     tables: Iterable[ParameterTable], sweeps: Iterable[Sweep], source: SourceText
 ) -> None:
-    """StudyFileError for a sweep of what follows a table, or beyond one."""
+    """StudyFileError for a sweep of a parameter that follows a table, or beyond a table."""
     for number, sweep in enumerate(sweeps):
         for table in tables:
             keys = ("sweep", number)

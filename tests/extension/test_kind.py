@@ -110,3 +110,11 @@ def test_a_name_that_is_taken_is_refused(study):
     other = type("Other", (type(kind_named("steady_sliding")),), {"name": "transient"})
     with pytest.raises(ValueError, match="there is a kind of study 'transient' already"):
         register_kind(other())
+
+
+def test_methods_of_kinds_serve_under_their_old_names_with_a_warning():
+    steady_sliding = type(kind_named("steady_sliding"))
+    with pytest.warns(DeprecationWarning, match="Other.ready is called prepare now"):
+        other = type("Other", (steady_sliding,), {"ready": lambda self, *arguments: "models"})
+    assert other().prepare(None, None, None) == "models"
+    assert steady_sliding.ready is steady_sliding.prepare

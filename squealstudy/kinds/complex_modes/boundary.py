@@ -263,11 +263,11 @@ def _partners(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return partners(df + dz, 1.0)
 
 
-def grown(plan: Plan, store: Store) -> Plan:
-    """The plan with all points that the finished ones ask for.
+def extended_plan(plan: Plan, store: Store) -> Plan:
+    """The plan with the nodes at which the boundary is to be refined next.
 
-    The plan itself where some of its points are not finished, or where no more are needed. What is
-    added depends on the rows of the plan's points alone.
+    The plan itself where some of its points are not finished, or where no more are needed. The
+    nodes depend on the rows of the plan's points alone.
     """
     while True:
         grid = BoundaryGrid.of(plan.study)

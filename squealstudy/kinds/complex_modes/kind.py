@@ -163,13 +163,13 @@ class ComplexModes(ModelKind):
             return solve_batch(task)
         return solve_points(task)
 
-    def grown(self, plan: Plan, store: Store) -> Plan:
-        """With the nodes that a boundary design asks for."""
+    def extended_plan(self, plan: Plan, store: Store) -> Plan:
+        """With the further nodes of a boundary design."""
         if not plan.study.grows:
             return plan
-        from squealstudy.kinds.complex_modes.boundary import grown
+        from squealstudy.kinds.complex_modes.boundary import extended_plan
 
-        return grown(plan, store)
+        return extended_plan(plan, store)
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
         """The grid of a boundary design, and how much of it is solved."""

@@ -57,10 +57,10 @@ class DesignSearch(EvaluatedDesigns):
         study: DesignStudy,
         rows: Rows,
         reduced: bool,
-        cyclic: bool,
-        memory: SearchCache,
+        has_cycles: bool,
+        cache: SearchCache,
     ) -> None:
-        super().__init__(study, rows, reduced, cyclic, memory)
+        super().__init__(study, rows, reduced, has_cycles, cache)
         of_modes = [isinstance(v.parameter, ModeParameter) for v in study.variables]
         self.targets = np.array(of_modes, dtype=bool)  # what nobody can build
         self.both = bool(self.targets.any() and not self.targets.all())
@@ -221,7 +221,7 @@ class DesignSearch(EvaluatedDesigns):
         """Where the searches from all starts end; raises where rows are missing."""
         ends, most = [], self._limit()
         for number, start in enumerate(starts, start=1):
-            run = descend(self.box, start, self.margin, self.memory.steps)
+            run = descend(self.box, start, self.margin, self.cache.steps)
             trial = next(run)
             try:
                 while True:

@@ -31,17 +31,17 @@ class EvaluatedDesigns:
     rows : mapping of Evaluation -> row
         All that are finished.
     reduced : bool
-        The model is a reduced one: there is a full order to hold it against.
-    cyclic : bool
-        Limit cycles and runs can be looked for.
-    memory : SearchCache
-        What was made of rows before.
+        The model is a reduced one, which the full order can check.
+    has_cycles : bool
+        The model is small enough for limit cycles and runs in time.
+    cache : SearchCache
+        What earlier passes of the search computed from rows.
 
     Attributes
     ----------
     state : State
     pending : list of Evaluation
-        What was asked for and has no row.
+        Evaluations that were asked for and have no row yet.
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class EvaluatedDesigns:
         study: DesignStudy,
         rows: Rows,
         reduced: bool,
-        cyclic: bool,
-        memory: SearchCache,
+        has_cycles: bool,
+        cache: SearchCache,
     ) -> None:
-        self.study, self.rows, self.reduced, self.cyclic = study, rows, reduced, cyclic
-        self.memory = memory
+        self.study, self.rows, self.reduced, self.has_cycles = study, rows, reduced, has_cycles
+        self.cache = cache
         self.goal = study.goal
         matrix = list(operating_points(study))
         self.state = State(matrix, len(matrix), list(range(len(matrix))))
@@ -70,13 +70,13 @@ class EvaluatedDesigns:
             from scipy.stats import norm
 
             self.state.safety = max(float(norm.ppf(self.goal.margin.probability)), 0.0)
-        self.plain = MODES if self.sigmas else ROOTS  # what scatters needs its slopes
+        self.plain = MODES if self.sigmas else ROOTS  # scatter is judged by sensitivities
 
-    def row(self, asked: Evaluation) -> Mapping[str, Any] | None:
-        """The row of what was asked; None, and it joins what is wanted, where there is none."""
-        row = self.rows.get(asked)
+    def row(self, evaluation: Evaluation) -> Mapping[str, Any] | None:
+        """The row of an evaluation; where there is none, None, and it becomes pending."""
+        row = self.rows.get(evaluation)
         if row is None:
-            self.pending.append(asked)
+            self.pending.append(evaluation)
         return row
 
     def rows_of(self, evaluations: Iterable[Evaluation]) -> list[Mapping[str, Any]]:
@@ -92,7 +92,7 @@ class EvaluatedDesigns:
         return np.array([float(f"{v:.9g}") for v in unrounded])
 
     def change(self, design: np.ndarray) -> np.ndarray:
-        """The other way."""
+        """The change in units of the ranges that leads to a design (d,)."""
         return (design - self.study.nominal) / self.ranges
 
     def evaluation(self, point: int, design: np.ndarray, analysis: str = MODES) -> Evaluation:
@@ -100,9 +100,9 @@ class EvaluatedDesigns:
         return evaluation(self.study, self.state.points[point], design, analysis)
 
     def margin_evaluation(self, point: int, design: np.ndarray) -> Evaluation:
-        """What tells whether a design meets the margin at a point, at least cost.
+        """The cheapest evaluation that tells whether a design meets the margin at a point.
 
-        Sensitivities are for today's design, for the search, and for a scatter.
+        It has sensitivities for today's design, points of the search, and scattered parameters.
         """
         searched = point in self.state.active_points or np.array_equal(design, self.study.nominal)
         return self.evaluation(point, design, MODES if searched else self.plain)
@@ -115,7 +115,7 @@ class EvaluatedDesigns:
         return next(((a, self.rows[a]) for a in both if a in self.rows), None)
 
     def register_design(self, design: np.ndarray, role: str) -> None:
-        """Keep a design, with why it was first asked for."""
+        """Add a design, with the reason of its first evaluation."""
         key = design.tobytes()
         self.state.designs.setdefault(key, design)
         self.state.roles.setdefault(key, (role, self.state.round))
@@ -123,12 +123,12 @@ class EvaluatedDesigns:
     def constraints(
         self, design: np.ndarray, points: Iterable[int], analysis: str | None = MODES
     ) -> Constraints | None:
-        """What a design's rows of an analysis say at some points; what is missing joins the wanted.
+        """Constraints on a design at some points by rows of an analysis; missing ones are pending.
 
-        Without an analysis, rows of any are good and nothing is wanted. None where one is missing,
-        or a point of it could not be solved.
+        Without an analysis rows of any serve, and nothing becomes pending. None where a row is
+        missing, or its point could not be solved.
         """
-        excess, slopes, whole = [], [], True
+        excess, slopes, complete = [], [], True
         for p in points:
             if analysis is None:
                 evaluated = self.finished_modes(p, design)
@@ -137,18 +137,20 @@ class EvaluatedDesigns:
                 row = self.row(evaluation_here)
                 evaluated = None if row is None else (evaluation_here, row)
             if evaluated is None or evaluated[1]["status"] != "ok":
-                whole = False
+                complete = False
                 continue
-            damping = self._seen(*evaluated)
+            damping = self._damping(*evaluated)
             needed = self.margin + self.state.safety * damping.scatter
             for demand in self.state.demands:
                 if demand.point == p:
                     more = np.maximum(needed, demand.damping_ratio)
                     needed = np.where(demand.near(damping.hz), more, needed)
-            gone = np.array([m["damping_ratio"] for m in self.modes_moved_out(p, evaluated[1])])
-            excess += [damping.zeta - needed, gone - min(self.margin, 0.0)]
-            slopes += [damping.slopes, np.zeros((len(gone), len(self.ranges)))]
-        if not whole or not excess:
+            moved_out = np.array(
+                [m["damping_ratio"] for m in self.modes_moved_out(p, evaluated[1])]
+            )
+            excess += [damping.zeta - needed, moved_out - min(self.margin, 0.0)]
+            slopes += [damping.slopes, np.zeros((len(moved_out), len(self.ranges)))]
+        if not complete or not excess:
             return None
         return Constraints(np.concatenate(excess), np.concatenate(slopes))
 
@@ -159,14 +161,14 @@ class EvaluatedDesigns:
         today = [finished[1] for p in points if (finished := self.finished_modes(p, nominal))]
         return modes_moved_out(row, today, self.study.definition.modes.band)
 
-    def _seen(self, asked: Evaluation, row: Mapping[str, Any]) -> ModeDamping:
-        remembered = self.memory.seen
-        if asked not in remembered:
-            remembered[asked] = mode_damping_of(row, self.study, self.ranges, self.sigmas)
-        return remembered[asked]
+    def _damping(self, evaluation: Evaluation, row: Mapping[str, Any]) -> ModeDamping:
+        damping_of = self.cache.damping_of
+        if evaluation not in damping_of:
+            damping_of[evaluation] = mode_damping_of(row, self.study, self.ranges, self.sigmas)
+        return damping_of[evaluation]
 
     def by_margin(self, design: np.ndarray, points: Iterable[int]) -> list[int]:
-        """Points by what a design has there, least first; those that failed come first."""
+        """Points in ascending order of a design's damping there; those that failed come first."""
         margin_and_point = []
         for p in points:
             row = self.rows[self.margin_evaluation(p, design)]

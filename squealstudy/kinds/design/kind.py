@@ -1,4 +1,4 @@
-"""Studies of design as a kind: what is solved, and how the plan grows with what was found."""
+"""The kind of design studies: its plan grows with the designs that the search asks for."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Design(ModelKind):
         return read_study(source, tables)
 
     def plan(self, study: ResolvedStudy) -> DesignPlan:
-        """Today's design; others are asked for once it is solved."""
+        """Today's design; the search asks for others once it is solved."""
         assert isinstance(study, DesignStudy)
         return first_plan(study)
 
@@ -121,7 +121,7 @@ class Design(ModelKind):
         return partial(with_speed, slowest=slowest_speed(operation))
 
     def identity(self, plan: Plan) -> list[Any]:
-        """What decides which modes have sensitivities, and to what."""
+        """What decides which modes have sensitivities, and to which parameters."""
         names = [p.name for p in asked_parameters(_design_plan(plan).design_study)]
         tolerance = plan.study.definition.modes.stability_tolerance
         margin = _design_plan(plan).design_study.goal.margin.damping_ratio
@@ -132,8 +132,8 @@ class Design(ModelKind):
         """The variants as they begin: their files count as the study's own."""
         return [[folder, other.study_hash] for folder, other in plans(_design_plan(plan)).items()]
 
-    def beside(self, plan: Plan) -> dict[str, Plan]:
-        """Plans of the variants, by their folders."""
+    def side_studies(self, plan: Plan) -> dict[str, Plan]:
+        """Plans of the variants by the folders of their results."""
         return dict(plans(_design_plan(plan)))
 
     def check(self, plan: Plan) -> None:
@@ -154,7 +154,7 @@ class Design(ModelKind):
                     for parameter in state_parameters(parameters, component_frequencies(model)):
                         parameter.value(point.state())
             if names := structural_names(parameters):
-                structure = design_structure(plan.tasks[0], plan.settings, sizes(study))
+                structure = design_structure(plan.tasks[0], plan.settings, structural_ranges(study))
                 check_structural(structure, names)
         except ParameterError as error:
             raise plan.error(error.key, error.message) from None
@@ -195,8 +195,8 @@ class Design(ModelKind):
             "separates modes cannot reach it, only damping can"
         ]
 
-    def grown(self, plan: Plan, store: Store) -> Plan:
-        """The plan with the points that the search asks for next; unchanged while some are open."""
+    def extended_plan(self, plan: Plan, store: Store) -> Plan:
+        """The plan with the points that the search needs next; unchanged until all are solved."""
         design_plan = _design_plan(plan)
         while (search := self.search(design_plan, store)) is not None and search.pending:
             design_plan = DesignPlan(
@@ -207,14 +207,17 @@ class Design(ModelKind):
     def search(self, plan: DesignPlan, store: Store) -> DesignSearch | None:
         """The search with all rows so far; None while points of the plan are unsolved."""
         ids = plan.tasks.ids.astype(str).tolist()
-        if any(name not in plan.known for name in ids):
-            for table in store.chunks(SCHEMA, read=plan.read):
-                plan.known.update({row["point_id"]: row for row in table.to_pylist()})
-        if any(name not in plan.known for name in ids):
+        row_of = plan.row_of
+        if any(name not in row_of for name in ids):
+            for table in store.chunks(SCHEMA, read=plan.files_read):
+                row_of.update({row["point_id"]: row for row in table.to_pylist()})
+        if any(name not in row_of for name in ids):
             return None
-        rows = {a: plan.known[name] for a, name in zip(plan.evaluations, ids, strict=True)}
-        memory = plan.memory.setdefault("loop", SearchCache())
-        return DesignSearch(plan.design_study, rows, has_mesh(plan.study), cyclic(plan), memory)
+        rows = {a: row_of[name] for a, name in zip(plan.evaluations, ids, strict=True)}
+        cache = plan.caches.setdefault("search", SearchCache())
+        return DesignSearch(
+            plan.design_study, rows, has_mesh(plan.study), is_small_enough_for_cycles(plan), cache
+        )
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[DesignTask]:
         """Tasks of consecutive design points."""
@@ -268,8 +271,8 @@ class Design(ModelKind):
         if margin.probability is not None:
             text += f", with probability {margin.probability:g}"
         names = [one.name for one in _design_plan(plan).design_study.alternatives]
-        beside = [("variants", f"each searched and proven likewise: {', '.join(names)}")]
-        return [("goal", text), *(beside if names else [])]
+        variants = [("variants", f"each searched and proven likewise: {', '.join(names)}")]
+        return [("goal", text), *(variants if names else [])]
 
     def solves(self, plan: Plan) -> Solves:
         """Only today's design is asked for so far."""
@@ -296,7 +299,7 @@ def _design_plan(plan: Plan) -> DesignPlan:
 
 @dataclass(frozen=True)
 class DesignTask:
-    """Design points that one worker solves and writes together, each with what is asked of it."""
+    """Design points that one worker solves and writes together, and the analysis of each."""
 
     request: DesignRequest
     points: DesignPoints
@@ -312,7 +315,7 @@ def asked_parameters(study: DesignStudy) -> tuple[RequestedParameter, ...]:
 
 
 def request(plan: Plan) -> DesignRequest:
-    """What the study asks of every design point."""
+    """Settings of the analyses, the same for every design point."""
     modes = plan.study.definition.modes
     return DesignRequest(
         parameters=asked_parameters(_design_plan(plan).design_study),
@@ -327,7 +330,7 @@ def request(plan: Plan) -> DesignRequest:
             band_hz=plan.band_hz,
             tolerance=modes.stability_tolerance,
         ),
-        sizes=sizes(_design_plan(plan).design_study),
+        structural_ranges=structural_ranges(_design_plan(plan).design_study),
         today=today_values(_design_plan(plan).design_study),
         structures=todays_structures(_design_plan(plan)),
         operation=nominal_operation(_design_plan(plan).design_study),
@@ -335,15 +338,15 @@ def request(plan: Plan) -> DesignRequest:
     )
 
 
-def sizes(study: DesignStudy) -> dict[str, float]:
-    """Ranges of the structural variables."""
+def structural_ranges(study: DesignStudy) -> dict[str, float]:
+    """Ranges of the structural variables: upper less lower bound, by name."""
     return {v.name: v.range for v in study.variables if v.parameter.structural}
 
 
 def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
     """Keys of today's structures by their values; none where no variable is of the structure."""
     study = plan.design_study
-    if not sizes(study):
+    if not structural_ranges(study):
         return {}
     variable_columns = slice(study.n_operating, study.n_operating + len(study.variables))
     nominal = tuple(study.nominal)
@@ -355,7 +358,7 @@ def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
     return {tuple(p.structural_values().values()): p.structure for p in points}
 
 
-def cyclic(plan: Plan) -> bool:
+def is_small_enough_for_cycles(plan: Plan) -> bool:
     """Whether the model is small enough for limit cycles and runs in time."""
     first = plan.tasks[0].structure
     return is_prepared(first) and prepared_model(first).model.n <= MAX_COORDINATES

@@ -1,4 +1,4 @@
-"""Design points of a design study: designs at operating points, each asked for one thing."""
+"""Design points of a design study: designs at operating points, one analysis each."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ MAX_STRUCTURES = 1_000_000  # structures: a search may ask for as many
 
 
 class Evaluation(NamedTuple):
-    """What is wanted of one design at one operating point.
+    """One analysis of one design at one operating point.
 
     Attributes
     ----------
     values : tuple of float
-        Of the operation, the variables and what scatters, as `DesignStudy.sweeps`.
+        Of the operation, the variables and the scattered parameters, as `DesignStudy.sweeps`.
     analysis : str
         One of MODES to IN_TIME.
     """
@@ -36,28 +36,28 @@ class Evaluation(NamedTuple):
     values: tuple[float, ...]
     analysis: str
 
-    def of(self, part: slice) -> tuple[float, ...]:
-        """A part of the values."""
-        return self.values[part]
+    def of(self, columns: slice) -> tuple[float, ...]:
+        """The values in these columns."""
+        return self.values[columns]
 
 
 class AnalysisNames(PlannedNames):
-    """Names of design points that are asked for different things.
+    """Names of design points of different analyses.
 
-    `analyses` (n,) has what each is asked for; points of one analysis have different values.
-    `begins` is what decides where runs in time begin, beside the point itself.
+    `analyses` (n,) has that of each; points of one analysis have different values. `starts` decides
+    where runs in time start, beside the point itself.
     """
 
     def __init__(
         self,
         values: DesignValues,
         analyses: np.ndarray,
-        begins: Sequence[Any],
+        starts: Sequence[Any],
         key_of: Callable[[DesignPoint], str],
         hash_of: Callable[[str], str],
     ) -> None:
         super().__init__(values, key_of, hash_of)
-        self._all, self._analyses, self._begins = values, analyses, begins
+        self._all, self._analyses, self._starts = values, analyses, starts
         self._makers = key_of, hash_of
 
     @cached_property
@@ -68,11 +68,11 @@ class AnalysisNames(PlannedNames):
         for analysis in np.unique(self._analyses).tolist():
             rows = np.flatnonzero(self._analyses == analysis)
 
-            def own(key: str, analysis: str = analysis) -> str:
-                more = self._begins if analysis == IN_TIME else ()
-                return content_hash([analysis, hash_of(key), *more])
+            def analysis_hash(key: str, analysis: str = analysis) -> str:
+                starts = self._starts if analysis == IN_TIME else ()
+                return content_hash([analysis, hash_of(key), *starts])
 
-            ids[rows] = PlannedNames(self._all.at(rows), key_of, own).ids
+            ids[rows] = PlannedNames(self._all.at(rows), key_of, analysis_hash).ids
         return ids
 
     def name(self, number: int) -> str:
@@ -89,16 +89,16 @@ class DesignPlan(Plan):
     evaluations : sequence of Evaluation
         Each once.
     before : DesignPlan or None
-        An earlier plan of the study, whose rows are known.
+        An earlier plan of the study, whose rows are read already.
 
     Attributes
     ----------
-    known : dict
-        Rows that were read, by id, and
-    read : set of str
-        names of the files they are from.
-    memory : dict
-        What the kind keeps of the study beside them.
+    row_of : dict
+        Rows that were read, by the ids of their points.
+    files_read : set of str
+        Names of the chunk files they are from.
+    caches : dict
+        What the kind computes once for all plans of the study, by its name.
     """
 
     def __init__(
@@ -108,9 +108,9 @@ class DesignPlan(Plan):
         before: DesignPlan | None = None,
     ) -> None:
         self.evaluations = tuple(evaluations)
-        self.known: dict[str, dict[str, Any]] = {} if before is None else before.known
-        self.read: set[str] = set() if before is None else before.read
-        self.memory: dict[str, Any] = {} if before is None else before.memory
+        self.row_of: dict[str, dict[str, Any]] = {} if before is None else before.row_of
+        self.files_read: set[str] = set() if before is None else before.files_read
+        self.caches: dict[str, Any] = {} if before is None else before.caches
         swept = np.array([a.values for a in self.evaluations], dtype=float)
         super().__init__(study, np.asfortranarray(swept.reshape(len(self.evaluations), -1)))
 
@@ -121,15 +121,15 @@ class DesignPlan(Plan):
 
     @cached_property
     def tasks(self) -> DesignPoints:
-        """Design points; what is asked of them is part of their names."""
+        """Design points; their analyses are part of their names."""
         analyses = np.array([a.analysis for a in self.evaluations])
-        begins = today_values(self.design_study), nominal_operation(self.design_study)
-        names = AnalysisNames(self._values, analyses, begins, self.structure_key, self._model_hash)
+        starts = today_values(self.design_study), nominal_operation(self.design_study)
+        names = AnalysisNames(self._values, analyses, starts, self.structure_key, self._model_hash)
         return DesignPoints(self._values, names)
 
     @cached_property
     def shared_range(self) -> SharedRange | None:
-        """Over which structures have one basis, whatever has been asked for so far."""
+        """The range over which structures share a basis; it does not depend on the evaluations."""
         study = self.design_study
         swept = [*study.sweeps[study.n_operating :]]
         if any(s.parameter.structural for s in swept):
@@ -165,7 +165,7 @@ def today_values(study: DesignStudy) -> dict[str, float]:
 
 
 def nominal_operation(study: DesignStudy) -> dict[str, float]:
-    """Values in [parameters] of what is swept and not of the structure."""
+    """Values in [parameters] of the swept operating parameters."""
     swept = (s.parameter for s in study.sweeps[: study.n_operating])
     return {p.name: study.value_of(p) for p in swept if not p.structural}
 
@@ -188,7 +188,7 @@ def evaluation(
     analysis: str = MODES,
     scatter: np.ndarray | None = None,
 ) -> Evaluation:
-    """One design (d,) at one operating point; what scatters (k,) as in [parameters] by default."""
+    """One design (d,) at one operating point; scattered values (k,) by default nominal."""
     uncertain = study.uncertain_nominal if scatter is None else scatter
     values = np.concatenate([point, design, uncertain], dtype=float)
     return Evaluation(tuple(values.tolist()), analysis)

@@ -148,7 +148,7 @@ class Proof:
         """No mode may lack damping at any amplitude."""
         by_default = 0 if self.designs.reduced else CYCLE_POINTS
         count = by_default if self.designs.goal.cycles is None else self.designs.goal.cycles
-        if not self.designs.cyclic or not count:
+        if not self.designs.has_cycles or not count:
             return True
         points = self._worst(design, count)
         evaluations = [self.designs.evaluation(p, design, CYCLES) for p in points]
@@ -197,7 +197,7 @@ class Proof:
     def _in_time(self, design: np.ndarray) -> bool:
         """All runs decay: from today's vibration, and from kicks."""
         designs = self.designs
-        if not designs.cyclic or not designs.goal.in_time:
+        if not designs.has_cycles or not designs.goal.in_time:
             return True
         of_design = self._worst(design, designs.goal.in_time)
         was = designs.by_margin(designs.study.nominal, range(designs.state.n_matrix))

@@ -123,7 +123,7 @@ class DesignRequest:
     band_hz : (low, high)
     settings : ReductionSettings
     cycles : CyclesRequest
-    sizes : mapping of str -> float
+    structural_ranges : mapping of str -> float
         Ranges of the structural variables.
     today : mapping of str -> float
         Today's values of the variables.
@@ -142,7 +142,7 @@ class DesignRequest:
     band_hz: tuple[float, float]
     settings: ReductionSettings
     cycles: CyclesRequest
-    sizes: Mapping[str, float]
+    structural_ranges: Mapping[str, float]
     today: Mapping[str, float]
     structures: Mapping[tuple[float, ...], str]
     operation: Mapping[str, float]
@@ -314,7 +314,7 @@ def _slopes(
     parameters = state_parameters(requested, component_frequencies(chosen.prepared.model))
     modes = point_sensitivities(chosen, parameters, 1e-3, top, reanalysis=False)
     names = structural_names(requested)
-    builder = design_structure(point, request.settings, request.sizes)
+    builder = design_structure(point, request.settings, request.structural_ranges)
     if request.basis:
         structural = tuple(p.name for p in point.model.parameters if p.structural)
         build = BuiltOnBasis(builder.build, request.basis, structural)

@@ -228,7 +228,7 @@ def modes_moved_out(
 
 @dataclass(frozen=True)
 class SearchCache:
-    """What a search that is replayed need not compute again; it grows."""
+    """What a search that starts over with more rows need not compute again."""
 
-    seen: dict[Evaluation, ModeDamping] = field(default_factory=dict)
+    damping_of: dict[Evaluation, ModeDamping] = field(default_factory=dict)
     steps: Steps = field(default_factory=dict)

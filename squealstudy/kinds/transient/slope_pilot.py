@@ -25,7 +25,7 @@ from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.tables.method_quality import run_errors
 
-FIRST_ORDER = 2.0  # error of k_t over the difference to 2 k_t, where it goes as 1 / k_t
+FIRST_ORDER_FACTOR = 2.0  # error at k_t over the difference to 2 k_t, where it falls as 1 / k_t
 CYCLE = "limit_cycle"
 DECIDED = ("stable", CYCLE, "growing")  # classes whose levels two runs can compare
 WHY_NOT_COMPARABLE = {  # by class of both runs
@@ -94,7 +94,7 @@ def _why_skipped(plan: Plan) -> str:
 
 
 def _representative(plan: Plan, points: pd.DataFrame) -> int | None:
-    """Position of the design point that shows most: of limit cycles that which sticks most."""
+    """Row of the design point whose slope matters most: the limit cycle that sticks most."""
     automatic = plan.tasks.column(SLOPE.name) == 0
     usable = points[automatic & (points["status"] == "ok").to_numpy()]
     if not len(usable):
@@ -114,8 +114,8 @@ def _verdict(at_k_t: Mapping[str, Any], at_double: Mapping[str, Any]) -> dict[st
         error.quantity: {
             "value": error.value,
             "at_double": error.truth,
-            "error": FIRST_ORDER * error.error,
-            "chance": FIRST_ORDER * error.chance,
+            "error": FIRST_ORDER_FACTOR * error.error,
+            "chance": FIRST_ORDER_FACTOR * error.chance,
         }
         for error in run_errors(at_k_t, at_double)[0]
         if error.quantity in QUANTITIES and np.isfinite(error.value)  # which both runs have
@@ -126,17 +126,18 @@ def _verdict(at_k_t: Mapping[str, Any], at_double: Mapping[str, Any]) -> dict[st
 
 def _doubt(classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """Status and message where the two runs cannot tell; empty where they can."""
-    single, double = classes.values()
-    if single != double:
-        return {"status": UNDECIDED, "message": f"{single} at k_t, {double} at 2 k_t"}
-    if single not in DECIDED:
+    class_at_k_t, class_at_double = classes.values()
+    if class_at_k_t != class_at_double:
+        why = f"{class_at_k_t} at k_t, {class_at_double} at 2 k_t"
+        return {"status": UNDECIDED, "message": why}
+    if class_at_k_t not in DECIDED:
         return {
             "status": UNDECIDED,
-            "message": f"both runs are {single}{WHY_NOT_COMPARABLE.get(single, '')}",
+            "message": f"both runs are {class_at_k_t}{WHY_NOT_COMPARABLE.get(class_at_k_t, '')}",
         }
     if not errors:
         return {
             "status": UNDECIDED,
-            "message": f"both runs are {single} and have nothing to compare",
+            "message": f"both runs are {class_at_k_t} and have nothing to compare",
         }
     return {}

@@ -86,13 +86,13 @@ class WorkPrecision(Kind):
             content=variants,
         )
 
-    def ready(
+    def prepare(
         self, plan: MethodsPlan, workers: Workers, warn: Warn
     ) -> tuple[MethodsPlan, dict[str, str]]:
         """Make the reductions of all variants; what the models show of the file is checked."""
         for variant in plan.content:
             try:
-                build_structures(variant.plan, replace(workers, patience=at_once))
+                build_structures(variant.plan, replace(workers, seconds_without_workers=at_once))
             except StudyFileError:
                 raise
             except SquealstudyError:  # no structure of it can be made: its rows say so
@@ -102,7 +102,7 @@ class WorkPrecision(Kind):
         warm(integrator(name) for name in sorted({v.integrator for v in plan.content} - {""}))
         return plan, {}
 
-    def patience(self, plan: MethodsPlan) -> float:
+    def seconds_without_workers(self, plan: MethodsPlan) -> float:
         """For ever: what is timed is run alone, in this process."""
         return float("inf")
 

@@ -38,22 +38,21 @@ from squealstudy.modes.rung import Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
 
-DEGREE = {1: 5, 2: 4}  # of the interpolation; in more dimensions 2
-PAYS = 1.5  # design points a node for a patch to pay
+DEGREE = {1: 5, 2: 4}  # of the interpolation by number of parameters; of more than two it is 2
+MIN_POINTS_PER_NODE = 1.5  # fewer design points cost less without a patch
 POINTS_PER_TEST = 32
-MOST_EXCEEDING = 0.1  # share of points beyond the tolerance from which on a patch is halved
+MAX_EXCEEDING_SHARE = 0.1  # share of points beyond the tolerance from which on a patch is halved
 MAX_BISECTIONS = 14  # halvings
 
-# design points of one structure from which on windows take less time than dense points, by the
-# number of parameters that vary; a basis is made by one process, points are solved by all.
-# studies/benchmarks/method_costs.py measures these and what follows
-PAYS_FROM = {1: 60, 2: 500, 3: 1500}
-# seconds of a point over those of an exact one, where many share a patch: (ALONE / points) ** FALLS
-# by the number of parameters that vary: .23 at 60 points over one; .89 and .64 at 300 and 500 over
-# two; .13 at 20,000 is of an earlier state, whose exact points were dearer
-ALONE, FALLS = {1: 2.5, 2: 230.0}, 0.46
+# design points of one structure from which on windows take less time than exact solutions of all,
+# by the number of parameters that vary (one process makes a basis, all processes solve points).
+# studies/benchmarks/method_costs.py measures these and the constants below
+MIN_POINTS_FOR_WINDOWS = {1: 60, 2: 500, 3: 1500}
+# seconds of a point over those of an exact one: (POINTS_OF_EXACT_COST / points) ** COST_EXPONENT.
+# Measured: 0.23 at 60 points over one varied parameter, 0.89 and 0.64 at 300 and 500 over two
+POINTS_OF_EXACT_COST, COST_EXPONENT = {1: 2.5, 2: 230.0}, 0.46
 
-Solution = tuple[int, Outcome]  # row of a design point, and its roots or why it has none
+Solution = tuple[int, Outcome]  # row of a design point, and its roots or the error
 
 
 class WindowsRung(OverABasis):
@@ -70,14 +69,20 @@ class WindowsRung(OverABasis):
             yield row, problem.modes(outcome)
 
     def relative_cost(self, points: int, varied: int) -> float:
-        """It falls with the number of points that share a patch."""
-        return float(min(1.0, (ALONE.get(varied, ALONE[2]) / max(points, 1)) ** FALLS))
+        """Seconds of a point over those of an exact one: less, the more points share a patch."""
+        return float(
+            min(
+                1.0,
+                (POINTS_OF_EXACT_COST.get(varied, POINTS_OF_EXACT_COST[2]) / max(points, 1))
+                ** COST_EXPONENT,
+            )
+        )
 
     def offer(self, scope: Scope) -> Offer:
-        """From some number of points on, over few parameters."""
-        if scope.varied not in PAYS_FROM:
+        """Offered over up to three parameters, from MIN_POINTS_FOR_WINDOWS points on."""
+        if scope.varied not in MIN_POINTS_FOR_WINDOWS:
             return Offer(False, "")
-        if scope.points < PAYS_FROM[scope.varied]:
+        if scope.points < MIN_POINTS_FOR_WINDOWS[scope.varied]:
             return Offer(False, f"{scope.points} points a structure do not pay for a basis")
         return Offer(True, f"{scope.points} points a structure pay for a basis and patches")
 
@@ -104,14 +109,14 @@ class Windows(InBasis):
         if not len(rows):
             return
         grid = interpolation(DEGREE.get(theta.shape[1], 2), theta.shape[1])
-        if len(rows) < PAYS * len(grid.nodes) or depth > MAX_BISECTIONS:
+        if len(rows) < MIN_POINTS_PER_NODE * len(grid.nodes) or depth > MAX_BISECTIONS:
             for row in rows:
                 yield int(row), self.alone(theta[row])
             return
         tried = _shrunk_to_points(box, theta[rows])
         patch = self._patch(tried, grid)
         if isinstance(patch, FollowedPatch):
-            rows = yield from self._served(patch, theta, rows)
+            rows = yield from self._solve_in_patch(patch, theta, rows)
             if not len(rows):
                 return
             slope = patch.slope
@@ -121,37 +126,39 @@ class Windows(InBasis):
         for half in _halves(tried, axis, theta[rows]):
             yield from self._divide(half[0], theta, rows[half[1]], depth + 1)
 
-    def _served(
+    def _solve_in_patch(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
     ) -> Generator[Solution, None, np.ndarray]:
-        """Points of a patch one after another; returned are those that it is not to serve.
+        """Yield solutions of points in a patch; return the rows that the patch is not to solve.
 
-        All of them where too many of a few points that fill it exceed the tolerance, those that are
-        left where too many others do.
+        A few points spread over the patch are tested first: where too many of them exceed the
+        tolerance, all rows are returned. Where too many of the others do, the rest is.
         """
-        most = 2 * len(patch.patch.grid.nodes)  # those of both halves cost about as much
+        node_cost = 2 * len(patch.patch.grid.nodes)  # points that cost as much as both halves
         spread = np.arange(len(rows)) % max(len(rows) // POINTS_PER_TEST, 1) == 0
-        looked_at, others = rows[spread], rows[~spread]
-        first = list(self._points(patch, theta, looked_at))
-        exceeding = sum(not self.within_tolerance(outcome) for _, outcome in first)
-        if exceeding > max(min(MOST_EXCEEDING * len(first), most), 1):
+        test_rows, other_rows = rows[spread], rows[~spread]
+        test_solutions = list(self._points(patch, theta, test_rows))
+        exceeding = sum(not self.within_tolerance(outcome) for _, outcome in test_solutions)
+        if exceeding > max(min(MAX_EXCEEDING_SHARE * len(test_solutions), node_cost), 1):
             return rows
-        yield from (self._mended(*solved, theta) for solved in first)
-        allowed = max(min(MOST_EXCEEDING * len(rows), most), 1)
-        for start in range(0, len(others), POINTS_PER_TEST):
-            for row, outcome in self._points(patch, theta, others[start : start + POINTS_PER_TEST]):
+        yield from (self._within_tolerance_or_alone(*solved, theta) for solved in test_solutions)
+        allowed = max(min(MAX_EXCEEDING_SHARE * len(rows), node_cost), 1)
+        for start in range(0, len(other_rows), POINTS_PER_TEST):
+            for row, outcome in self._points(
+                patch, theta, other_rows[start : start + POINTS_PER_TEST]
+            ):
                 exceeding += not self.within_tolerance(outcome)
-                yield self._mended(row, outcome, theta)
+                yield self._within_tolerance_or_alone(row, outcome, theta)
             if exceeding > allowed:
-                return others[start + POINTS_PER_TEST :]
+                return other_rows[start + POINTS_PER_TEST :]
         return rows[:0]
 
-    def _mended(self, row: int, found: Outcome, theta: np.ndarray) -> Solution:
-        """A point of a patch, solved by itself where it exceeds the tolerance."""
-        return row, found if self.within_tolerance(found) else self.alone(theta[row])
+    def _within_tolerance_or_alone(self, row: int, outcome: Outcome, theta: np.ndarray) -> Solution:
+        """The solution of a point, by itself where that of the patch exceeds the tolerance."""
+        return row, outcome if self.within_tolerance(outcome) else self.alone(theta[row])
 
     def _patch(self, box: Box, grid: Interpolation) -> FollowedPatch | np.ndarray:
-        """A patch over a box, or how much its modes mix along each direction."""
+        """A patch over a box; where its modes cannot be followed, their mixing by direction."""
         spread = np.ones(len(box.low)) * (box.high > box.low)
         local = self.problem.local_field(box, grid)
         theta = np.vstack([box.middle, box.place(grid.nodes)])
@@ -172,11 +179,11 @@ class Windows(InBasis):
         return FollowedPatch(patch=patch, starts=local, floor=floor, slope=slope)
 
     def _floor(self, patch: Patch, weights: list[Weights], nodes: list[NodeModes]) -> np.ndarray:
-        """Errors of the sweep basis for light and for all modes of each block, worst of the nodes.
+        """Largest errors of the sweep basis at the nodes (2, m): of lightly damped and of all modes.
 
-        (2, m), each per condition of the root, |x| |y|: near coalescence, where single errors
-        diverge, they do so by the condition there. A block may hold roots that the basis was not
-        made for, far from the band: those count only where it has no others.
+        Errors are divided by the condition |x| |y| of the root: where roots coalesce both grow
+        alike, so that the quotient can be carried to other points. A block may hold roots far from
+        the band, for which the basis was not made: they count only where it has no others.
         """
         worst = np.zeros((3, patch.m))
         for number, (w, node) in enumerate(zip(weights, nodes, strict=True)):
@@ -184,13 +191,15 @@ class Windows(InBasis):
             pairs = node.pairs.take(chosen)
             error = two_sided_error(self.problem, w, self.basis.expand(w, pairs))
             error = bounded(error, pairs.lam) / conditions(pairs.X, pairs.Y)
-            meant = in_band(pairs.lam, self.problem.band, BASIS_BAND_FACTOR)
-            every = np.ones(len(error), dtype=bool)
-            kinds = np.where([lightly_damped(pairs.lam), meant, every], error, 0.0)
+            near_band = in_band(pairs.lam, self.problem.band, BASIS_BAND_FACTOR)
+            all_pairs = np.ones(len(error), dtype=bool)
+            errors_by_class = np.where(
+                [lightly_damped(pairs.lam), near_band, all_pairs], error, 0.0
+            )
             for start, k in patch.slices:
                 block_columns = slice(start, start + k)
                 worst[:, block_columns] = np.maximum(
-                    worst[:, block_columns], kinds[:, block_columns].max(axis=1)[:, None]
+                    worst[:, block_columns], errors_by_class[:, block_columns].max(axis=1)[:, None]
                 )
         return np.array([worst[0], np.where(worst[1] > 0, worst[1], worst[2])])
 
@@ -198,23 +207,23 @@ class Windows(InBasis):
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
     ) -> Iterator[Solution]:
         for start in range(0, len(rows), POINTS_PER_TEST):
-            part = rows[start : start + POINTS_PER_TEST]
-            samples = self.problem.samples(theta[part], patch.starts)
+            some_rows = rows[start : start + POINTS_PER_TEST]
+            samples = self.problem.samples(theta[some_rows], patch.starts)
             linearised = []
-            for row, at in zip(part, samples, strict=True):
-                if isinstance(at, ConvergenceError):
-                    yield int(row), at
+            for row, sample in zip(some_rows, samples, strict=True):
+                if isinstance(sample, ConvergenceError):
+                    yield int(row), sample
                 else:
-                    linearised.append((int(row), at))
+                    linearised.append((int(row), sample))
             if not linearised:
                 continue
-            there = np.array([row for row, _ in linearised])
-            weights = [at.weights for _, at in linearised]
-            roots = ritz_roots(patch.patch, self.basis, theta[there], weights)
-            for k, (row, at) in enumerate(linearised):
-                yield row, self._one(at, roots, k, patch.floor)
+            linearised_rows = np.array([row for row, _ in linearised])
+            weights = [sample.weights for _, sample in linearised]
+            roots = ritz_roots(patch.patch, self.basis, theta[linearised_rows], weights)
+            for k, (row, sample) in enumerate(linearised):
+                yield row, self._estimated_roots(sample, roots, k, patch.floor)
 
-    def _one(
+    def _estimated_roots(
         self, at: Linearisation, roots: RitzRoots, k: int, floor: np.ndarray
     ) -> EstimatedRoots:
         lam, band = roots.lam[k], self.problem.band
@@ -227,7 +236,7 @@ class Windows(InBasis):
         inside = in_band(lam, band, 1.0)
         order_inside = np.flatnonzero(inside)
         order_inside = order_inside[np.argsort(np.abs(lam[order_inside]))]
-        # far from the band the roots of the basis are artefacts: its own error is no doubt of them
+        # far from the band the basis has roots that the model has not: its error is not added
         doubtful = ~inside & _may_be_inside(lam, root_error, band, self.tolerance)
         near = (np.abs(lam) + root_error >= band[0]) & (np.abs(lam) - root_error <= band[1])
         doubtful |= near & ~lightly_damped(lam) & _may_be_real(lam, root_error)
@@ -244,7 +253,7 @@ class Windows(InBasis):
 
 
 class FollowedPatch(NamedTuple):
-    """A patch with the starts of its working points, the errors of its basis, its mixing."""
+    """A patch with starts of working points, `_floor` of the basis, and mixing by direction."""
 
     patch: Patch
     starts: object
@@ -253,7 +262,7 @@ class FollowedPatch(NamedTuple):
 
 
 def conditions(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """|x| |y| of each pair (m,) with y^H Q'(lam) x = 1: what its root makes of a perturbation."""
+    """|x| |y| of each pair (m,) with y^H Q'(lam) x = 1: how far Q perturbed may move its root."""
     product: np.ndarray = np.linalg.norm(X, axis=0) * np.linalg.norm(Y, axis=0)
     return product
 
@@ -261,14 +270,14 @@ def conditions(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
 def _may_be_inside(
     lam: np.ndarray, error: np.ndarray, band: tuple[float, float], tolerance: float
 ) -> np.ndarray:
-    """Roots that are off by more than the tolerance and may then lie in the band; NaN may."""
+    """Roots whose error exceeds the tolerance and that may lie in the band; NaN may."""
     size = np.abs(lam)
     outside = (size + error < band[0]) | (size - error > band[1]) | (lam.imag + error < 0)
     return ~(outside | (error <= tolerance * size))
 
 
 def _may_be_real(lam: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Complex roots that may be one of two real ones: none may be taken for a conjugate."""
+    """Complex roots that may be real ones within their error: they are no half of a pair then."""
     return (lam.imag != 0) & ~(np.abs(lam.imag) > error)
 
 
