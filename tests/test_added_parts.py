@@ -274,7 +274,7 @@ def test_what_is_added_has_no_value_before(tmp_path):
 def test_springs_of_a_set_to_itself_are_refused(tmp_path):
     study = read(tmp_path, STUDY + PARTS.replace("plate.ENDS", "slider.TOP"))
     with pytest.raises(StudyFileError, match=r"got 'slider\.TOP' twice") as caught:
-        study.kind.build_models(study.kind.plan(study), Workers())
+        study.kind.make_missing_models(study.kind.plan(study), Workers())
     assert caught.value.key == "variable[2].stiffener"
 
 
@@ -291,7 +291,7 @@ def test_a_set_that_is_not_there_is_said_with_its_place_in_the_study(tmp_path):
     study = read(tmp_path, STUDY + PARTS.replace("slider.TOP", "slider.TOPP", 1))
     plan = study.kind.plan(study)
     with pytest.raises(StudyFileError, match="did you mean 'TOP'") as caught:
-        study.kind.build_models(plan, Workers())
+        study.kind.make_missing_models(plan, Workers())
     assert caught.value.path == tmp_path / "study.toml"
     assert caught.value.key == "variable[1].added_mass"
 

@@ -389,7 +389,7 @@ def test_runs_begin_on_vibrations_of_today(
     monkeypatch.setattr(rows, "runs_in_time", runs)
     plan = _study(SHIPPED.read_text(encoding="utf-8"), tmp_path)
     plan = first_plan(plan)
-    plan.kind.build_models(plan, Workers())
+    plan.kind.make_missing_models(plan, Workers())
     point = plan.tasks[0]
     values = {**point.values, "friction": friction, "damping_ratio": damping}
     row = design_row(point.with_values(values), "in_time", request(plan), NewGaps())
@@ -402,7 +402,7 @@ def test_runs_begin_where_kicks_lead_today_that_is_stable(tmp_path: Path) -> Non
     text = SHIPPED.read_text(encoding="utf-8").replace("-5.4e17", "-2.54e17")
     text = text.replace("1.356e6", "1.336e6").replace("= 1000.0", "= 1210.0")
     plan = first_plan(_study(text, tmp_path))
-    plan.kind.build_models(plan, Workers())
+    plan.kind.make_missing_models(plan, Workers())
     values = {**plan.tasks[0].values, "friction": 0.686}
     for damping, verdict in ((0.0125, "lasts"), (0.03, "decays")):
         point = plan.tasks[0].with_values({**values, "damping_ratio": damping})
@@ -432,7 +432,7 @@ def test_a_changed_structure_runs_from_vibrations_of_today(tmp_path: Path, monke
     plan = DesignPlan(
         study, [*first.evaluations, Evaluation((0.9, study.nominal[0] + 5e4), "in_time")], first
     )
-    plan.kind.build_models(plan, Workers())
+    plan.kind.make_missing_models(plan, Workers())
     row = design_row(plan.tasks[3], "in_time", request(plan), NewGaps())
     was, _, (motion,) = given[0]
     moved = (one for one in given if not np.allclose(one[0].system.omega2, was.system.omega2))
@@ -454,7 +454,7 @@ def test_vibrations_of_one_mesh_are_brought_to_a_changed_one(tmp_path: Path) -> 
     study = sq.read_study(write_blocks(tmp_path, study=text)).resolved
     first = first_plan(study)
     plan = DesignPlan(study, [*first.evaluations, Evaluation((0.3, 5e-10), "in_time")], first)
-    plan.kind.build_models(plan, Workers())
+    plan.kind.make_missing_models(plan, Workers())
     asked, old, new = request(plan).cycles, plan.tasks[0].structure, plan.tasks[2].structure
     assert old != new
     a, b = (asked.reference(key).system for key in (old, new))
@@ -484,7 +484,7 @@ def test_a_kick_that_cannot_be_integrated_is_its_velocity_alone(tmp_path, monkey
 
     monkeypatch.setattr(in_time, "run_on", runs)
     plan = first_plan(_study(SHIPPED.read_text(encoding="utf-8"), tmp_path))
-    plan.kind.build_models(plan, Workers())
+    plan.kind.make_missing_models(plan, Workers())
     values = {**plan.tasks[0].values, "friction": 0.6, "damping_ratio": 0.02}
     row = design_row(plan.tasks[0].with_values(values), "in_time", request(plan), NewGaps())
     first, again = given[-2:]
@@ -778,7 +778,7 @@ def test_a_margin_above_what_modes_have_uncoupled_is_warned_of(tmp_path: Path) -
     path = tmp_path / "study.toml"
     path.write_text(_hoffmann("k1", "[-1e5, 1e5]", margin=0.02))
     plan = sq.read_study(path).plan()
-    plan.kind.build_models(plan, Workers())
+    plan.kind.make_missing_models(plan, Workers())
     (text,) = plan.kind.warnings(plan)
     assert "the margin, 2 % of critical damping, is above" in text
     assert "(1 %)" in text

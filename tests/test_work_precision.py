@@ -120,7 +120,7 @@ def test_check_of_results_says_how_many_runs_there_are(steps, capsys):
 def ready(path):
     """Plan of a study with its models made, and the tasks of the reference and of the last run."""
     plan = load_plan(path)
-    plan.kind.prepare(plan, Workers(), print)
+    plan.kind.make_models(plan, Workers(), print)
     first, *_, last = plan.kind.tasks(plan, plan.tasks, Workers())
     return plan, first, last
 
@@ -336,7 +336,7 @@ def test_preparing_goes_on_where_one_model_cannot_be_made(write, monkeypatch):
         return build_structures(plan, workers)
 
     monkeypatch.setattr(kind_module, "build_structures", build)
-    plan.kind.prepare(plan, Workers(), print)
+    plan.kind.make_models(plan, Workers(), print)
     assert len(asked) == 4
 
 

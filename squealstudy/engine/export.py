@@ -84,7 +84,7 @@ def export_reduced(
     """
     if isinstance(plan.study.model, FamilyDefinition):
         raise SquealstudyError(f"{plan.study.source.path}: its matrices are files already")
-    plan, _ = as_model_kind(plan.kind).prepare(plan, Workers(jobs), warn)
+    plan, _ = as_model_kind(plan.kind).make_models(plan, Workers(jobs), warn)
     design = plan.design(plan.nominal_values)
     design = replace(design, structure=plan.structure_key(design))
     key, reason = build_structure(build_task(plan, design, jobs))

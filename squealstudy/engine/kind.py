@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 Warn = Callable[[str], None]
 RENAMED_HOOKS = {  # methods of kinds by their names up to version 0.3
     "patience": "seconds_without_workers",
-    "ready": "prepare",
+    "ready": "make_models",
     "beside": "side_studies",
     "grown": "extended_plan",
-    "build": "build_models",
+    "build": "make_missing_models",
     "place": "usable_workers",
 }
 
@@ -168,7 +168,7 @@ class Kind:
         """How long tasks are done in this process [s]: worker processes take longer to start."""
         return 0.0
 
-    def prepare(self, plan: Any, workers: Workers, warn: Warn) -> tuple[Any, dict[str, str]]:
+    def make_models(self, plan: Any, workers: Workers, warn: Warn) -> tuple[Any, dict[str, str]]:
         """Make the models that all design points need.
 
         Returns
@@ -196,7 +196,7 @@ class Kind:
         """The plan with the further design points that finished rows call for, or the same plan."""
         return plan
 
-    def build_models(self, plan: Any, workers: Workers) -> dict[str, str]:
+    def make_missing_models(self, plan: Any, workers: Workers) -> dict[str, str]:
         """Make the models of a plan that are not made yet; by key why some could not be."""
         return {}
 

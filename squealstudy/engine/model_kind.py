@@ -153,12 +153,12 @@ class ModelKind(Kind):
             else 0.0
         )
 
-    def prepare(self, plan: Plan, workers: Workers, warn: Warn) -> tuple[Plan, dict[str, str]]:
+    def make_models(self, plan: Plan, workers: Workers, warn: Warn) -> tuple[Plan, dict[str, str]]:
         """The reductions; of a basis that is not accurate enough a better one."""
         if text := check_shapes(plan):
             warn(text)
         check_component_modes(plan)
-        failures = self.build_models(plan, workers)
+        failures = self.make_missing_models(plan, workers)
         if (shared := shared_facts(plan)) and not shared["shared_basis"]["used"]:
             facts = shared["shared_basis"]
             warn(
@@ -168,7 +168,7 @@ class ModelKind(Kind):
         self.check(plan)
         if (better := self.accurate(plan, failures, workers)) is not plan:
             plan = better
-            failures |= self.build_models(plan, workers)
+            failures |= self.make_missing_models(plan, workers)
         return plan, failures
 
     def check(self, plan: Plan) -> None:
@@ -185,7 +185,7 @@ class ModelKind(Kind):
         """Whether it solves the points of a plan as a batch of small models, without structures."""
         return False
 
-    def build_models(self, plan: Plan, workers: Workers) -> dict[str, str]:
+    def make_missing_models(self, plan: Plan, workers: Workers) -> dict[str, str]:
         """Make the structures that the cache does not hold; a batch needs none."""
         return {} if plan.stacked else build_structures(plan, workers)
 

@@ -118,7 +118,7 @@ def run_study(
     check_owner(directory, plan.owner)
     started = time.perf_counter()
     workers = Workers(jobs, progress, partial(kind.seconds_without_workers, plan), cluster)
-    plan, failures = kind.prepare(plan, workers, warn)
+    plan, failures = kind.make_models(plan, workers, warn)
     prepared_s = time.perf_counter() - started
     with locked(directory), reading_earlier_files(store := Store(directory)):
         manifest_before = check_owner(directory, plan.owner, store.journal)
@@ -134,7 +134,7 @@ def run_study(
         beside, changed = _run_beside(plan, directory, options)
         if (further := kind.extended_plan(plan, store)) is not plan:
             plan = further
-            failures |= kind.build_models(plan, workers)
+            failures |= kind.make_missing_models(plan, workers)
         if manifest_before and whole and not changed and _is_complete(manifest_before, plan, store):
             statuses = store.read_table(kind.tables[0], ["status", "message"])
             if len(statuses):
@@ -159,7 +159,7 @@ def run_study(
         while len((further := kind.extended_plan(plan, store)).tasks) > len(plan.tasks):
             plan = further
             kind.check_limit(plan, yes)
-            failures |= kind.build_models(plan, workers)
+            failures |= kind.make_missing_models(plan, workers)
             manifest |= kind.manifest(plan) | identity_facts(plan)
             done = store.finished_points(kind.schema)
             n_solved += _solve_points(plan, store, done, failures, workers, manifest)

@@ -22,7 +22,7 @@ from squealstudy.fidelity.ladders import (
     training_step,
 )
 from squealstudy.fidelity.pilots import N_RESERVE_PILOTS, FidelityStudy
-from squealstudy.kinds.transient.slope_pilot import FIRST_ORDER
+from squealstudy.kinds.transient.slope_pilot import FIRST_ORDER_FACTOR
 from squealstudy.study.definition import given_keys
 
 SETTING_TOLERANCE_SHARE = 0.4  # of the tolerance that one ladder may take
@@ -109,7 +109,7 @@ class RunSearch:
 
         What sticks rings at a step that is too long for its slope: that is part of the change.
         """
-        self._keep(SLOPE, self._refined(ladder, FIRST_ORDER))
+        self._keep(SLOPE, self._refined(ladder, FIRST_ORDER_FACTOR))
 
     def try_steps(self, ladder: Ladder) -> None:
         """Halved steps until the change to the next, extrapolated, is within its share.

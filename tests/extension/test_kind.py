@@ -114,7 +114,7 @@ def test_a_name_that_is_taken_is_refused(study):
 
 def test_methods_of_kinds_serve_under_their_old_names_with_a_warning():
     steady_sliding = type(kind_named("steady_sliding"))
-    with pytest.warns(DeprecationWarning, match="Other.ready is called prepare now"):
+    with pytest.warns(DeprecationWarning, match="Other.ready is called make_models now"):
         other = type("Other", (steady_sliding,), {"ready": lambda self, *arguments: "models"})
-    assert other().prepare(None, None, None) == "models"
-    assert steady_sliding.ready is steady_sliding.prepare
+    assert other().make_models(None, None, None) == "models"
+    assert steady_sliding.ready is steady_sliding.make_models

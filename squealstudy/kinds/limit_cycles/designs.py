@@ -78,13 +78,13 @@ class CyclesRequest:
         return steady, ContactOscillator(reference.system, motion_start)
 
     def contact_near(
-        self, point: DesignPoint, near: np.ndarray | None
+        self, point: DesignPoint, gap: np.ndarray | None
     ) -> tuple[WorkingPoint, ContactOscillator]:
-        """The same of one on a curve of designs, from gaps (nc,) of another; nothing is kept."""
+        """The same of a design on a curve, from gaps (nc,) of its neighbour; not cached."""
         reference, prepared = self.reference(point.structure), prepared_model(point.structure)
         friction = self.section.friction
         steady, motion_start = motion_at(
-            reference, prepared, point, friction, None, self.tolerance, near=near
+            reference, prepared, point, friction, None, self.tolerance, start_gap=gap
         )
         return steady, ContactOscillator(reference.system, motion_start)
 

@@ -91,7 +91,7 @@ class MethodStability(Kind):
             content=(case, knobs, dict(section.set)),
         )
 
-    def prepare(
+    def make_models(
         self, plan: MethodsPlan, workers: Workers, warn: Warn
     ) -> tuple[MethodsPlan, dict[str, str]]:
         """The first cell: kernels are compiled here, before workers start."""

@@ -86,7 +86,7 @@ class WorkPrecision(Kind):
             content=variants,
         )
 
-    def prepare(
+    def make_models(
         self, plan: MethodsPlan, workers: Workers, warn: Warn
     ) -> tuple[MethodsPlan, dict[str, str]]:
         """Make the reductions of all variants; what the models show of the file is checked."""

@@ -179,7 +179,7 @@ class Windows(InBasis):
         return FollowedPatch(patch=patch, starts=local, floor=floor, slope=slope)
 
     def _floor(self, patch: Patch, weights: list[Weights], nodes: list[NodeModes]) -> np.ndarray:
-        """Largest errors of the sweep basis at the nodes (2, m): of lightly damped and of all modes.
+        """Largest errors of the sweep basis at nodes (2, m): of lightly damped and of all modes.
 
         Errors are divided by the condition |x| |y| of the root: where roots coalesce both grow
         alike, so that the quotient can be carried to other points. A block may hold roots far from
