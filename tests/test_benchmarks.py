@@ -55,7 +55,7 @@ RUNS = [
     Run(
         "integrators",
         "--modes 4 --points 3 --duration 1e-5 --steps 1 --methods newmark",
-        "mockup never",
+        "tangential_damping never",
     ),
     Run("irregular_levels", "--runs 4 --duration 1e-3", "4 runs: covers"),
     Run(

@@ -98,8 +98,8 @@ def test_batches_agree_with_single_runs(rough):
     "changes",
     [
         {"aitken": False},
-        {"mockup": "never"},
-        {"mockup": "always"},
+        {"tangential_damping": "never"},
+        {"tangential_damping": "always"},
         {"contact_factor": 3.0},
         {"extrapolate": False},
     ],

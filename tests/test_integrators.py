@@ -403,13 +403,14 @@ def test_predictor_held_constant_reaches_the_same_state(rough):
         np.testing.assert_allclose(held.v, one.v, rtol=1e-6, atol=1e-6)
 
 
-def test_mockup_shortens_the_iteration_of_sticking_points():
+def test_tangential_damping_shortens_the_iteration_of_sticking_points():
     system, design = belt(0.5, k_t=1e5)
     settings = MotionSettings(5, 1e-3, 0)
     names = ("hht_alpha", "generalised_alpha", "discrete_gradient", "exponential")
     for name in names:
         with_it, without = (
-            run(name, system, design, settings, 1.2, 0.4, mockup=x) for x in ("auto", "never")
+            run(name, system, design, settings, 1.2, 0.4, tangential_damping=x)
+            for x in ("auto", "never")
         )
         assert with_it.outcome == "ok"
         assert with_it.mean_iterations < without.mean_iterations

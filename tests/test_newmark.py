@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 from squealstudy.kernels import newmark_layout
 from squealstudy.kernels.laws import N_LAW, friction_at, friction_tangent, law_row, mu_at
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
+from squealstudy.motion.integrator import integrator
 from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
@@ -412,7 +413,7 @@ def test_single_precision_storage_is_close(rough):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"contact_factor": 4.0}, {"contact_stiffness": 5e11}, {"mockup": "always"}],
+    [{"contact_factor": 4.0}, {"contact_stiffness": 5e11}, {"tangential_damping": "always"}],
 )
 def test_other_fixed_jacobians_reach_the_same_state(rough, changes):
     system, design, r = rough
@@ -421,8 +422,14 @@ def test_other_fixed_jacobians_reach_the_same_state(rough, changes):
     assert distance(other, r) < 1e-6
 
 
-def test_mockup_serves_a_stiff_regularisation():
-    # 1 point, stick number 50: plain iteration diverges, the mock-up contracts by 25/26
+def test_an_option_of_an_integrator_serves_under_its_old_name_with_a_warning():
+    with pytest.warns(DeprecationWarning, match="mockup of integrators is called tangential_dam"):
+        renamed = integrator("newmark", {"mockup": "never"})
+    assert renamed == Newmark(tangential_damping="never")
+
+
+def test_tangential_damping_serves_a_stiff_regularisation():
+    # 1 point, stick number 50: plain iteration diverges, tangential damping contracts it by 25/26
     system, design = coulomb_slider()
     stiff = replace(design, friction=FrictionLaw(0.1, 1e7))
     plain = Newmark(aitken=False, max_halvings=0)
@@ -431,7 +438,7 @@ def test_mockup_serves_a_stiff_regularisation():
     with_it = run(system, stiff, settings, 1e-5, 0.0)
     assert with_it.outcome == "ok"
     assert with_it.newton_steps == 0
-    unaided = Newmark(aitken=False, max_halvings=0, mockup="never")
+    unaided = Newmark(aitken=False, max_halvings=0, tangential_damping="never")
     without = run(system, stiff, replace(settings, integrator=unaided), 1e-5, 0.0)
     assert without.newton_steps > 0
 
@@ -480,17 +487,17 @@ def test_contraction_of_sticking_points_is_the_stick_number():
     design = replace(design, contact=law, friction=friction, speed=0.0)
     friction = replace(friction, k_t=friction.k_t * 5 / stick_number(system, design, 1e-6))
     design = replace(design, friction=friction)
-    settings = MotionSettings(5e-5, 1e-6, 1, Newmark(mockup="never"), tolerance=1e-4)
+    settings = MotionSettings(5e-5, 1e-6, 1, Newmark(tangential_damping="never"), tolerance=1e-4)
     r = run(system, design, settings, np.zeros(12), KICK * 1e-6)
     assert r.history["stick"].min() == pytest.approx(1.0)
     assert r.contraction == pytest.approx(5.0, rel=0.05)
     assert r.halvings == 0
-    unaided = replace(settings, integrator=Newmark(mockup="never", aitken=False))
+    unaided = replace(settings, integrator=Newmark(tangential_damping="never", aitken=False))
     plain = run(system, design, unaided, np.zeros(12), KICK * 1e-6)
     assert plain.halvings > 0
-    for mockup in ("always", "auto"):
-        mocked = replace(settings, integrator=Newmark(mockup=mockup))
-        other = run(system, design, mocked, np.zeros(12), KICK * 1e-6)
+    for choice in ("always", "auto"):
+        with_damping = replace(settings, integrator=Newmark(tangential_damping=choice))
+        other = run(system, design, with_damping, np.zeros(12), KICK * 1e-6)
         assert other.contraction < 1.0
         assert other.mean_iterations < r.mean_iterations
         assert distance(other, r) < 1e-3

@@ -19,7 +19,7 @@ from squealstudy.motion.system import ModalSystem, MotionPoint
 ALIGNMENT_BYTES = 64  # bytes: a cache line, and the widest vector register
 SYMMETRY_TOLERANCE = 1e-12  # of the largest entry of a matrix that is symmetric but for it
 FEW_POINTS = 8  # contact points up to which steps are cut at corners: minimal models
-PANEL_BYTES = 2**19  # of the tiles that wait in the second cache for their second use
+PANEL_BYTES = 2**19  # of tiles that are used twice: they stay in the second cache meanwhile
 
 
 def padded(n: int) -> int:
@@ -28,7 +28,7 @@ def padded(n: int) -> int:
 
 
 def coordinates(system: ModalSystem) -> int:
-    """Modes rounded up as kernels want them: those of a small model are as many as they are."""
+    """Number of modes in the kernels' arrays: rounded up, except for small models."""
     small = system.n < LANES and len(system.area) <= POINTS
     return system.n if small else padded(system.n)
 
@@ -81,8 +81,12 @@ def modal_arrays(
     points[:, layout.POINT_SPEED, nc:] = [[x.speed] for x in designs]  # no curve at rest there
     fixed = _fixed(system, designs, integrator)
     steps = step_tables(modes, integrator, h, _levels(integrator, nc))
-    stuck = isinstance(integrator, FixedJacobian) and integrator.mockup == "auto"
-    tangential, compliance, self_compliance = _tangential(system, steps[0, 0, layout.LAST_V], stuck)
+    sticks_in_iteration = (
+        isinstance(integrator, FixedJacobian) and integrator.tangential_damping == "auto"
+    )
+    tangential, compliance, self_compliance = _tangential(
+        system, steps[0, 0, layout.LAST_V], sticks_in_iteration
+    )
     modal = layout.ModalArrays(
         points=points,
         laws=side_by_side(x.laws(system)[0] for x in designs),
@@ -90,7 +94,7 @@ def modal_arrays(
         steps=steps,
         shapes=_padded_rows(system.shapes, n),
         component_terms=np.stack(component_terms, axis=1),
-        **_between(system, designs, n),
+        **_full_matrices(system, designs, n),
         fixed=fixed,
         sensors=_sensors(system, designs, n),
         tangential=tangential,
@@ -103,12 +107,12 @@ def modal_arrays(
 def schedule_arrays(
     designs: Sequence[MotionPoint], modal: layout.ModalArrays
 ) -> layout.ScheduleArrays:
-    """What designs have imposed over time; their loads in `modal` stay but for the pressure.
+    """Schedules of speed and pressure of the designs, and the loads that follow them.
 
     Raises
     ------
     ModelError
-        Designs of which some have a schedule, or another times; a load of another size.
+        Only some designs have a schedule; their times differ; a load has another size.
     """
     staying, count = modal.modes[:, layout.LOAD], modal.fixed.shape[2]
     speeds, loads = (
@@ -141,12 +145,12 @@ def schedule_arrays(
 
 
 def corner_halvings(integrator: KernelIntegrator, contact_points: int) -> int:
-    """Halvings of a sub-step with a corner: of many points one would meet its own in every step."""
+    """Halvings of a sub-step with a corner; none for many points, which meet one in every step."""
     return integrator.corner_halvings if contact_points <= FEW_POINTS else 0
 
 
 def _levels(integrator: KernelIntegrator, contact_points: int) -> int:
-    """Halvings for which there are coefficients."""
+    """Halvings of a step for which coefficients are computed."""
     return max(integrator.max_halvings, corner_halvings(integrator, contact_points))
 
 
@@ -172,21 +176,23 @@ def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
     return full
 
 
-def _between(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> dict[str, np.ndarray]:
-    """Modal.between, turning, and which of them each design has; equal objects are shared.
+def _full_matrices(
+    system: ModalSystem, designs: Sequence[MotionPoint], n: int
+) -> dict[str, np.ndarray]:
+    """Modal.between and turning, and which row of them each design uses; equal matrices share one.
 
     Raises
     ------
     ModelError
         A matrix of another size, not finite, or with a diagonal.
     """
-    kinds: dict[str, list[np.ndarray]] = {"between": [], "turning": []}
-    places: dict[int, dict[str, int]] = {}
-    of_designs = {name: np.full(len(designs), -1) for name in kinds}
+    matrices: dict[str, list[np.ndarray]] = {"between": [], "turning": []}
+    row_of_matrix: dict[int, dict[str, int]] = {}
+    row_of_design = {name: np.full(len(designs), -1) for name in matrices}
     for k, D in enumerate(x.damping_between for x in designs):
         if D is None:
             continue
-        if id(D) not in places:
+        if id(D) not in row_of_matrix:
             if D.shape != (system.n,) * 2 or not np.isfinite(D).all():
                 raise ModelError(
                     f"design point: 'damping_between' needs {system.n} x {system.n} finite values"
@@ -196,13 +202,13 @@ def _between(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> dic
             halves = {"between": (D + D.T) / 2, "turning": (D - D.T) / 2}
             least = SYMMETRY_TOLERANCE * np.abs(D).max()
             used = {name: half for name, half in halves.items() if np.abs(half).max() > least}
-            places[id(D)] = {name: len(kinds[name]) for name in used}
+            row_of_matrix[id(D)] = {name: len(matrices[name]) for name in used}
             for name, half in used.items():
-                kinds[name].append(half)
-        for name, i in places[id(D)].items():
-            of_designs[name][k] = i
-    arrays = {f"{name}_of": of for name, of in of_designs.items()}
-    for name, halves_of_all in kinds.items():
+                matrices[name].append(half)
+        for name, i in row_of_matrix[id(D)].items():
+            row_of_design[name][k] = i
+    arrays = {f"{name}_of": rows for name, rows in row_of_design.items()}
+    for name, halves_of_all in matrices.items():
         arrays[name] = aligned_zeros(len(halves_of_all), n, n, dtype=np.float32)
         for full, half in zip(arrays[name], halves_of_all, strict=True):
             full[: system.n, : system.n] = half
@@ -210,7 +216,7 @@ def _between(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> dic
 
 
 def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.ndarray:
-    """Rows (nb, ns + 8 m, n) whose products with q and q' are kept: sensed and growing modes.
+    """Rows (nb, ns + 8 m, n) whose products with q and q' are saved: sensed and growing modes.
 
     Raises
     ------
@@ -231,7 +237,7 @@ def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.
 def _fixed(
     system: ModalSystem, designs: Sequence[MotionPoint], integrator: KernelIntegrator
 ) -> np.ndarray:
-    """Modal.fixed (nb, 2, nc): nothing where Jacobians are made afresh."""
+    """Modal.fixed (nb, 2, nc): zeros where the Jacobian is not fixed."""
     fixed = np.zeros((len(designs), 2, len(system.area)))
     if not isinstance(integrator, FixedJacobian):
         return fixed
@@ -239,30 +245,33 @@ def _fixed(
     k_c = uniform * system.area if uniform else system.k_ref
     k_c = np.concatenate([k_c[system.touching], system.k_ref[system.touching.stop :]])
     fixed[:, 0] = integrator.contact_factor * k_c - system.k_ref
-    if integrator.mockup == "always":
+    if integrator.tangential_damping == "always":
         slopes = np.array([x.friction.k_t for x in designs])
         fixed[:, 1] = 0.5 * slopes[:, None] * system.area * (system.frictional > 0)
     return fixed
 
 
 def _tangential(
-    system: ModalSystem, answer: np.ndarray, wanted: bool
+    system: ModalSystem, velocity_change: np.ndarray, used: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Modal.tangential, compliance and own of the points; empty if unused.
+    """Modal.tangential, compliance and own of the points; empty unless `used`.
 
-    The compliance is that of the first design, whose velocities answer to the pull with `answer`
-    (n,): dampings of the others hardly change it, and it only has to make the iteration contract.
+    The compliance is that of the first design, whose velocities change by `velocity_change` (n,)
+    for a unit pull: dampings of other designs hardly change it, and it only has to make the
+    iteration contract.
     """
-    nc, n = (len(system.area) if wanted else 0), len(answer)
+    nc, n = (len(system.area) if used else 0), len(velocity_change)
     rows = aligned_zeros(2 * nc, n)
     rows[::2, : system.n] = system.T1[:nc]
     rows[1::2, : system.n] = system.T2[:nc]
-    return rows, *point_compliance(rows, answer)
+    return rows, *point_compliance(rows, velocity_change)
 
 
-def point_compliance(rows: np.ndarray, answer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Modal.compliance and own of tangential rows (2 nc, n) where velocities answer so (n,)."""
-    compliance = np.ascontiguousarray((rows * answer) @ rows.T)
+def point_compliance(
+    rows: np.ndarray, velocity_change: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Modal.compliance and own of tangential rows (2 nc, n) by velocity changes (n,) of a pull."""
+    compliance = np.ascontiguousarray((rows * velocity_change) @ rows.T)
     return compliance, compliance.diagonal().reshape(-1, 2).max(axis=1)
 
 

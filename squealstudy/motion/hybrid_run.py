@@ -62,7 +62,7 @@ def simulate_hybrid(
     settings : MotionSettings
         Of integrator ``newmark`` without the options of the modal kernel's Jacobian. The contact
         iteration is a Gauss-Seidel iteration in the contact directions, so that `aitken` and
-        `mockup` have nothing to do.
+        `tangential_damping` have nothing to do.
     sensed : ndarray (ns,) of int or None
         Modes, from 1, whose amplitudes are kept; None for all.
     sensors_of : HybridModel or None

@@ -15,12 +15,13 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from squealstudy.errors import ParameterError
 from squealstudy.extensions import hash_of, note_registered
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 # imbalance at which a step's contact iteration ends: far below the step's error
 CONTACT_ITERATION_TOLERANCE = 1e-2
 SLOW_TOLERANCE = 1e-3  # the same of the slow references
+RENAMED_OPTIONS = {"mockup": "tangential_damping"}  # by their names up to version 0.3
 DRIFT_LIMIT = 1e-3  # the level of a coarse brake is 3 % low at 1.6e-3, right to 0.1 % at 4e-4
 
 
@@ -57,6 +59,17 @@ class Integrator(BaseModel, ABC):
     description: ClassVar[str]
     order: ClassVar[int | None] = None
     drift_limit: ClassVar[float] = DRIFT_LIMIT
+
+    @model_validator(mode="before")
+    @classmethod
+    def _renamed(cls, options: Any) -> Any:
+        """Options with those under old names under their new ones."""
+        for old in RENAMED_OPTIONS.keys() & options if isinstance(options, Mapping) else ():
+            new = RENAMED_OPTIONS[old]
+            text = f"the option {old} of integrators is called {new} now"
+            warnings.warn(text, DeprecationWarning, stacklevel=3)
+            options = {new if name == old else name: x for name, x in options.items()}
+        return options
 
     @classmethod
     def outside_source(cls) -> str:
@@ -136,7 +149,7 @@ class KernelIntegrator(Integrator):
 class FixedJacobian(KernelIntegrator):
     """A method of the kernel that corrects forces by a fixed Jacobian: a diagonal one by default.
 
-    Those that are no subclass make a fresh Jacobian at every iteration.
+    Other kernel integrators make a fresh Jacobian at every iteration.
     """
 
     aitken: bool = Field(default=True, description="relax the contact iteration after Aitken")
@@ -148,7 +161,7 @@ class FixedJacobian(KernelIntegrator):
         ge=0,
         description="uniform contact stiffness of the Jacobian, Pa/m; 0 for the static tangents",
     )
-    mockup: Literal["auto", "always", "never"] = Field(
+    tangential_damping: Literal["auto", "always", "never"] = Field(
         default="auto",
         description="tangential damping k_t/2 in the Jacobian: where points stick, everywhere, "
         "nowhere",

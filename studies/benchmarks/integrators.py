@@ -32,9 +32,9 @@ ADAPTIVE = ("dop853", "radau", "bdf", "lsoda")
 RTOLS = (1e-3, 1e-5, 1e-7)
 ROWS = 8e-6  # s between rows of the histories
 VARIANTS = {  # options beyond the defaults that are worth a line
-    "newmark": ({}, {"prewarp": True}, {"mockup": "never"}, {"extrapolate": False}),
-    "generalised_alpha": ({}, {"mockup": "never"}),
-    "exponential": ({}, {"mockup": "never"}, {"exact_limit": 1e9}),
+    "newmark": ({}, {"prewarp": True}, {"tangential_damping": "never"}, {"extrapolate": False}),
+    "generalised_alpha": ({}, {"tangential_damping": "never"}),
+    "exponential": ({}, {"tangential_damping": "never"}, {"exact_limit": 1e9}),
     "central_difference": ({}, {"velocity": "lagged"}),
 }
 

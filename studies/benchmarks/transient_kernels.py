@@ -136,7 +136,7 @@ def read(x, repeats):
 
 def plain_arrays(system: ModalSystem, design: MotionPoint, duration: float) -> tuple:
     """Arguments of the kernels."""
-    settings = MotionSettings(duration, STEP, 0, Newmark(mockup="never"))
+    settings = MotionSettings(duration, STEP, 0, Newmark(tangential_damping="never"))
     return KernelRun.of(system, [design], settings).arguments
 
 

@@ -75,15 +75,15 @@ MOCK_UP = {"step": 1e-6, "kt": 3e12}
 def test_aitken_recovers():
     cell = DEFAULT_CHAIN.evaluate(AITKEN)
     assert (cell.outcome, cell.by) == (RECOVERED, "aitken")
-    state, chain, plain = helped(AITKEN, mockup="never", aitken=False)
-    alone = run(state, chain_settings(3e-6, ExactFreeMotion(mockup="never")))
+    state, chain, plain = helped(AITKEN, tangential_damping="never", aitken=False)
+    alone = run(state, chain_settings(3e-6, ExactFreeMotion(tangential_damping="never")))
     assert alone.halvings == alone.newton_steps == 0
     assert plain.halvings > 0
     assert distance(state, alone, chain) < 1e-3
 
 
 def test_the_mock_up_recovers():
-    state, _, plain = helped(MOCK_UP, mockup="never", aitken=False)
+    state, _, plain = helped(MOCK_UP, tangential_damping="never", aitken=False)
     alone = run(state, chain_settings(1e-6, ExactFreeMotion(aitken=False)))
     assert alone.outcome == "ok"
     assert alone.halvings == alone.newton_steps == 0

@@ -50,7 +50,7 @@ class Adaptive(OneByOne):
 
     def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
         """Integrate a design point; a failure of the solver is an outcome."""
-        plain = Newmark(max_halvings=0, mockup="never")
+        plain = Newmark(max_halvings=0, tangential_damping="never")
         case = own_arrays(system, design, replace(settings, integrator=plain))
         equations = Equations(case)
         atol = (self.atol or ATOL_OVER_RTOL * self.rtol) * scales(case)

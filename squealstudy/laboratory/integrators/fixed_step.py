@@ -26,7 +26,7 @@ class OwnKernel(OneByOne):
 
     def iteration(self) -> Newmark:
         """Newmark's method with the options that this one shares with it."""
-        return Newmark(max_halvings=0, mockup="never")
+        return Newmark(max_halvings=0, tangential_damping="never")
 
     def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
         """Integrate a design point; a failure is an outcome."""
@@ -45,7 +45,7 @@ class Iterated(OwnKernel):
     max_halvings: int = Field(
         default=4, ge=0, le=20, description="times that a step which does not converge is halved"
     )
-    mockup: Literal["auto", "never"] = Field(
+    tangential_damping: Literal["auto", "never"] = Field(
         default="auto", description="solve for points that stick within the iteration"
     )
 
@@ -55,7 +55,7 @@ class Iterated(OwnKernel):
             aitken=self.aitken,
             extrapolate=self.extrapolate,
             max_halvings=self.max_halvings,
-            mockup=self.mockup,
+            tangential_damping=self.tangential_damping,
         )
 
 

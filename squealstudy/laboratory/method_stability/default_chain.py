@@ -104,10 +104,10 @@ def help_needed(state: ContactState, settings: MotionSettings, result: Motion) -
         return "newton"
     if result.halvings:
         return "halving"
-    unaided = chain_settings(settings.step, ExactFreeMotion(mockup="never"))
+    unaided = chain_settings(settings.step, ExactFreeMotion(tangential_damping="never"))
     if not _needs_no_help(run(state, unaided)):
         return "mock-up"
-    plain = chain_settings(settings.step, ExactFreeMotion(mockup="never", aitken=False))
+    plain = chain_settings(settings.step, ExactFreeMotion(tangential_damping="never", aitken=False))
     return "" if _needs_no_help(run(state, plain)) else "aitken"
 
 

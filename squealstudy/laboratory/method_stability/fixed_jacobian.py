@@ -83,7 +83,9 @@ class Trace:
 
 def plain_settings(step: float, contact_factor: float) -> MotionSettings:
     """One step with every help switched off."""
-    plain = Newmark(max_halvings=0, aitken=False, contact_factor=contact_factor, mockup="never")
+    plain = Newmark(
+        max_halvings=0, aitken=False, contact_factor=contact_factor, tangential_damping="never"
+    )
     return MotionSettings(
         step, step, 0, plain, tolerance=CONVERGED_TOLERANCE, max_iterations=MAX_ITERATIONS
     )

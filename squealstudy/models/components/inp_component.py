@@ -12,7 +12,7 @@ from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.inp_added_mass import KEYWORD as ADDED
 from squealstudy.models.components.inp_added_mass import with_added_mass
 from squealstudy.models.components.inp_cards import Card
-from squealstudy.models.components.inp_couplings import KEYWORDS, Couplings, Where
+from squealstudy.models.components.inp_couplings import KEYWORDS, CardScope, Couplings
 from squealstudy.models.components.inp_discrete import KEYWORDS as DISCRETE
 from squealstudy.models.components.inp_discrete import read_discrete
 from squealstudy.models.components.inp_distributions import KEYWORD as DISTRIBUTION
@@ -42,13 +42,13 @@ READ = (*OF_MESH, *SECTIONS, *KEYWORDS, *EQUATIONS, *DISCRETE, SECTORS, ADDED)
 
 
 class Component:
-    """Reads the cards of a component; `mesh` is what they say."""
+    """Reads the cards of a component into a mesh."""
 
     def __init__(self, text: Text) -> None:
         self.text = text
         self.numbers, self.nodes = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self.node_sets, self.element_sets = Sets("node"), Sets("element")
-        self.of_assembly = (
+        self.assembly_sets = (
             Sets("node", self.node_sets, text.instance),
             Sets("element", self.element_sets, text.instance),
         )
@@ -58,14 +58,14 @@ class Component:
         self.by_label = np.zeros(0, dtype=np.int64)  # places of elements in ascending labels
 
     def mesh(self) -> SolidMesh:
-        """The component; ModelError about the line of what is wrong or not supported."""
+        """The component; ModelError about a line that is wrong or not supported."""
         self._read()
         self._collect_sets()
         mesh = SolidMesh(self.text.path, self.nodes, self.numbers, tuple(self.blocks))
         mesh = replace(
             mesh,
-            element_sets=self._resolved(self.element_sets, self.of_assembly[1], self._elements),
-            node_sets=self._resolved(self.node_sets, self.of_assembly[0], self._nodes),
+            element_sets=self._resolved(self.element_sets, self.assembly_sets[1], self._elements),
+            node_sets=self._resolved(self.node_sets, self.assembly_sets[0], self._nodes),
         )
         mesh = self._with_surfaces(self._with_sections(mesh))
         mesh = self._with_couplings(self._with_marked_faces(mesh))
@@ -89,7 +89,7 @@ class Component:
         )
 
     def sectors(self) -> list[SectorCard]:
-        """How the mesh repeats, if it is a sector of a body."""
+        """Cards that say how the mesh repeats, if it is a sector of a body."""
 
         def labels_of(name: str, card: Card) -> np.ndarray:
             return self.element_sets.labels(name, card.line)
@@ -100,7 +100,7 @@ class Component:
     def _read(self) -> None:
         nodes = Nodes(self.text.part, self.node_sets)
         self.numbers, self.nodes = nodes.numbers, nodes.places
-        self.node_sets.known = self.numbers
+        self.node_sets.all_labels = self.numbers
         text = self.text
         read = Elements(text.part, text.elements, self.numbers, self.element_sets, text.abaqus)
         if not read.blocks and not text.points_alone:
@@ -108,16 +108,16 @@ class Component:
         self.blocks, self.marked = read.blocks, read.marked
         self.labels, self.by_label = read.labels, read.by_label
         self.text.passed_over += read.notes
-        others = [np.array(numbers, dtype=np.int64) for _, numbers in self.text.others]
-        for (card, _), numbers in zip(self.text.others, others, strict=True):
+        others = [np.array(numbers, dtype=np.int64) for _, numbers in self.text.non_solids]
+        for (card, _), numbers in zip(self.text.non_solids, others, strict=True):
             if in_set := card.parameters.get("ELSET"):
                 self.element_sets.add(in_set, numbers)
-        all_labels = np.unique(np.concatenate([self.labels, self.marked.labels, *others]))
-        self.element_sets.known = all_labels
+        element_labels = np.unique(np.concatenate([self.labels, self.marked.labels, *others]))
+        self.element_sets.all_labels = element_labels
 
     # -- sets and surfaces -----------------------------------------------------------------------
     def _collect_sets(self) -> None:
-        nodes, elements = self.of_assembly
+        nodes, elements = self.assembly_sets
         for cards, node_sets, element_sets in (
             (self.text.part, self.node_sets, self.element_sets),
             (self.text.assembly, nodes, elements),
@@ -144,7 +144,7 @@ class Component:
 
     def _elements(self, labels: np.ndarray) -> np.ndarray:
         """Places of the solid elements among labels."""
-        if len(self.element_sets.known) > len(self.labels):
+        if len(self.element_sets.all_labels) > len(self.labels):
             labels = labels[np.isin(labels, self.labels)]
         at = np.searchsorted(self.labels, labels, sorter=self.by_label)
         return np.sort(self.by_label[at])
@@ -166,9 +166,9 @@ class Component:
         surfaces: dict[str, np.ndarray] = {}
         node_sets = dict(mesh.node_sets)
         outer = boundary(mesh)
-        for cards, sets, of_assembly in (
+        for cards, sets, in_assembly in (
             (self.text.part, (self.node_sets, self.element_sets), False),
-            (self.text.assembly, self.of_assembly, True),
+            (self.text.assembly, self.assembly_sets, True),
         ):
             for card in cards:
                 if card.keyword != "SURFACE":
@@ -184,16 +184,16 @@ class Component:
                     raise card.error(
                         f"*SURFACE, TYPE={kind} is not supported: only ELEMENT and NODE"
                     )
-                taken = surfaces if kind == "ELEMENT" else node_sets
-                same = taken.get(name)
-                if len(members) and (same is None or not np.array_equal(same, members)):
-                    taken[_free_name(name, taken, card, of_assembly)] = members
+                by_name = surfaces if kind == "ELEMENT" else node_sets
+                earlier = by_name.get(name)
+                if len(members) and (earlier is None or not np.array_equal(earlier, members)):
+                    by_name[_free_name(name, by_name, card, in_assembly)] = members
         return replace(mesh, surfaces=surfaces, node_sets=node_sets)
 
     def _with_marked_faces(self, mesh: SolidMesh) -> SolidMesh:
         """Element sets with plane elements that are treated as faces become surfaces."""
         surfaces = dict(mesh.surfaces)
-        for sets in (self.element_sets, self.of_assembly[1]):
+        for sets in (self.element_sets, self.assembly_sets[1]):
             for key, name in sets.shown.items():
                 labels = sets.labels(key, self._first().line)
                 if not np.isin(labels, self.marked.labels).any():
@@ -202,18 +202,18 @@ class Component:
                 if note:
                     self.text.passed_over.append(note)
                 if len(faces):
-                    of_assembly = sets is not self.element_sets
-                    surfaces[_free_name(name, surfaces, self._first(), of_assembly)] = faces
+                    in_assembly = sets is not self.element_sets
+                    surfaces[_free_name(name, surfaces, self._first(), in_assembly)] = faces
         sets_of_solids = {name: e for name, e in mesh.element_sets.items() if len(e)}
         return replace(mesh, surfaces=surfaces, element_sets=sets_of_solids)
 
     def _members(self, card: Card, sets: Sets) -> np.ndarray:
-        """Labels that the first words of the lines of a surface name."""
+        """Labels named by the first words of a surface's lines."""
         labels = [self._named(line, line.words()[0], sets) for line in card.data]
         return np.unique(np.concatenate([NO_LABELS, *labels]))
 
     def _named(self, line: Line, word: str, sets: Sets) -> np.ndarray:
-        """Labels of a set, or a label itself, in a surface."""
+        """Labels in a surface that a word names: those of a set, or one number."""
         owner, dot, label = word.rpartition(".")
         if WHOLE_NUMBER.fullmatch(label) and (sets.part is not None) == bool(dot):
             if dot and owner.upper() != sets.instance:
@@ -225,8 +225,8 @@ class Component:
     def _faces(self, mesh: SolidMesh, card: Card, sets: Sets, outer: np.ndarray) -> np.ndarray:
         face_lists = [np.zeros((0, 2), dtype=np.int64)]
         for line in card.data:
-            who, *face = line.words()
-            elements = self._elements(self._named(line, who, sets))
+            word, *face = line.words()
+            elements = self._elements(self._named(line, word, sets))
             if not face or not face[0]:
                 face_lists.append(outer[np.isin(outer[:, 0], elements)])
                 continue
@@ -262,30 +262,32 @@ class Component:
     def _with_couplings(self, mesh: SolidMesh) -> SolidMesh:
         cards = (*self.text.part, *self.text.assembly)
         names = {card.value("NAME").upper() for card in cards if card.keyword == "SURFACE"} | {
-            name.upper() for sets in (self.node_sets, self.of_assembly[0]) for name in sets.shown
+            name.upper() for sets in (self.node_sets, self.assembly_sets[0]) for name in sets.shown
         }
         turn, shift = self.text.turn, self.text.shift
         turned = not np.array_equal(turn, np.eye(3))
-        part = Where(self.text.part, self.node_sets, self.element_sets, "", names, turned)
-        assembly = Where(self.text.assembly, *self.of_assembly, "ASSEMBLY.", names)
+        part = CardScope(self.text.part, self.node_sets, self.element_sets, "", names, turned)
+        assembly = CardScope(self.text.assembly, *self.assembly_sets, "ASSEMBLY.", names)
         placed = replace(mesh, nodes=mesh.nodes @ turn.T + shift)
         constraints, axes = self._constraints(part, mesh, {})
         axes = {node: orientation.moved(turn, shift) for node, orientation in axes.items()}
-        more, _ = self._constraints(assembly, placed, axes)  # directions there are global
-        constraints += [c.moved(turn.T, -turn.T @ shift) for c in more]
+        of_assembly, _ = self._constraints(assembly, placed, axes)  # directions there are global
+        constraints += [c.moved(turn.T, -turn.T @ shift) for c in of_assembly]
         mesh, abaqus = replace(mesh, constraints=tuple(constraints)), self.text.abaqus
-        at = NodePlaces(self.node_sets, self._nodes)
-        return read_discrete(mesh, self.text, at, self.element_sets, abaqus)
+        node_places = NodePlaces(self.node_sets, self._nodes)
+        return read_discrete(mesh, self.text, node_places, self.element_sets, abaqus)
 
     def _constraints(
-        self, where: Where, mesh: SolidMesh, axes: Mapping[int, Orientation]
+        self, scope: CardScope, mesh: SolidMesh, axes: Mapping[int, Orientation]
     ) -> tuple[list[Constraint], dict[int, Orientation]]:
-        """What a part or the assembly has, and the directions of nodes by ``*TRANSFORM``."""
-        couplings = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(where)
-        at, abaqus = NodePlaces(where.nodes, self._nodes), self.text.abaqus
-        equations = Equations(at, mesh.nodes, mesh.bare, abaqus, self.text.note, where.turned, axes)
-        axes = equations.transforms(where.cards)
-        return [*couplings, *equations.read(where.cards)], axes
+        """Constraints of a part or the assembly, and directions of nodes by ``*TRANSFORM``."""
+        couplings = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(scope)
+        node_places, abaqus = NodePlaces(scope.nodes, self._nodes), self.text.abaqus
+        equations = Equations(
+            node_places, mesh.nodes, mesh.bare, abaqus, self.text.note, scope.turned, axes
+        )
+        axes = equations.transforms(scope.cards)
+        return [*couplings, *equations.read(scope.cards)], axes
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
         used = mesh.used_nodes()
@@ -304,11 +306,13 @@ class Component:
         return self.text.part[0]
 
 
-def _free_name(name: str, taken: Mapping[str, object], card: Card, of_assembly: bool) -> str:
-    """The name; of the assembly ASSEMBLY.name where the part has it too. ModelError for a third."""
-    taken_names = {n.upper() for n in taken}
+def _free_name(
+    name: str, members_by_name: Mapping[str, object], card: Card, in_assembly: bool
+) -> str:
+    """The name; ASSEMBLY.name where the part has it too; ModelError where both are taken."""
+    taken_names = {n.upper() for n in members_by_name}
     if name.upper() not in taken_names:
         return name
-    if not of_assembly or f"ASSEMBLY.{name}".upper() in taken_names:
+    if not in_assembly or f"ASSEMBLY.{name}".upper() in taken_names:
         raise card.error(f"there is a '{name}' already")
     return f"ASSEMBLY.{name}"

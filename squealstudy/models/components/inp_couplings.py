@@ -33,26 +33,26 @@ ELSEWHERE = "state a [[tie]] or a spring in the model file, and name the keyword
 
 
 @dataclass
-class Where:
-    """Sets of a part, or of the assembly as one instance has them.
+class CardScope:
+    """Cards and sets of a part, or of the assembly of one of its instances.
 
     Attributes
     ----------
     cards : sequence of Card
     nodes, elements : Sets
     prefix : str
-        What names of the assembly begin with where the part has the same.
-    known : set of str
-        Names, in capitals, of all surfaces of the file: one may be of another instance.
+        Of names in the assembly that the part has too.
+    file_names : set of str
+        Names, in capitals, of all surfaces of the file, also of those of other instances.
     turned : bool
-        Of a part: it turns with its instance.
+        Whether a part is turned by its instance.
     """
 
     cards: Sequence[Card]
     nodes: Sets
     elements: Sets
     prefix: str
-    known: set[str]
+    file_names: set[str]
     turned: bool = False
 
 
@@ -69,20 +69,20 @@ class Couplings:
         """`places` of node numbers in the mesh; `nodes_of` elements, both by number; `note`."""
         self._mesh, self._places, self._nodes_of, self._note = mesh, places, nodes_of, note
 
-    def read(self, where: Where) -> list[Constraint]:
+    def read(self, scope: CardScope) -> list[Constraint]:
         """Those of a part or of the assembly; ModelError about the line of what is wrong."""
         constraints: list[Constraint | None] = []
-        cards = list(where.cards)
+        cards = list(scope.cards)
         for number, card in enumerate(cards):
             if card.keyword == "TIE":
-                constraints += [self._tie(card, line, where) for line in self._lines(card)]
+                constraints += [self._tie(card, line, scope) for line in self._lines(card)]
             elif card.keyword == "RIGIDBODY":
-                constraints.append(self._rigid_body(card, where))
+                constraints.append(self._rigid_body(card, scope))
             elif card.keyword == "COUPLING":
                 after = cards[number + 1] if number + 1 < len(cards) else None
                 if after is None or after.keyword not in OF_COUPLING:
                     raise card.error("expected *KINEMATIC or *DISTRIBUTING after *COUPLING")
-                constraints.append(self._coupling(card, after, where))
+                constraints.append(self._coupling(card, after, scope))
             elif card.keyword in OF_COUPLING:
                 before = cards[number - 1].keyword if number else ""
                 if before != "COUPLING":
@@ -95,9 +95,9 @@ class Couplings:
             raise card.error(f"{card.shown}: expected a line with a slave and a master surface")
         return card.data
 
-    def _tie(self, card: Card, line: Line, where: Where) -> Tie | None:
+    def _tie(self, card: Card, line: Line, scope: CardScope) -> Tie | None:
         card.check(TIE)
-        if CYCLIC in card.parameters and not any(c.keyword == SECTORS for c in where.cards):
+        if CYCLIC in card.parameters and not any(c.keyword == SECTORS for c in scope.cards):
             self._note(card, "there is no *CYCLIC SYMMETRY MODEL that is read")
             return None
         kind = "".join(card.parameters.get("TYPE", "").upper().split())
@@ -106,7 +106,7 @@ class Couplings:
         words = line.words()
         if len(words) != 2:
             raise line.error("expected a slave and a master surface")
-        (slave, _), (master, faces) = (self._surface(line, w, where) for w in words)
+        (slave, _), (master, faces) = (self._surface(line, w, scope) for w in words)
         name = self._name(card, card.parameters.get("NAME", ""))
         if not len(slave) and not len(master):
             self._note(card, "of other instances")
@@ -131,34 +131,34 @@ class Couplings:
             raise card.error(f"ADJUST={adjust} is not supported: expected YES or NO")
         return Tie(name, slave, faces, tolerance, adjust == "YES", cyclic=cyclic)
 
-    def _rigid_body(self, card: Card, where: Where) -> Coupling | None:
+    def _rigid_body(self, card: Card, scope: CardScope) -> Coupling | None:
         card.check(RIGID_BODY)
         if "ROTNODE" in card.parameters:
             self._note(card, "ROT NODE: nothing can be said of its turns here")
         named = [card.parameters.get(key) for key in ("NSET", "TIENSET", "PINNSET")]
-        node_lists = [self._places(where.nodes.labels(name, card.line)) for name in named if name]
+        node_lists = [self._places(scope.nodes.labels(name, card.line)) for name in named if name]
         if name := card.parameters.get("ELSET"):
-            elements = where.elements.labels(name, card.line)
+            elements = scope.elements.labels(name, card.line)
             node_lists.append(self._places(self._nodes_of(elements)))
         if not node_lists:
             raise card.error("*RIGID BODY needs NSET=... or ELSET=...")
         nodes = np.unique(np.concatenate(node_lists))
-        return self._coupled(card, self._name(card, ""), nodes, where, "rigid", (1, 2, 3), NO_FACES)
+        return self._coupled(card, self._name(card, ""), nodes, scope, "rigid", (1, 2, 3), NO_FACES)
 
-    def _coupling(self, card: Card, how: Card, where: Where) -> Coupling | None:
+    def _coupling(self, card: Card, how: Card, scope: CardScope) -> Coupling | None:
         card.check(COUPLING)
         name = self._name(card, card.parameters.get("CONSTRAINTNAME", ""))
-        nodes, faces = self._surface(card.line, card.value("SURFACE"), where)
+        nodes, faces = self._surface(card.line, card.value("SURFACE"), scope)
         every = self._directions(how)
         directions = tuple(d for d in every if d <= 3)
         axes = None
         if "ORIENTATION" in card.parameters and directions not in ((), (1, 2, 3)):
-            axes = self._axes(card, where)
-        elif where.turned and directions not in ((), (1, 2, 3)):
+            axes = self._axes(card, scope)
+        elif scope.turned and directions not in ((), (1, 2, 3)):
             raise how.error(f"it has {TURNED}")
         if how.keyword == "KINEMATIC":
             how.check(())
-            coupling = self._coupled(card, name, nodes, where, "rigid", directions, NO_FACES)
+            coupling = self._coupled(card, name, nodes, scope, "rigid", directions, NO_FACES)
             coupling = coupling and replace(coupling, axes=axes, turning={4, 5, 6} <= set(every))
             return self._off_axis(card, coupling, nodes)
         how.check(DISTRIBUTING)
@@ -168,14 +168,14 @@ class Couplings:
         if not directions:
             self._note(card, "turns of the reference node alone, which has none here")
             return None
-        coupling = self._coupled(card, name, nodes, where, "distributing", directions, faces)
+        coupling = self._coupled(card, name, nodes, scope, "distributing", directions, faces)
         coupling = coupling and replace(coupling, axes=axes)
-        return self._off_axis(card, coupling, self._reference(card, where))
+        return self._off_axis(card, coupling, self._reference(card, scope))
 
-    def _axes(self, card: Card, where: Where) -> Orientation:
+    def _axes(self, card: Card, scope: CardScope) -> Orientation:
         """The ``*ORIENTATION`` of a coupling."""
         name = card.value("ORIENTATION")
-        for other in where.cards:
+        for other in scope.cards:
             if other.keyword == "ORIENTATION" and other.value("NAME").upper() == name.upper():
                 return read_orientation(other)
         raise card.error(f"there is no orientation '{name}'")
@@ -208,12 +208,12 @@ class Couplings:
         card: Card,
         name: str,
         nodes: np.ndarray,
-        where: Where,
+        scope: CardScope,
         kind: str,
         directions: tuple[int, ...],
         faces: np.ndarray,
     ) -> Coupling | None:
-        reference = self._reference(card, where)
+        reference = self._reference(card, scope)
         if not len(nodes) and not len(reference):
             self._note(card, "of other instances")
             return None
@@ -233,14 +233,14 @@ class Couplings:
             name, "rigid" if rigid else "distributing", place, others, directions, faces
         )
 
-    def _reference(self, card: Card, where: Where) -> np.ndarray:
+    def _reference(self, card: Card, scope: CardScope) -> np.ndarray:
         """Place of the reference node: a number, instance.number, or a set of one node."""
-        return NodePlaces(where.nodes, self._places).of(card.line, card.value("REFNODE"))
+        return NodePlaces(scope.nodes, self._places).of(card.line, card.value("REFNODE"))
 
-    def _surface(self, line: Line, word: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
+    def _surface(self, line: Line, word: str, scope: CardScope) -> tuple[np.ndarray, np.ndarray]:
         """Nodes of a surface, and its faces; of a node set none."""
         mesh = self._mesh
-        for name in (where.prefix + word, word):
+        for name in (scope.prefix + word, word):
             if has_name(mesh.surfaces, name):
                 faces = mesh.find("surfaces", name)
                 nodes = [g.nodes.ravel() for g in facet_groups(mesh, faces)]
@@ -248,9 +248,9 @@ class Couplings:
             if has_name(mesh.node_sets, name):
                 return mesh.node_set(name), NO_FACES
         owner, _, inner = word.rpartition(".")
-        if where.prefix and owner and owner.upper() == where.nodes.instance:
-            return self._surface(line, inner, where)
-        if inner.upper() in where.known:
+        if scope.prefix and owner and owner.upper() == scope.nodes.instance:
+            return self._surface(line, inner, scope)
+        if inner.upper() in scope.file_names:
             return np.zeros(0, dtype=np.int64), NO_FACES
         names = ", ".join([*mesh.surfaces, *mesh.node_sets]) or "none"
         raise line.error(f"there is no surface '{word}'; there is {names}")

@@ -151,7 +151,7 @@ class Nodes:
             if card.parameters.get(name, "1").strip() not in ("1", "1.", "1.0"):
                 raise card.error(f"*NFILL, {name} is not supported: expected equal steps")
         node_sets = Sets("node")
-        node_sets.known = np.unique(np.array(self._numbers, dtype=np.int64))
+        node_sets.all_labels = np.unique(np.array(self._numbers, dtype=np.int64))
         for sets_card in before:
             node_sets.add(sets_card.value("NSET"), sets_card)
         for name, labels in self._named:

@@ -1,4 +1,4 @@
-"""What of a keyword file is refused: all of it in one message, with a line to paste."""
+"""Cards of a keyword file that are refused: all in one message, with a line to paste."""
 
 from __future__ import annotations
 
@@ -21,68 +21,70 @@ class Refused(NamedTuple):
     text: str
 
 
-def refuse(found: Sequence[Refused]) -> None:
-    """ModelError about the line of the first, with all of them and the line to paste."""
-    if not found:
+def refuse(cards: Sequence[Refused]) -> None:
+    """ModelError about the line of the first card, with all of them and the line to paste."""
+    if not cards:
         return
     counts: dict[str, int] = {}
-    for one in found:
-        counts[one.text] = counts.get(one.text, 0) + 1
-    said = "; ".join(f"{text} ({n} times)" if n > 1 else text for text, n in counts.items())
-    names = list(dict.fromkeys(one.name for one in found if one.name))
+    for refused in cards:
+        counts[refused.text] = counts.get(refused.text, 0) + 1
+    message = "; ".join(f"{text} ({n} times)" if n > 1 else text for text, n in counts.items())
+    names = list(dict.fromkeys(refused.name for refused in cards if refused.name))
     if names:
         listed = ", ".join(f'"{name}"' for name in names)
-        said += (
+        message += (
             "; where neither mass nor stiffness depend on "
             f"{'it' if len(names) == 1 else 'them'}: pass_over = [{listed}]"
         )
-    raise found[0].card.error(said)
+    raise cards[0].card.error(message)
 
 
 def sift_elements(text: Text, pass_over: Collection[str]) -> list[Refused]:
-    """Elements of a component that cannot be read; those to be passed over are taken out."""
+    """Elements of a component that cannot be read; those to pass over are removed from it."""
     refused: list[Refused] = []
     readable: list[Card] = []
     dropped: dict[str, list[Card]] = {}
     for card in text.part:
-        written = card.value("TYPE").upper() if card.keyword == "ELEMENT" else ""
-        if not written or written in text.elements:
+        element_type = card.value("TYPE").upper() if card.keyword == "ELEMENT" else ""
+        if not element_type or element_type in text.elements:
             readable.append(card)
-        elif written in POINTS and written not in pass_over:
+        elif element_type in POINTS and element_type not in pass_over:
             text.points.append(card)
-            text.others.append((card, _labels(card)))
+            text.non_solids.append((card, _labels(card)))
         elif (
-            written in pass_over and written not in ELEMENTS
-        ) or written in NON_STRUCTURAL_ELEMENTS:
-            dropped.setdefault(written, []).append(card)
+            element_type in pass_over and element_type not in ELEMENTS
+        ) or element_type in NON_STRUCTURAL_ELEMENTS:
+            dropped.setdefault(element_type, []).append(card)
         else:
-            solid = written in ELEMENTS
-            why = f"element {written} is not supported: {_advice(text, written)}"
-            refused.append(Refused(card, "" if solid else written, why))
-    for written, cards in dropped.items():
-        text.note(cards[0], NON_STRUCTURAL_ELEMENTS.get(written, f"{written}, as asked for"))
+            solid = element_type in ELEMENTS
+            why = f"element {element_type} is not supported: {_advice(text, element_type)}"
+            refused.append(Refused(card, "" if solid else element_type, why))
+    for element_type, cards in dropped.items():
+        text.note(
+            cards[0], NON_STRUCTURAL_ELEMENTS.get(element_type, f"{element_type}, as asked for")
+        )
         for card in cards:
-            text.others.append((card, _labels(card)))
+            text.non_solids.append((card, _labels(card)))
     text.part = readable
     return refused
 
 
-def _advice(text: Text, written: str) -> str:
-    if written in ELEMENTS:
-        return f"{ELEMENTS[written]}; or say by treat_as what it is to be"
-    if written in NODES:
-        return f"only solids are; where it marks faces alone, treat_as {written} = '{FACES}'"
-    solids = [name for name, ours in text.elements.items() if ours != FACES]
+def _advice(text: Text, element_type: str) -> str:
+    if element_type in ELEMENTS:
+        return f"{ELEMENTS[element_type]}; or say by treat_as what it is to be"
+    if element_type in NODES:
+        return f"only solids are; where it marks faces alone, treat_as {element_type} = '{FACES}'"
+    solids = [name for name, formulation in text.elements.items() if formulation != FACES]
     return f"supported: {', '.join(solids)}"
 
 
 def _labels(card: Card) -> list[int]:
-    """Numbers of elements that are passed over: a line after one that ends in a comma goes on."""
+    """Numbers of elements that are passed over: a line that ends in a comma is continued."""
     labels = []
-    goes_on = False
+    continues = False
     for line in card.data:
         word = line.words()[0]
-        if not goes_on and WHOLE_NUMBER.fullmatch(word):
+        if not continues and WHOLE_NUMBER.fullmatch(word):
             labels.append(int(word))
-        goes_on = line.text.rstrip().endswith(",")
+        continues = line.text.rstrip().endswith(",")
     return labels

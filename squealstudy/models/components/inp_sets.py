@@ -18,21 +18,21 @@ class Sets:
     kind : str
         node or element.
     part : Sets or None
-        Of an assembly: those of the part of which it shows one instance.
+        Of an assembly: the sets of its part.
     instance : str
-        Name of that instance, in capitals.
+        Name of the part's instance in the assembly, in capitals.
     """
 
     def __init__(self, kind: str, part: Sets | None = None, instance: str = "") -> None:
         self.kind, self.part, self.instance = kind, part, instance
         self.shown: dict[str, str] = {}  # names as first written, by capitals
         self._entries: dict[str, list[Card | np.ndarray]] = {}
-        self.known = NO_LABELS  # labels that there are, ascending
+        self.all_labels = NO_LABELS  # of the nodes or elements that exist, ascending
         self._absent: dict[int, tuple[Card, int]] = {}
 
     @property
     def absent(self) -> list[tuple[Card, int]]:
-        """Cards that generate labels that there are not, and how many."""
+        """Cards that generate labels that do not exist, and how many."""
         return list(self._absent.values())
 
     def add(self, name: str, entry: Card | np.ndarray) -> None:
@@ -47,7 +47,7 @@ class Sets:
         ------
         ModelError
             About `line`, which names it: there is no such set; a set that contains itself. About
-            its own lines: labels that there are not.
+            lines of the set: labels that do not exist.
         """
         key = name.upper()
         if key in above:
@@ -102,7 +102,9 @@ class Sets:
             by = step[0] if step else 1
             if by == 0 or (last - first) * by < 0:
                 raise line.error(f"from {first} to {last} in steps of {by} there is nothing")
-            inside = self.known[(self.known >= min(first, last)) & (self.known <= max(first, last))]
+            inside = self.all_labels[
+                (self.all_labels >= min(first, last)) & (self.all_labels <= max(first, last))
+            ]
             inside = inside[(inside - first) % abs(by) == 0]
             missing += (last - first) // by + 1 - len(inside)
             ranges.append(inside)
@@ -112,6 +114,6 @@ class Sets:
 
     def check(self, line: Line, label: int) -> None:
         """ModelError about the line where a part has no such label."""
-        at = np.searchsorted(self.known, label)
-        if self.part is None and (at == len(self.known) or self.known[at] != label):
+        at = np.searchsorted(self.all_labels, label)
+        if self.part is None and (at == len(self.all_labels) or self.all_labels[at] != label):
             raise line.error(f"there is no {self.kind} {label}")

@@ -15,7 +15,7 @@ from squealstudy.models.components.mesh import PassedOver
 
 @dataclass
 class Text:
-    """What one component is made of.
+    """Cards and settings of one component.
 
     Attributes
     ----------
@@ -37,12 +37,12 @@ class Text:
         At which materials are taken.
     abaqus : bool
         Whether Abaqus is meant, and not CalculiX.
-    others : list of (Card, list of int)
+    non_solids : list of (Card, list of int)
         Elements that are no solids, and their numbers.
     points : list of Card
-        Springs, masses and older couplings among them, whose keywords are read.
+        Of these the springs, masses and older couplings, whose keywords are read.
     points_alone : bool
-        Elements need not be there, and all nodes are kept.
+        The component needs no elements, and all its nodes are kept.
     """
 
     path: Path
@@ -55,18 +55,18 @@ class Text:
     elements: Mapping[str, str]
     temperature: float | None = None
     abaqus: bool = False
-    others: list[tuple[Card, list[int]]] = field(default_factory=list)
+    non_solids: list[tuple[Card, list[int]]] = field(default_factory=list)
     points: list[Card] = field(default_factory=list)
     points_alone: bool = False
     passed_over: list[PassedOver] = field(default_factory=list)
 
     def note(self, card: Card, why: str) -> None:
-        """Report a card that is passed over, or of which something is."""
+        """Report a card that is passed over, in whole or in part."""
         self.passed_over.append(passed(card, why))
 
 
 def unused(card: Card) -> PassedOver:
-    """What a card has of parameters that are passed over."""
+    """The report of parameters of a card that are passed over."""
     many = "s" if len(card.unused) > 1 else ""
     return passed(card, f"the parameter{many} {', '.join(card.unused)}, not used here")
 

@@ -14,10 +14,10 @@ from squealstudy.models.components.materials import Anisotropic, Elastic, Orient
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 
-PER_LINE = 16  # the most entries of a line that these codes read
+PER_LINE = 16  # entries: the most of a line that these codes read
 MAX_NUMBER_CHARACTERS = 20  # characters of a number that CalculiX reads
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_. +-]{0,79}", re.ASCII)
-CALCULIX_NAMES = {"C3D8_BBAR": "C3D8"}  # names that are ours only
+CALCULIX_NAMES = {"C3D8_BBAR": "C3D8"}  # of element types that have another name here
 
 
 def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
@@ -106,7 +106,7 @@ def _lines(mesh: SolidMesh) -> Iterator[str]:
 
 
 def _sections(mesh: SolidMesh) -> Iterator[str]:
-    """Sections of element sets that there are, or of sets made for them."""
+    """Sections of the mesh's element sets, or of sets that are added for them."""
     pairs = np.char.add(np.char.add(mesh.material.astype(str), "\n"), mesh.orientation.astype(str))
     taken = {name.upper() for name in mesh.element_sets}
     for pair in sorted(set(pairs)):
@@ -121,18 +121,18 @@ def _sections(mesh: SolidMesh) -> Iterator[str]:
             taken.add(name)
             yield f"*ELSET, ELSET={name}"
             yield from _wrapped(mesh.labels[elements])
-        more = f", ORIENTATION={axes}" if axes else ""
-        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={material}{more}"
+        orientation = f", ORIENTATION={axes}" if axes else ""
+        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={material}{orientation}"
 
 
 def _wrapped(
     numbers: Sequence[int] | Sequence[str] | np.ndarray, count: int = PER_LINE
 ) -> Iterator[str]:
-    """Numbers in lines of some, each but the last with a comma at its end."""
+    """Lines of up to `count` numbers, all but the last with a comma at the end."""
     words = [str(n) for n in numbers]
     for at in range(0, len(words), count):
-        more = "," if at + count < len(words) else ""
-        yield ", ".join(words[at : at + count]) + more
+        comma = "," if at + count < len(words) else ""
+        yield ", ".join(words[at : at + count]) + comma
 
 
 def _material(name: str, material: Elastic) -> Iterator[str]:
@@ -152,7 +152,7 @@ def _orientation(name: str, axes: Orientation) -> Iterator[str]:
     yield f"*ORIENTATION, NAME={name}, SYSTEM={axes.system.upper()}"
     points = (*axes.a, *axes.b)
     if axes.system == "rectangular" and any(axes.origin):
-        points = tuple(np.subtract((axes.a, axes.b), axes.origin).ravel())  # directions are all
+        points = tuple(np.subtract((axes.a, axes.b), axes.origin).ravel())  # only directions count
     yield ", ".join(number(float(c)) for c in points)
     if axes.turn[1]:
         yield f"{axes.turn[0]}, {number(axes.turn[1])}"
