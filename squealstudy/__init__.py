@@ -6,15 +6,15 @@ The names are imported on first use: ``import squealstudy`` stays light.
 import sys
 
 # `python -m squealstudy` looks for modules in the current directory first, which may be anybody's:
-# no more after this line. What Python has imported before it is in docs/reference/trust.md.
-# Programs of others (`python -m theirs.main`), which import this package too, keep theirs.
+# remove it. docs/reference/trust.md lists what Python has imported by then. Programs of others
+# (`python -m theirs.main`) that import this package keep the current directory.
 if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
     _args = sys.orig_argv[1:]
     _modules = [_args[k + 1] for k, f in enumerate(_args[:-1]) if f[:1] + f[-1:] == "-m"]
     _modules += [arg[2:] for arg in _args if arg.startswith("-m")]
     if "squealstudy" in [m.split(".")[0] for m in _modules]:
         _current = sys.path.pop(0)
-        if __path__[0][: -len("/squealstudy")] == _current:  # whose owner has written all of this
+        if __path__[0][: -len("/squealstudy")] == _current:  # the package itself is there
             sys.path.append(_current)
 
 from importlib import import_module

@@ -343,13 +343,13 @@ def test_levels_and_velocities_err_by_no_more_than_is_told(hoffmann, harmonics):
     contact, _, family = hoffmann
     exact = cycle_near(
         contact,
-        Projection.about(contact.oscillator, family.loudest.motion),
+        Projection.on_harmonics_of(contact.oscillator, family.loudest.motion),
         family.loudest.motion,
         Search(25, 1e-9, 1.0),
     )
     few = cycle_near(
         contact,
-        Projection.about(contact.oscillator, exact.motion),
+        Projection.on_harmonics_of(contact.oscillator, exact.motion),
         exact.motion,
         Search(harmonics, 1e-9, 1.0),
     )

@@ -350,7 +350,7 @@ def test_slow_changes_of_a_cycle_are_among_its_deviations(both):
     osc, exact, _, _ = both
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
-        few = Projection.about(osc, exact)
+        few = Projection.on_harmonics_of(osc, exact)
         cycle = few.improve(exact, CYCLE_BASIS_ERROR, DAMPING_HELD)[0]
     ways = np.vstack(few._aside(cycle)) * few.weight
     off = []
@@ -380,7 +380,7 @@ def test_errors_of_multipliers_tell_what_a_basis_lacks(both):
 def test_the_trapezoidal_rule_converges_to_the_monodromy(both):
     _, exact, few, _ = both
     V = few.vectors[1][:, :6]
-    osc, cycle = few.whole.on(V), PeriodicMotion(exact.Q @ V, exact.omega)
+    osc, cycle = few.oscillator.on(V), PeriodicMotion(exact.Q @ V, exact.omega)
     fine = monodromy(osc, cycle, 512)
     errors = [np.abs(trapezoidal(osc, cycle, steps) - fine).max() for steps in (400, 800)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
@@ -419,7 +419,7 @@ def test_a_first_order_change_tells_how_far_a_motion_moves(both, monkeypatch):
     monkeypatch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
     for share in (1e-3, 1e-2):
         moved = replace(osc, K=osc.K * (1.0 + np.diag(np.linspace(0.0, share, N))))
-        projection = Projection.about(moved, exact)
+        projection = Projection.on_harmonics_of(moved, exact)
         first = exact.changed(projection.correction(exact, True))
         better, *_ = projection.improve(exact, 1e-4, SIZE_HELD)
         told, true = (growth._rel_distance(projection.weight, exact, m) for m in (first, better))

@@ -1,4 +1,4 @@
-"""What `squealstudy check` prints of a results directory: what it holds, whether it is whole."""
+"""What `squealstudy check` prints of a results directory: its contents and any damage."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ EXECUTED = "you have run it on this machine; shape and report execute your file,
 NOT_EXECUTED = "you have not run it on this machine: no command executes it unless --extension does"
 NO_CODE = "none of its own: no command executes anything of this directory"
 UNKNOWN_CODE = "cannot be told without a manifest: no command executes anything of this directory"
-MISFIT = "no table of this kind"  # whole, and yet none that a run writes
+MISFIT = "no table of this kind"  # undamaged, but with other columns than a run writes
 
 
 def check_results(directory: Path) -> tuple[Rows, bool]:
@@ -53,8 +53,8 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     rows: Rows = [("study", f"{name}: {kind} of {model}")]
     rows += [*_run(store, manifest, misfits), *_sizes(store)]
     code = [
-        ("code", f"{name}: {EXECUTED if mine else NOT_EXECUTED}")
-        for name, mine in code_of(manifest, directory)
+        ("code", f"{name}: {EXECUTED if is_executed else NOT_EXECUTED}")
+        for name, is_executed in code_of(manifest, directory)
     ]
     rows += code or [("code", NO_CODE if manifest else UNKNOWN_CODE)]
     if not store.journal.begun:
@@ -67,9 +67,9 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
         faults.setdefault(fault, []).extend(names)
     if misfits:
         faults[MISFIT] = [f"{name}: {why}" for name, why in misfits.items()]
-    rows += [(fault, one) for fault, names in faults.items() for one in sorted(names)]
-    if lost := store.journal.unreadable:
-        text = f"{plural(lost, 'line')} cannot be read, after a kill or by damage"
+    rows += [(fault, file) for fault, names in faults.items() for file in sorted(names)]
+    if n_unreadable := store.journal.unreadable:
+        text = f"{plural(n_unreadable, 'line')} cannot be read, after a kill or by damage"
         rows.append((JOURNAL, f"{text}: what only such a line names is made anew"))
     rows += [
         (JOURNAL, f"names {refused_names(store.journal)}, which no run writes here: not touched")
@@ -78,15 +78,15 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     whole = faults.keys() <= harmless
     for folder, reason in manifest.get(SIDE_STUDIES, {}).items():
         if not reason:
-            facts, good = _of_beside(directory / folder)
+            facts, is_whole = _check_side_study(directory / folder)
             rows += [(f"{folder}: {name}", text) for name, text in facts]
-            whole &= good
+            whole &= is_whole
     verdict = "yes" if whole else "no: run the study again, which makes anew what is not"
     return [*rows, ("whole", verdict)], whole
 
 
-def _of_beside(directory: Path) -> tuple[Rows, bool]:
-    """As `check_results`, of a study that was run with another."""
+def _check_side_study(directory: Path) -> tuple[Rows, bool]:
+    """`check_results` of a side study, such as a variant; an error is a line of it."""
     try:
         return check_results(directory)
     except ResultsError as error:
@@ -94,7 +94,7 @@ def _of_beside(directory: Path) -> tuple[Rows, bool]:
 
 
 def _misfits(store: Store, manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Why tables that are whole are none that a run of the kind writes, by their files."""
+    """Why undamaged tables are not as a run of the kind writes them, by their files."""
     kind = str(manifest.get("kind"))
     reasons: dict[str, str] = {}
     for name in kind_named(kind).tables if kind in kind_names() else ():
@@ -117,18 +117,18 @@ def _run(store: Store, manifest: Mapping[str, Any], misfits: Collection[str]) ->
     if kind not in kind_names():  # of an extension
         return rows
     study_kind = kind_named(kind)
-    total, points = int(manifest.get("n_points", 0)), []
+    n_points, status_tables = int(manifest.get("n_points", 0)), []
     first = study_kind.tables[0]
     if status == "complete" and not store.fault(first) and first not in misfits:
-        points = [store.read_table(first, ["status"])]
-    if sum(map(len, points)) != total:  # the table is of something else than the points
-        points = list(store.chunks(study_kind.schema, ["status"]))
+        status_tables = [store.read_table(first, ["status"])]
+    if sum(map(len, status_tables)) != n_points:  # the table is of something else than the points
+        status_tables = list(store.chunks(study_kind.schema, ["status"]))
     statuses = pa.chunked_array(
-        [c.cast(pa.string()) for t in points for c in t["status"].chunks], pa.string()
+        [c.cast(pa.string()) for t in status_tables for c in t["status"].chunks], pa.string()
     )
     counts = [f"{status_counts(statuses).get('ok', 0)} ok", failure_counts(statuses)]
-    counts.append(f"{max(0, total - len(statuses))} missing")
-    return [*rows, (f"{study_kind.row_word}s", f"{total}: {', '.join(filter(None, counts))}")]
+    counts.append(f"{max(0, n_points - len(statuses))} missing")
+    return [*rows, (f"{study_kind.row_word}s", f"{n_points}: {', '.join(filter(None, counts))}")]
 
 
 def _sizes(store: Store) -> Rows:
@@ -143,7 +143,7 @@ def _sizes(store: Store) -> Rows:
 
 
 def _in_no_journal(store: Store, manifest: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Files that no run has finished: of our own making, and of others."""
+    """Files that the journal does not name: UNFINISHED ones of squealstudy, FOREIGN ones."""
     named_files = {*store.journal.entries, MANIFEST, LOCK, JOURNAL, *manifest.get(PICTURES, [])}
     unfinished = set(store.unfinished())
     if manifest.get("kind") in kind_names():

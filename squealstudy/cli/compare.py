@@ -108,14 +108,16 @@ def summary(table: pd.DataFrame) -> str:
     points = table.attrs["points"]
     parts = [f"{plural(points, 'design point')} compared", *_failures(table.attrs)]
     predicted = table[table["kind"].isin([BOTH, PREDICTED]).to_numpy()]
-    alone = table[(table["kind"] == TIME).to_numpy()]
-    if not len(predicted) and not len(alone):
+    only_in_time = table[(table["kind"] == TIME).to_numpy()]
+    if not len(predicted) and not len(only_in_time):
         parts.append("neither study predicts an instability there")
     if len(predicted):
         number = plural(len(predicted), "predicted instability", "predicted instabilities")
-        parts.append(f"{number}, {_lives(predicted)}")
-    if len(alone):
-        parts.append(f"{len(alone)} more in the time study alone, {_lives(alone)}")
+        parts.append(f"{number}, {_expressed_text(predicted)}")
+    if len(only_in_time):
+        parts.append(
+            f"{len(only_in_time)} more in the time study alone, {_expressed_text(only_in_time)}"
+        )
     return "\n".join(["; ".join(parts) + ".", *_unforeseen(table)])
 
 
@@ -127,13 +129,13 @@ def _failures(counts: Mapping[Hashable, Any]) -> list[str]:
     ]
 
 
-def _lives(rows: pd.DataFrame) -> str:
+def _expressed_text(rows: pd.DataFrame) -> str:
     """How many instabilities are in the vibration that lasts."""
-    lives, unknown = (
+    expressed, unknown = (
         rows["expressed"].fillna(False).astype(bool),
         int(rows["expressed"].isna().sum()),
     )
-    count = int(lives.sum())
+    count = int(expressed.sum())
     text = "1 expresses itself" if count == 1 else f"{count} express themselves"
     return text + (f", {unknown} cannot be told" if unknown else "")
 
@@ -144,12 +146,15 @@ def _unforeseen(table: pd.DataFrame) -> list[str]:
     lasts = rows["class"].isin(SUSTAINED).to_numpy(bool)
     others = table[table["kind"].isin([BOTH, PREDICTED, TIME])]
     foreseen = rows["time_point_id"].isin(others["time_point_id"]).to_numpy(bool)
-    waits = int((table["kind"] == UNFOLLOWED).sum())
+    n_unfollowed = int((table["kind"] == UNFOLLOWED).sum())
     counted_texts = (
         (int((lasts & ~foreseen).sum()), "vibrate in time with no mode predicted"),
         (int((lasts & foreseen).sum()), "vibrate in time otherwise than predicted"),
         (int((~lasts).sum()), "grow or are undecided in time with no mode predicted"),
-        (waits, "vibrate while unstable modes are not followed (above the band, or too many)"),
+        (
+            n_unfollowed,
+            "vibrate while unstable modes are not followed (above the band, or too many)",
+        ),
     )
     return [
         f"{plural(number, 'design point')}: {text}." for number, text in counted_texts if number
@@ -159,8 +164,8 @@ def _unforeseen(table: pd.DataFrame) -> list[str]:
 def _cells(row: dict[Hashable, Any]) -> list[str]:
     has_frequency = row["frequency_hz"] == row["frequency_hz"]
     bounds = f"{row['low']:.4g} to {row['high']:.4g}" if row["low"] == row["low"] else "-"
-    lives = "?" if pd.isna(row["expressed"]) else "yes" if row["expressed"] else "no"
-    moves = row["kind"] in (VIBRATION, UNFOLLOWED)
+    expressed = "?" if pd.isna(row["expressed"]) else "yes" if row["expressed"] else "no"
+    is_motion = row["kind"] in (VIBRATION, UNFOLLOWED)
     return [
         _mode(int(row["track"])),
         figure(row["frequency_hz"] if has_frequency else row["predicted_frequency_hz"], ".0f"),
@@ -170,7 +175,7 @@ def _cells(row: dict[Hashable, Any]) -> list[str]:
         bounds,
         figure(100 * row["deviation"], "+.1f"),
         figure(100 * row["level_share"], ".0f"),
-        "-" if moves else lives,
+        "-" if is_motion else expressed,
         _motion(row),
     ]
 

@@ -21,10 +21,12 @@ def mean_tangents(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness and damping (n, n), means over the period, with added damping xi [1/s].
 
-    `local` are sampled forces, whose part is of a `precision`.
+    `local` are sampled forces; their tangents are projected in `precision`.
     """
-    by_y, by_w = (osc.projected(D.mean(axis=0).astype(precision)) for D in local[1:])
-    return osc.K - by_y, osc.C - by_w + xi * np.eye(osc.n)
+    by_displacement, by_velocity = (
+        osc.projected(D.mean(axis=0).astype(precision)) for D in local[1:]
+    )
+    return osc.K - by_displacement, osc.C - by_velocity + xi * np.eye(osc.n)
 
 
 class Blocks:
@@ -70,21 +72,21 @@ class Blocks:
 
     @property
     def harmonics(self) -> int:
-        """H."""
+        """Number H of harmonics."""
         return len(self._factors) - 1
 
     def step(self, R: np.ndarray, motion: PeriodicMotion) -> PeriodicMotion:
         """The change of a motion of imbalance R (2 H + 1, n), to first order.
 
-        The first harmonic keeps its size and phase: the complex shift of its block that this takes
-        is the change of frequency and added damping.
+        The first harmonic keeps its size and phase; the complex shift of its block that achieves
+        this gives the changes of frequency and added damping.
         """
         H, weight = motion.harmonics, self._weight
         largest = float(np.abs(R).max()) or 1.0
         R = R / (largest * weight)  # within single precision
         change = np.zeros_like(R)
         change[0] = la.lu_solve(self._factors[0], R[0].astype(np.float32))
-        x, shift = self._held(R[1] - 1j * R[H + 1], motion.Q[1] - 1j * motion.Q[H + 1])
+        x, shift = self._bordered_solution(R[1] - 1j * R[H + 1], motion.Q[1] - 1j * motion.Q[H + 1])
         for h in range(1, H + 1):
             if h > 1:
                 side = (R[h] - 1j * R[H + h]).astype(np.complex64)
@@ -97,16 +99,16 @@ class Blocks:
         omega = float(-shift.real / (2.0 * motion.omega))
         return PeriodicMotion(-largest * change / weight, -omega, -float(shift.imag / motion.omega))
 
-    def _held(self, r: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, complex]:
+    def _bordered_solution(self, r: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, complex]:
         """The x and s of A x + s q = r with x orthogonal to q, both weighted.
 
-        By the block with its border, which is about the q of the motion that it was made of.
+        Solved by the bordered block, whose border is the q of the motion it was factorised at.
         """
         weighted, unit = self._weight * q, la.norm(self._weight * q)
         sides = np.zeros((len(q) + 1, 3), np.complex64)
         sides[:-1, 0], sides[:-1, 1], sides[-1, 2] = r, weighted / self._weight**2 / unit, 1.0
         solutions = la.lu_solve(self._factors[1], sides).astype(complex)
-        # nothing pushes along the border any more, and nothing is left along q
+        # coefficients such that the border's unknown and the component along q vanish
         pair = np.vstack([solutions[-1], weighted.conj() @ solutions[:-1] / unit])
         if not np.isfinite(pair).all() or not abs(np.linalg.det(pair[:, 1:])) > 0.0:
             raise ConvergenceError("singular_jacobian", "the balance is singular")

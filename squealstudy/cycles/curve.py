@@ -143,9 +143,9 @@ class Path:
     watched: int | None = None
 
     def from_motion(
-        self, start: PeriodicMotion, held: int = SIZE_HELD
+        self, start: PeriodicMotion, fixed_unknown: int = SIZE_HELD
     ) -> tuple[list[CurveMotion], str]:
-        """The curve through a motion, which keeps its size or its parameter (`held`).
+        """The curve through a motion, which keeps its size or its parameter (`fixed_unknown`).
 
         Returns
         -------
@@ -161,13 +161,13 @@ class Path:
             Where there is no motion near the start.
         """
         if self.projection.complete:
-            return self._plain(start, held)
-        motion, error, residual = self.projection.improve(start, CURVE_BASIS_ERROR, held)
+            return self._plain(start, fixed_unknown)
+        motion, error, residual = self.projection.improve(start, CURVE_BASIS_ERROR, fixed_unknown)
         curve_motions = [CurveMotion(motion, residual, error)]
         reached, end = 0, ""
         for _ in range(1 + MAX_RESTARTS):
             try:
-                end = self._growing(curve_motions, held)
+                end = self._growing(curve_motions, fixed_unknown)
             except ConvergenceError as error_there:
                 end = error_there.status
             if end != LOST or len(curve_motions) <= reached + 1:

@@ -275,7 +275,7 @@ def errors_by_finer_series(
         return None
     osc = contact.oscillator
     osc = replace(osc, samples=FINER_SAMPLES * len(osc.sampling(H).synthesis))
-    finer, errors = Projection.about(osc, motion), SeriesErrors(0.0, 0.0, 0.0, 0.0)
+    finer, errors = Projection.on_harmonics_of(osc, motion), SeriesErrors(0.0, 0.0, 0.0, 0.0)
     try:
         for order in orders:
             motion, _ = finer.cycle_near(motion, order)

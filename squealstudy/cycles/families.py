@@ -76,7 +76,7 @@ def families(
     wanted : sequence of int or None
         Numbers of modes, from 1 by frequency in the band; None for all.
     tolerance : float
-        Damping ratio below minus which a mode is unstable.
+        A mode is unstable where its damping ratio is below minus this.
     search : Search
     screen : float
         1/s: where no modes are named, those that decay faster are left out.
@@ -278,13 +278,13 @@ def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search)
     """The cycle at a zero of a curve; where more harmonics move it away, those next to it."""
     osc, cycles = contact.oscillator, list[Cycle]()
     try:
-        return [cycle_near(contact, Projection.about(osc, zero), zero, search)]
+        return [cycle_near(contact, Projection.on_harmonics_of(osc, zero), zero, search)]
     except ConvergenceError:
         pass
     try:
         more = search.harmonics or next(h for h in HARMONIC_COUNTS if h > zero.harmonics)
         for motion in found_again(osc, zero, more):
-            cycles += [cycle_near(contact, Projection.about(osc, motion), motion, search)]
+            cycles += [cycle_near(contact, Projection.on_harmonics_of(osc, motion), motion, search)]
     except ConvergenceError:
         pass
     return cycles

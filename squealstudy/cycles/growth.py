@@ -251,7 +251,7 @@ def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
     """
     path = [p.motion for p in curve if not p.event]
     places = np.unique(np.linspace(0, len(path) - 1, N_FIRST_ORDER_POINTS).round().astype(int))
-    projection = Projection.about(osc, path[0])
+    projection = Projection.on_harmonics_of(osc, path[0])
     if projection.complete:
         return True
     try:
@@ -304,7 +304,7 @@ def _with_more(
     osc: Oscillator, motion: PeriodicMotion, harmonics: int
 ) -> tuple[Projection, CurveMotion]:
     """The motion of the same size with more harmonics, on a basis of its own; ConvergenceError."""
-    projection = Projection.about(osc, motion)
+    projection = Projection.on_harmonics_of(osc, motion)
     start = replace(motion, Q=with_harmonics(motion.Q, harmonics))
     better, error, residual = projection.improve(start, CURVE_BASIS_ERROR, SIZE_HELD)
     return projection, CurveMotion(better, residual, error)

@@ -43,7 +43,7 @@ class Moving:
     ) -> None:
         self._oscillators, self._bounds, self._omega = oscillators, bounds, start.omega
         self._value = start.parameter
-        self.fixed = Projection.about(oscillators(start.parameter), start)
+        self.fixed = Projection.on_harmonics_of(oscillators(start.parameter), start)
 
     @property
     def complete(self) -> bool:
@@ -119,13 +119,13 @@ class Moving:
     @staticmethod
     def _finer(projection: Projection, cycle: PeriodicMotion) -> PeriodicMotion | None:
         """The same cycle with more harmonics and samples; None where it is not found."""
-        osc = with_finer_samples(projection.whole, cycle.harmonics)
+        osc = with_finer_samples(projection.oscillator, cycle.harmonics)
         for factor in FINER_HARMONIC_FACTORS:
             harmonics = min(math.ceil(factor * cycle.harmonics), MAX_FINER_HARMONICS)
             finer = replace(cycle, Q=with_harmonics(cycle.Q, harmonics))
             with suppress(ConvergenceError):
                 if harmonics > cycle.harmonics:
-                    return Projection.about(osc, finer).solve(finer, DAMPING_HELD)[0]
+                    return Projection.on_harmonics_of(osc, finer).solve(finer, DAMPING_HELD)[0]
         return None
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:

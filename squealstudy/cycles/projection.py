@@ -1,10 +1,10 @@
-"""Few vectors on which the motions of one mode family are balanced, out of all coordinates.
+"""A basis of few vectors, in which the motions of one mode family are balanced.
 
-Each harmonic has vectors of its own; those of the first begin with the complex mode. What the
-balance in all coordinates then has missing is solved by blocks, each harmonic with the mean
-tangents of the motion; this correction is the estimate of what the basis errs by, and its main
-directions in elastic energy join the vectors of their harmonics (residual-driven enrichment). A
-model of few coordinates is balanced as it is.
+Each harmonic has vectors of its own; those of the first begin with the complex mode. The residual
+that remains in all coordinates is solved by blocks, each harmonic with the mean tangents of the
+motion. This correction estimates the error of the basis, and its main directions in elastic energy
+join the vectors of their harmonics (residual-driven enrichment). A model of few coordinates has no
+basis.
 """
 
 from __future__ import annotations
@@ -24,34 +24,32 @@ from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES, LocalForc
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.dense_qep import dense_roots
 
-MAX_VECTORS_PER_HARMONIC = 100  # vectors, of a harmonic at most
-# mean over the harmonics above which a basis begins anew, with the last motions
+MAX_VECTORS_PER_HARMONIC = 100
+# vectors, mean over the harmonics, above which a basis is rebuilt from the last motions
 REBUILD_BASIS_SIZE = 50
-# and where one motion is corrected: its own harmonics and what they lack are enough
-REBUILD_BASIS_SIZE_SINGLE = 8
-MAX_MOTIONS_KEPT = 12  # motions
-STABILITY_BAND_FACTOR = 1.5  # times the band: complex modes in which a cycle's stability is judged
-# times a cycle's size, of the motion whose difference to it is among them
-NEIGHBOUR_SIZE_RATIO = 1.02
-MAX_MAIN_DIRECTIONS = 60  # and main directions of its basis there, at most
-# of the largest direction of modes of unit energy: what is less is there already
+REBUILD_BASIS_SIZE_SINGLE = 8  # the same where a single motion is corrected
+MAX_MOTIONS_KEPT = 12  # last motions from which a basis is rebuilt
+# stability of a cycle: complex modes up to this factor times the band span its deviations,
+STABILITY_BAND_FACTOR = 1.5
+NEIGHBOUR_SIZE_RATIO = 1.02  # with the difference to the motion of this factor times its size
+MAX_MAIN_DIRECTIONS = 60  # and up to so many main directions of its basis
+# singular values over the largest, below which directions of unit-energy modes are dependent,
 MODE_RANK_TOLERANCE = 1e-2
-MOTION_RANK_TOLERANCE = 1e-6  # of the largest direction of these motions
-MAX_ENRICHMENTS = 12  # enrichments at one motion
-BY_BLOCKS = 6  # of them at most after Newton's method has failed
-MIN_REL_DIRECTION = 0.1  # of the largest direction of a correction: what is less does not join
+MOTION_RANK_TOLERANCE = 1e-6  # and those of the last motions
+MAX_ENRICHMENTS = 12  # at one motion
+MAX_BLOCK_STEPS = 6  # enrichments of these that may follow a failure of Newton's method
+MIN_REL_DIRECTION = 0.1  # singular value over the largest, below which a direction does not join
 MAX_REL_SIZE_CHANGE = 0.15  # change of size by more harmonics, beyond which it is another cycle
-# error of the basis above which it grows along curves, and of cycles
+# relative error above which a basis is enriched: along curves, at cycles
 CURVE_BASIS_ERROR, CYCLE_BASIS_ERROR = 1e-2, 1e-3
-PROJECTED_TOLERANCE = 1e-5  # of the equations in a basis, which errs by more
-# of those of a cycle there, whose size follows from a small slope of damping
-CYCLE_PROJECTED_TOLERANCE = 1e-8
-# what is held while a motion is corrected: places among the unknowns
+PROJECTED_TOLERANCE = 1e-5  # residual of the equations in a basis, below its error
+CYCLE_PROJECTED_TOLERANCE = 1e-8  # at a cycle, whose size follows from a small slope of damping
+# index of the unknown that is fixed while a motion is corrected
 SIZE_HELD, DAMPING_HELD = -2, -1
 
 
 class Projection:
-    """Oscillator in all coordinates, and its basis for one family.
+    """An oscillator and the basis of one mode family.
 
     Parameters
     ----------
@@ -63,7 +61,7 @@ class Projection:
     """
 
     def __init__(self, osc: Oscillator, phi: np.ndarray, omega: float) -> None:
-        self.whole, self.omega = osc, omega
+        self.oscillator, self.omega = osc, omega
         self.weight = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
         self.vectors: list[np.ndarray] = []  # (n, r_h) of the harmonics from 0 on
         self._blocks: Blocks | None = None
@@ -74,17 +72,17 @@ class Projection:
 
     @property
     def complete(self) -> bool:
-        """Whether the basis is that of all coordinates."""
+        """Whether motions are balanced in all coordinates, without a basis."""
         return not self.vectors
 
     @property
     def size(self) -> int:
         """Number of vectors of all harmonics, or of coordinates."""
-        return sum(V.shape[1] for V in self.vectors) if self.vectors else self.whole.n
+        return sum(V.shape[1] for V in self.vectors) if self.vectors else self.oscillator.n
 
     @classmethod
-    def about(cls, osc: Oscillator, motion: PeriodicMotion) -> Projection:
-        """On the harmonics of a motion."""
+    def on_harmonics_of(cls, osc: Oscillator, motion: PeriodicMotion) -> Projection:
+        """The projection on the harmonics of a motion."""
         H = motion.harmonics
         projection = cls(osc, motion.Q[1] - 1j * motion.Q[H + 1], motion.omega)
         if not projection.complete:
@@ -92,36 +90,36 @@ class Projection:
         return projection
 
     def move(self, osc: Oscillator) -> None:
-        """To another design, on the same basis."""
-        self.whole, self._moved = osc, True
+        """Use the oscillator of another design on the same basis."""
+        self.oscillator, self._moved = osc, True
 
     def of_harmonics(self, harmonics: int) -> list[np.ndarray] | None:
         """Vectors (n, r_h) of the harmonics 0 to `harmonics`; None for all coordinates."""
         if self.complete:
             return None
         missing = harmonics + 1 - len(self.vectors)
-        self.vectors += [np.zeros((self.whole.n, 0)) for _ in range(missing)]
+        self.vectors += [np.zeros((self.oscillator.n, 0)) for _ in range(missing)]
         return self.vectors[: harmonics + 1]
 
     def equations(self, harmonics: int) -> CycleEquations:
         """Equations of motions in the basis."""
         tolerance = TOLERANCE if self.complete else PROJECTED_TOLERANCE
         vectors = self.of_harmonics(harmonics)
-        return CycleEquations(self.whole, harmonics, self.omega, tolerance, vectors)
+        return CycleEquations(self.oscillator, harmonics, self.omega, tolerance, vectors)
 
-    # -- what the basis errs by --------------------------------------------------------------------
+    # -- error of the basis ------------------------------------------------------------------------
     def correction(
         self, motion: PeriodicMotion, fresh: bool = False, local: LocalForces | None = None
     ) -> PeriodicMotion:
-        """By what a motion (of all coordinates) that is balanced in the basis is corrected.
+        """The correction, in all coordinates, of a motion that is balanced in the basis.
 
-        A `Blocks.step`, with the blocks of the last motion of which they were made. `local` are
-        its sampled forces, where known.
+        A `Blocks.step` with the blocks of an earlier motion; with `fresh` of this one unless that
+        is near. `local` are sampled forces of the motion, if computed before.
         """
         H = motion.harmonics
         if self.complete:
             return PeriodicMotion(np.zeros_like(motion.Q), 0.0)
-        osc = self.whole
+        osc = self.oscillator
         if local is None:
             local = sampled(osc, osc.sampling(H), motion.Q, motion.omega)
         blocks = self._blocks
@@ -137,8 +135,8 @@ class Projection:
     def corrected(self, cycle: PeriodicMotion) -> PeriodicMotion:
         """The cycle of all coordinates near one of the basis, to first order.
 
-        The correction keeps its size and changes the damping that it needs; the size at which none
-        is needed is found in the basis.
+        The correction keeps the size and changes the added damping; the basis then gives the size
+        at which no damping is added.
         """
         if self.complete:
             return cycle
@@ -155,42 +153,49 @@ class Projection:
         return float(ratio)
 
     def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
-        """Basis (n, r) for small deviations from a motion: what its stability is judged on.
+        """Basis (n, r) of small deviations from a motion, in which its stability is judged.
 
-        Complex modes of the motion's mean tangents up to `STABILITY_BAND_FACTOR` times `highest`
-        [rad/s], the motion's series, the main directions of the vectors of all harmonics, and what
-        becomes of it at another size. Its first columns, whose number is returned too, are the same
-        without that and without modes above `highest`.
+        It spans the motion's series, main directions of the vectors of all harmonics, complex modes
+        of its mean tangents up to `highest` [rad/s]; and then modes up to `STABILITY_BAND_FACTOR`
+        times that, and changes of the motion with its size. The number of columns of the first
+        group is returned too.
         """
-        local = sampled(self.whole, self.whole.sampling(motion.harmonics), motion.Q, motion.omega)
-        K, C = mean_tangents(self.whole, local, motion.parameter)
+        local = sampled(
+            self.oscillator, self.oscillator.sampling(motion.harmonics), motion.Q, motion.omega
+        )
+        K, C = mean_tangents(self.oscillator, local, motion.parameter)
         lam, psi = dense_roots(C, K, (0.0, STABILITY_BAND_FACTOR * highest))
         low = np.abs(lam) <= highest
         own_directions = self._directions(self._unit(np.hstack(self.vectors)))[
             :, :MAX_MAIN_DIRECTIONS
         ]
-        few = self._directions(
+        low_directions = self._directions(
             np.hstack([self._unit(motion.Q.T), own_directions, self._unit(psi[:, low])])
         )
-        more = np.hstack(
-            [self._unit(X) for X in (psi[:, ~low], *(Q.T for Q in self._aside(motion)))]
+        high_vectors = np.hstack(
+            [self._unit(X) for X in (psi[:, ~low], *(Q.T for Q in self._changes_of_size(motion)))]
         )
-        directions = np.hstack([few, self._directions(more - few @ (few.T @ more))])
+        directions = np.hstack(
+            [
+                low_directions,
+                self._directions(high_vectors - low_directions @ (low_directions.T @ high_vectors)),
+            ]
+        )
         Q, _ = la.qr(directions / self.weight[:, None], mode="economic")
-        return np.asarray(Q), few.shape[1]
+        return np.asarray(Q), low_directions.shape[1]
 
-    def _aside(self, motion: PeriodicMotion) -> list[np.ndarray]:
-        """Changes (2 H + 1, n) to the motion of another size: ways of slow deviations."""
+    def _changes_of_size(self, motion: PeriodicMotion) -> list[np.ndarray]:
+        """Differences (2 H + 1, n) to the motion of a larger size: slow deviations go that way."""
         try:
-            near, _ = self.solve(replace(motion, Q=NEIGHBOUR_SIZE_RATIO * motion.Q), SIZE_HELD)
-            first = near.changed(self.correction(near, True))
-            second = first.changed(self.correction(first))
+            larger, _ = self.solve(replace(motion, Q=NEIGHBOUR_SIZE_RATIO * motion.Q), SIZE_HELD)
+            once_corrected = larger.changed(self.correction(larger, True))
+            twice_corrected = once_corrected.changed(self.correction(once_corrected))
         except ConvergenceError:
             return []
-        return [first.Q - motion.Q, second.Q - motion.Q]
+        return [once_corrected.Q - motion.Q, twice_corrected.Q - motion.Q]
 
     def _unit(self, vectors: np.ndarray) -> np.ndarray:
-        """Real and imaginary parts, weighted, of unit elastic energy; none where there is none."""
+        """Real and imaginary parts, weighted, scaled to unit elastic energy; zero ones left out."""
         parts = np.hstack([vectors.real, vectors.imag]) * self.weight[:, None]
         sizes = la.norm(parts, axis=0)
         nonzero = sizes > 0.0  # real roots have no imaginary part
@@ -210,26 +215,25 @@ class Projection:
     ) -> Floquet:
         """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis.
 
-        `other` is the same cycle with another number of harmonics, for their errors; of a
-        projection with fewer. Without it multipliers are of double precision: on branches they are
-        followed to where they pass 1.
+        `other` is the same cycle with another number of harmonics (fewer in a basis), for errors of
+        the multipliers. Without it they are in double precision: branches follow them to 1.
         """
         if self.complete:
-            return floquet(self.whole, motion, other)
+            return floquet(self.oscillator, motion, other)
         V, few = self.deviations(motion, highest)
         precision = np.float64 if other is None else np.float32
-        return floquet_on(self.whole, V, few, motion, other or motion, precision)
+        return floquet_on(self.oscillator, V, few, motion, other or motion, precision)
 
     # -- enrichment --------------------------------------------------------------------------------
     def improve(
-        self, motion: PeriodicMotion, target: float, held: int
+        self, motion: PeriodicMotion, target: float, fixed_unknown: int
     ) -> tuple[PeriodicMotion, float, float]:
-        """The motion near `motion` with a basis in which it errs by less than `target`.
+        """The motion near `motion`, the basis enriched until its error is less than `target`.
 
         Parameters
         ----------
-        held : int
-            `SIZE_HELD` or `DAMPING_HELD`: what does not change.
+        fixed_unknown : int
+            `SIZE_HELD` or `DAMPING_HELD`.
 
         Returns
         -------
@@ -244,15 +248,15 @@ class Projection:
         """
         if not self.complete:
             self.compact(motion, REBUILD_BASIS_SIZE_SINGLE)
-            self.join(motion, self.correction(motion, True))  # what more harmonics need, too
+            self.join(motion, self.correction(motion, True))  # also for added harmonics
         fresh, last = False, np.inf
         for number in range(MAX_ENRICHMENTS):
             try:
-                motion, residual = self.solve(motion, held)
-            except ConvergenceError:  # the basis does not hold it: nearer by blocks, and again
-                if self.complete or number >= BY_BLOCKS:
+                motion, residual = self.solve(motion, fixed_unknown)
+            except ConvergenceError:  # the basis does not span it: enrich by a block step, retry
+                if self.complete or number >= MAX_BLOCK_STEPS:
                     raise
-                motion = self._nearer(motion, held)
+                motion = self._block_step(motion, fixed_unknown)
                 continue
             change = self.correction(motion, fresh)
             error, fresh = self.error(motion, change), False
@@ -270,7 +274,7 @@ class Projection:
         Raises
         ------
         ConvergenceError
-            Where there is none, or one of another size alone.
+            Where there is none, or its size is another.
         """
         start = replace(motion, Q=with_harmonics(motion.Q, harmonics), parameter=0.0)
         try:
@@ -280,7 +284,7 @@ class Projection:
         except ConvergenceError:
             if self.complete:
                 raise
-        # nearer on the curve, on a basis that holds it
+        # start from the motion on the curve, on a basis that spans it
         of_its_size = replace(
             self.improve(replace(start, parameter=motion.parameter), CURVE_BASIS_ERROR, SIZE_HELD)[
                 0
@@ -293,39 +297,41 @@ class Projection:
         return cycle, residual
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """A correction joins the basis, and what is missing once it is made.
+        """Add a correction to the basis, and the next one after it.
 
-        Where it is larger than the motion that would tell nothing.
+        The next is left out where the correction is larger than the motion.
         """
         self.join(motion, change)
         if self.error(motion, change) < 1.0:
             nearer = motion.changed(change)
             self.join(nearer, self.correction(nearer))
 
-    def _nearer(self, motion: PeriodicMotion, held: int) -> PeriodicMotion:
-        """A motion after a step of iteration by blocks in all coordinates; the basis holds it."""
+    def _block_step(self, motion: PeriodicMotion, fixed_unknown: int) -> PeriodicMotion:
+        """The motion after one block step in all coordinates, which the basis then spans."""
         change = self.correction(motion, True)
         self.join(motion, change)
-        return motion.changed(change if held == SIZE_HELD else replace(change, parameter=0.0))
+        return motion.changed(
+            change if fixed_unknown == SIZE_HELD else replace(change, parameter=0.0)
+        )
 
     def remember(self, motion: PeriodicMotion) -> None:
-        """A basis that begins anew will hold this motion."""
+        """Add a motion to those from which a basis is rebuilt."""
         self._recent = [*self._recent[1 - MAX_MOTIONS_KEPT :], motion]
 
-    def solve(self, motion: PeriodicMotion, held: int) -> tuple[PeriodicMotion, float]:
+    def solve(self, motion: PeriodicMotion, fixed_unknown: int) -> tuple[PeriodicMotion, float]:
         """The motion of the basis near one of all coordinates, and its residual."""
         equations = self.equations(motion.harmonics)
-        if held == DAMPING_HELD:
+        if fixed_unknown == DAMPING_HELD:
             equations.tolerance = min(equations.tolerance, CYCLE_PROJECTED_TOLERANCE)
         u = equations.pack(motion)
         equations.accepted(u)
         normal = np.zeros(len(u))
-        normal[held] = 1.0
-        u, residual, _, _ = newton(equations, u, normal, float(u[held]))
+        normal[fixed_unknown] = 1.0
+        u, residual, _, _ = newton(equations, u, normal, float(u[fixed_unknown]))
         return equations.motion(u), residual
 
     def join(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """The main directions of a correction join the vectors of their harmonics.
+        """Add the main directions of a correction to the vectors of their harmonics.
 
         Raises
         ------
@@ -350,7 +356,7 @@ class Projection:
                 self.vectors[h] = self._orthonormal([*self.vectors[h].T, *new.T])
 
     def compact(self, motion: PeriodicMotion, most: int = REBUILD_BASIS_SIZE) -> None:
-        """A basis of more than `most` vectors a harmonic begins anew, with the last motions."""
+        """Rebuild a basis of more than `most` vectors a harmonic from the last motions."""
         if self.size > most * len(self.vectors):
             self._begin_anew(
                 *(self._recent if most == REBUILD_BASIS_SIZE else self._recent[-1:]), motion
@@ -373,14 +379,14 @@ class Projection:
     def _orthonormal(self, vectors: list[np.ndarray]) -> np.ndarray:
         """Orthonormal vectors (n, r) of a span, turned so that stiffness is diagonal."""
         if not vectors:
-            return np.zeros((self.whole.n, 0))
+            return np.zeros((self.oscillator.n, 0))
         X = np.array(vectors).T
         Q, _ = la.qr(X / la.norm(X, axis=0), mode="economic")
-        _, turn = la.eigh(Q.T @ self.whole.K @ Q)
+        _, turn = la.eigh(Q.T @ self.oscillator.K @ Q)
         orthonormal: np.ndarray = Q @ turn
         return orthonormal
 
 
-def _of_one_size(one: PeriodicMotion, other: PeriodicMotion) -> bool:
+def _of_one_size(motion: PeriodicMotion, other: PeriodicMotion) -> bool:
     """Whether the first harmonics of two motions are nearly of one size."""
-    return abs(other.size / one.size - 1.0) < MAX_REL_SIZE_CHANGE
+    return abs(other.size / motion.size - 1.0) < MAX_REL_SIZE_CHANGE

@@ -18,18 +18,21 @@ def table_lines(
     head: str,
     fields: Mapping[str, FieldInfo],
     given: Mapping[str, Any] | None = None,
-    more: bool = True,
+    with_defaults: bool = True,
     comments: bool = True,
 ) -> Iterator[str]:
-    """A table that is given, with `more` of its keys as comments; one that is not, as a comment."""
+    """A table; keys that are not given are comments, left out unless `with_defaults`.
+
+    Where no table is given, all of it is a comment.
+    """
     yield head if given is not None else f"# {head}"
     for key, field in fields.items():
-        here = given is not None and key in given
-        if not here and not more:
+        is_given = given is not None and key in given
+        if not is_given and not with_defaults:
             continue
         if comments:
             yield from comment_lines(described(field))
-        yield f"{key} = {toml_value((given or {})[key])}" if here else default_line(key, field)
+        yield f"{key} = {toml_value((given or {})[key])}" if is_given else default_line(key, field)
     yield ""
 
 
@@ -37,48 +40,48 @@ def section_lines(
     name: str,
     section: BaseModel,
     given: Mapping[str, Any],
-    shown: Collection[str] | None,
+    always_shown: Collection[str] | None,
     commented: bool = False,
 ) -> Iterator[str]:
-    """A section with the keys that are given, and those at their defaults that are `shown`."""
+    """A section with the keys that are given, and those of `always_shown` at their defaults."""
     yield f"# [{name}]" if commented else f"[{name}]"
     for key, field in type(section).model_fields.items():
-        if shown is None or key in shown or key in given:
+        if always_shown is None or key in always_shown or key in given:
             yield from key_lines(key, getattr(section, key), described(field), given)
     yield ""
 
 
-def section_fields(found: FieldInfo) -> dict[str, FieldInfo]:
-    """Keys of the section that an annotation such as ``Section | None`` is of."""
-    kinds: tuple[Any, ...] = getattr(found.annotation, "__args__", ())
+def section_fields(field: FieldInfo) -> dict[str, FieldInfo]:
+    """Keys of the section in an annotation such as ``Section | None``."""
+    kinds: tuple[Any, ...] = getattr(field.annotation, "__args__", ())
     return next(k.model_fields for k in kinds if hasattr(k, "model_fields"))
 
 
 def key_lines(
     name: str, default: object, described: str, given: Mapping[str, Any]
 ) -> Iterator[str]:
-    """A key as given, else at its default as a comment, beneath what it is."""
+    """A key below its description: as given, else as a comment with its default."""
     yield from comment_lines(described)
     if name in given:
         yield f"{toml_key(name)} = {toml_value(given[name])}"
         return
     if isinstance(default, BaseModel):
         default = default.model_dump(exclude_none=True)
-    shown = "..." if default is None else toml_value(default)
-    yield f"# {toml_key(name)} = {shown}"
+    text = "..." if default is None else toml_value(default)
+    yield f"# {toml_key(name)} = {text}"
 
 
-def default_line(key: str, found: FieldInfo) -> str:
+def default_line(key: str, field: FieldInfo) -> str:
     """A key at its default, as a comment."""
-    default = found.get_default(call_default_factory=True)
-    has_default = default is not None and not found.is_required()
+    default = field.get_default(call_default_factory=True)
+    has_default = default is not None and not field.is_required()
     return f"# {key} = {toml_value(default) if has_default else '...'}"
 
 
-def described(found: FieldInfo) -> str:
-    """What a key is, and what it can be where that is one of some words."""
-    words = [word for word in get_args(found.annotation) if isinstance(word, str)]
-    return f"{found.description} ({' | '.join(words)})" if words else found.description or ""
+def described(field: FieldInfo) -> str:
+    """Description of a key, with its allowed words if it has such."""
+    words = [word for word in get_args(field.annotation) if isinstance(word, str)]
+    return f"{field.description} ({' | '.join(words)})" if words else field.description or ""
 
 
 def comment_lines(text: str) -> Iterator[str]:

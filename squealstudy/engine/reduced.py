@@ -337,4 +337,4 @@ class _SnapshotSpace:
 
     def __call__(self, modes: Mapping[str, ComponentModes]) -> ContactSpace:
         shapes = mode_shapes(self.assembly, modes)
-        return contact_space(self.assembly, self.k_c, shapes, told=self.snapshot.add)
+        return contact_space(self.assembly, self.k_c, shapes, on_responses=self.snapshot.add)

@@ -8,15 +8,11 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from squealstudy.errors import MachineError
 
-if TYPE_CHECKING:
-    pass
-
-NO_LOCKS = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP}
-NO_FLUSH = {errno.EINVAL, errno.EOPNOTSUPP, errno.ENOTSUP}
+NO_LOCK_ERRORS = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP}
+NO_FLUSH_ERRORS = {errno.EINVAL, errno.EOPNOTSUPP, errno.ENOTSUP}
 
 
 class HeldError(Exception):
@@ -25,7 +21,7 @@ class HeldError(Exception):
 
 @contextlib.contextmanager
 def lock(path: Path, wait: bool = True) -> Iterator[None]:
-    """Hold a lock file, made with its directory; the lock dies with its process.
+    """Hold a lock file, made with its directory; the lock ends with its process.
 
     Raises
     ------
@@ -45,7 +41,7 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
     except Timeout:
         raise HeldError(str(path)) from None
     except OSError as error:
-        if error.errno not in NO_LOCKS:
+        if error.errno not in NO_LOCK_ERRORS:
             raise
         raise MachineError(
             f"{path.parent}: this file system cannot lock files ({error.strerror}), and two runs "
@@ -69,7 +65,7 @@ def flush(path: Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if not (path.is_dir() and error.errno in NO_FLUSH):
+        if not (path.is_dir() and error.errno in NO_FLUSH_ERRORS):
             raise
     finally:
         os.close(descriptor)

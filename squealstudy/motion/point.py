@@ -143,7 +143,7 @@ def motion_point(
     band_hz : (low, high) or None
         Where unstable modes are followed; nowhere without one.
     tolerance : float
-        Damping ratio below minus which a mode counts as unstable.
+        A mode counts as unstable where its damping ratio is below minus this.
     settings : MotionSettings or None
         Of its run, at whose step followed modes have the roots of `step_roots`; None for none.
 

@@ -66,9 +66,10 @@ class Plane:
             set_ticks(axis, shown, table[shown.name])
 
     def draw_cells(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
-        """Cells coloured by values (n,), of several (`merged`) by the largest; hatched where none.
+        """Cells coloured by values (n,), hatched where there is none.
 
-        An image would show some of very many cells and pass over their neighbours.
+        Cells that are drawn as one (`merged`) have their largest value: an image would show one of
+        them and omit the others.
         """
         axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
         x, y, table = self.cells(values)
@@ -81,7 +82,7 @@ class Plane:
 
     @cached_property
     def merged(self) -> tuple[int, int]:
-        """How many columns and rows of a grid are drawn as one: there may be more than pixels."""
+        """Numbers of columns and of rows of a grid that are drawn as one: pixels are limited."""
         counts = (len(np.unique(v)) for v in (self.x, self.y))
         across, up = (-(-n // most) for n, most in zip(counts, MOST_CELLS, strict=True))
         return across, up
@@ -118,13 +119,13 @@ class StudyPlane(Plane):
         The measure, NaN where the point failed.
     point_ids : ndarray (n,) of str
     known, unstable : ndarray (n,) of bool
-        Points that were solved, and those at which any mode is unstable.
+        Points that were solved; points at which any mode is unstable.
     damping_ratio : ndarray (n,)
         The least of a point's oscillating modes, NaN where there is none.
     gridded : bool
         The points fill a grid.
     elsewhere : str
-        What is fixed and why there, or varies besides.
+        Text: values of fixed parameters and why these, or which others vary.
     others_vary : bool
         Points of the plane differ in other parameters too.
     """
@@ -159,10 +160,10 @@ class StudyPlane(Plane):
 
     @cached_property
     def near_changes(self) -> np.ndarray:
-        """Solved points (n,); of very many only those at the edge, or near points of another state.
+        """Solved points (n,); of very many only those at the edge or near points of another state.
 
-        Triangles between all others would have corners of one state. Near is what lies in the same
-        cell or in N_NEIGHBOUR_CELLS on each side; cells hold equal shares of each axis' values.
+        Triangles between all others would have corners of one state. Near points lie in the same
+        cell or within N_NEIGHBOUR_CELLS; cells hold equal shares of each axis' values.
         """
         is_solved, many = self.known, int(self.known.sum())
         if many <= MOST_DOTS:
@@ -209,9 +210,9 @@ def study_plane(
     fixed: Mapping[str, float] | None = None,
     measure: str = "count",
 ) -> StudyPlane:
-    """The plane of two parameters; of what `fixed` leaves open, that with most unstable modes.
+    """The plane of two parameters, at other parameters as `fixed`, or where most is unstable.
 
-    Scattered designs have no such planes: all their points are taken. Raises ResultsError.
+    Of scattered designs, which have no such planes, all points are taken. Raises ResultsError.
     """
     if measure not in MEASURES:
         raise ResultsError(
@@ -224,7 +225,7 @@ def study_plane(
     owner = np.arange(len(points))
     if results.boundary is not None:  # nodes that are not points have another one's id
         owner = pd.Index(results.points["point_id"]).get_indexer(pd.Index(points["point_id"]))
-    number, growth, damping = (values[owner] for values in _marks(results))
+    number, growth, damping = (values[owner] for values in _stability_of_points(results))
     plane, why = slice_points(points, number, along, fixed)
     counts = [plane[name].nunique() for name in along]
     gridded = min(counts) > 1 and len(plane) >= MIN_GRID_SHARE * counts[0] * counts[1]
@@ -256,7 +257,7 @@ def study_plane(
     )
 
 
-def _marks(results: Results) -> tuple[np.ndarray, ...]:
+def _stability_of_points(results: Results) -> tuple[np.ndarray, ...]:
     """Unstable modes, largest growth and least damping of oscillating modes of each point (n,).
 
     NaN where the point has no such mode.
@@ -268,9 +269,9 @@ def _marks(results: Results) -> tuple[np.ndarray, ...]:
         code = modes[ROW].to_numpy()
         unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
         growth, zeta = (modes[c].to_numpy(dtype=float) for c in ("growth_rate", "damping_ratio"))
-        judged = ~real | unstable
+        counted = ~real | unstable
         count += np.bincount(code[unstable], minlength=n)
-        np.maximum.at(extremes[0], code[judged], growth[judged])
+        np.maximum.at(extremes[0], code[counted], growth[counted])
         np.maximum.at(extremes[1], code[~real], -zeta[~real])
     fastest, least = (np.where(np.isfinite(values), values, np.nan) for values in extremes)
     return count, fastest, -least

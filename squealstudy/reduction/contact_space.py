@@ -27,10 +27,11 @@ from squealstudy.models.assembly import ContactInterface
 from squealstudy.reduction.free_motions import free_motion
 from squealstudy.reduction.projected import AnyAssembly
 
-INDEPENDENT = 1e-13  # of contact rows: what one has outside the others' span
-WIDE = 512  # right-hand sides held at once, fewer where they would have more numbers than
-MOST_HELD = 64_000_000  # these: half a gigabyte, twice
-MOST_DENSE = 16  # contact points whose maps are dense: a sparse product takes 10 us to call
+# part of a contact row outside the span of the others, over the largest: less is dependent
+INDEPENDENCE_TOLERANCE = 1e-13
+MAX_RIGHT_HAND_SIDES = 512  # of one solve
+MAX_ENTRIES_PER_SOLVE = 64_000_000  # of right-hand sides, and of solutions: half a gigabyte each
+MAX_POINTS_DENSE = 16  # contact points up to which maps are dense: a sparse product takes 10 us
 UNSUPPORTED_REL_ERROR = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
 
 
@@ -86,7 +87,7 @@ class ContactSpace:
 
     @property
     def touching(self) -> slice:
-        """The points that are contact, not springs."""
+        """The contact points that are not springs."""
         return slice(len(self.area) - len(self.spring_points))
 
     @cached_property
@@ -103,36 +104,38 @@ class ContactSpace:
 
     def opening(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Gaps N K0^-1 (N^T s - T^T t) (..., nc) [m] by forces s, t (..., nc) [N]."""
-        return self.gaps(self.moved(s, t))
+        return self.gaps(self.coordinates(s, t))
 
     @cached_property
     def _maps(self) -> tuple[Any, Any, Any]:
-        """S_N, S_N^T and S_T^T, dense where a sparse product takes longer to call than to do."""
+        """S_N, S_N^T and S_T^T, dense for up to MAX_POINTS_DENSE contact points."""
         maps = (self.S_N, self.S_N.T, self.S_T.T)
-        return tuple(m.toarray() for m in maps) if self.S_N.shape[0] <= MOST_DENSE else maps
+        return tuple(m.toarray() for m in maps) if self.S_N.shape[0] <= MAX_POINTS_DENSE else maps
 
     def gaps(self, x: np.ndarray) -> np.ndarray:
         """Changes of the gaps (..., nc) [m] by coordinates x (..., r) of S_N."""
         gap_changes: np.ndarray = (self._maps[0] @ x.T).T
         return gap_changes
 
-    def pressed(self, s: np.ndarray) -> np.ndarray:
+    def normal_components(self, s: np.ndarray) -> np.ndarray:
         """S_N^T s of forces s (..., nc) [N]."""
         products: np.ndarray = (self._maps[1] @ s.T).T
         return products
 
-    def rubbed(self, t: np.ndarray) -> np.ndarray:
+    def sliding_components(self, t: np.ndarray) -> np.ndarray:
         """S_T^T t of forces t (..., nc) [N]."""
         products: np.ndarray = (self._maps[2] @ t.T).T
         return products
 
-    def moved(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """`opening` as the coordinates (..., r) of S_N."""
-        displacement: np.ndarray = self.pressed(s) @ self.C_NN - self.rubbed(t) @ self.C_TN
+    def coordinates(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Coordinates (..., r) of S_N by forces as of `opening`."""
+        displacement: np.ndarray = (
+            self.normal_components(s) @ self.C_NN - self.sliding_components(t) @ self.C_TN
+        )
         return displacement
 
     def changed(self, dk: Mapping[int, float]) -> ContactSpace:
-        """The same with K0 + U diag(dk) U^T; it cannot be changed again.
+        """The space of K0 + U diag(dk) U^T; it has no U and cannot be changed again.
 
         Parameters
         ----------
@@ -166,11 +169,11 @@ class ContactRows:
     S_N, S_T : csr_matrix (nc, r), (nc, t)
         As in ContactSpace.
     normal : ndarray (k,) of int
-        Coordinates that Z_N is not zero at.
+        Coordinates of the columns of Z_N that are not zero.
     Z : ndarray (r, k)
-        Z_N there.
+        These columns.
     sliding : ndarray (t,) of int, or (t, n)
-        The coordinates that Z_T is, or Z_T itself.
+        Coordinates that Z_T selects, or Z_T itself.
     """
 
     S_N: sp.csr_matrix
@@ -187,7 +190,7 @@ class ContactRows:
         S_N, S_T = contact.N[:, normal[independent]], contact.T[:, sliding]
         return ContactRows(S_N, S_T, normal, Z, sliding)
 
-    def slid(self, X: np.ndarray) -> np.ndarray:
+    def sliding_rows_times(self, X: np.ndarray) -> np.ndarray:
         """Z_T X (t, ...)."""
         products: np.ndarray = X[self.sliding] if self.sliding.ndim == 1 else self.sliding @ X
         return products
@@ -198,11 +201,11 @@ def contact_space(
     k_c: float | np.ndarray,
     shapes: np.ndarray | Callable[[], np.ndarray],
     rows: ContactRows | None = None,
-    told: Callable[[np.ndarray], None] = lambda X: None,
+    on_responses: Callable[[np.ndarray], None] = lambda X: None,
 ) -> ContactSpace:
     """Factor K0 once and back-solve the contact columns once.
 
-    Of the contact's rows only as many are solved for as are independent.
+    Only independent contact rows are solved for.
 
     Parameters
     ----------
@@ -210,12 +213,12 @@ def contact_space(
     k_c : float or ndarray (nc,)
         Contact stiffness per area, Pa/m: about that of the working points to come.
     shapes : ndarray (n_dof, m)
-        U = M phi of component modes that may change; m may be 0. Or what gives them, asked last:
-        they may be found meanwhile.
+        U = M phi of component modes that may change; m may be 0. Or a function that returns them
+        and is called last, so that they can be computed meanwhile.
     rows : ContactRows or None
-        Of the assembly's coordinates, where they are known.
-    told : callable
-        Told the static responses (n_dof, k), some at a time.
+        Over the assembly's coordinates, if computed before.
+    on_responses : callable
+        Called with static responses (n_dof, k), some columns at a time.
 
     Raises
     ------
@@ -227,16 +230,16 @@ def contact_space(
     solve = _checked_factor(assembly, K0).lean()
     loads = np.column_stack([assembly.load, assembly.constant_load])
     rows = rows or ContactRows.of(c)
-    of_loads: list[np.ndarray] = []
+    load_products: list[np.ndarray] = []
 
-    def seen(X: np.ndarray) -> None:
-        told(X)
-        of_loads.append(X.T @ loads)
+    def record_responses(X: np.ndarray) -> None:
+        on_responses(X)
+        load_products.append(X.T @ loads)
 
-    C_NN, C_TN = contact_compliances(rows, solve, assembly.n_dof, seen)
+    C_NN, C_TN = contact_compliances(rows, solve, assembly.n_dof, record_responses)
     shapes = shapes() if callable(shapes) else shapes
     X_U = solve(shapes) if shapes.shape[1] else shapes
-    told(X_U)
+    on_responses(X_U)
     return ContactSpace(
         k_c=k_c,
         area=c.area,
@@ -247,9 +250,9 @@ def contact_space(
         S_T=rows.S_T,
         C_NN=C_NN,
         C_TN=C_TN,
-        C_Nf=np.vstack(of_loads),
+        C_Nf=np.vstack(load_products),
         C_NU=rows.Z @ X_U[rows.normal],
-        C_TU=rows.slid(X_U),
+        C_TU=rows.sliding_rows_times(X_U),
         C_fU=loads.T @ X_U,
         C_UU=shapes.T @ X_U,
         spring_points=c.spring_points,
@@ -261,22 +264,22 @@ def contact_compliances(
     rows: ContactRows,
     solve: Callable[[np.ndarray], np.ndarray],
     n_dof: int,
-    told: Callable[[np.ndarray], None] = lambda X: None,
+    on_responses: Callable[[np.ndarray], None] = lambda X: None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Z_N A^-1 Z_N^T (r, r) and Z_T A^-1 Z_N^T (t, r) of a symmetric A, by its solves.
 
-    `told` is told the responses A^-1 Z_N^T (n_dof, k), some columns at a time.
+    `on_responses` is called with A^-1 Z_N^T (n_dof, k), some columns at a time.
     """
     normal, Z, r = rows.normal, rows.Z, len(rows.Z)
     C_NN, C_TN = np.empty((r, r)), np.empty((len(rows.sliding), r))
-    wide = max(min(WIDE, MOST_HELD // n_dof), 1)
-    for i in range(0, r, wide):
-        part = slice(i, min(i + wide, r))
+    columns_per_solve = max(min(MAX_RIGHT_HAND_SIDES, MAX_ENTRIES_PER_SOLVE // n_dof), 1)
+    for i in range(0, r, columns_per_solve):
+        part = slice(i, min(i + columns_per_solve, r))
         forces = np.zeros((n_dof, part.stop - i))
         forces[normal] = Z[part].T
         X = solve(forces)
-        told(X)
-        C_NN[:, part], C_TN[:, part] = Z @ X[normal], rows.slid(X)
+        on_responses(X)
+        C_NN[:, part], C_TN[:, part] = Z @ X[normal], rows.sliding_rows_times(X)
     return (C_NN + C_NN.T) / 2, C_TN
 
 
@@ -301,7 +304,7 @@ def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.nd
             continue
         R, order = la.qr(dense[rows][:, among].toarray(), mode="r", pivoting=True)
         size = np.abs(np.diag(R))
-        rank = int((size > INDEPENDENT * size.max(initial=0.0)).sum())
+        rank = int((size > INDEPENDENCE_TOLERANCE * size.max(initial=0.0)).sum())
         others = la.solve_triangular(R[:rank, :rank], R[:rank, rank:])
         part = np.zeros((rank, k))
         part[np.arange(rank), among[order[:rank]]] = 1.0
@@ -312,7 +315,7 @@ def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _checked_factor(assembly: AnyAssembly, K0: sp.csr_matrix) -> RefinedFactor:
-    """The factor of K0, tried on a known load: where it is singular to round-off that is missed."""
+    """The factor of K0, checked by a random load: factorising may miss that K0 is singular."""
     try:
         factor = factorise(K0, definite=True)
     except ConvergenceError as error:

@@ -1,4 +1,4 @@
-"""Which motions of which components a singular stiffness leaves free, for the message about it."""
+"""The free motions of a singular stiffness, by components, for its error message."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ FREE_MOTION = (
     "the static stiffness is singular: some motion is free; `squealstudy inspect` of a model file "
     "names it"
 )
-FREE = 1e-12  # eigenvalue of the stiffness scaled to a diagonal of 1
-MAX_DENSE_FREEDOMS = 500  # freedoms up to which all eigenvalues are asked for
-MAX_FREE_MOTIONS = 12  # free motions looked for: two components
-SHIFT = 1e-9  # at which the scaled stiffness is factored
-TAKES_PART = 0.1  # of the largest share of a free motion
-RIGID = 0.99  # of a component's share: it moves as a rigid body
+MAX_FREE_EIGENVALUE = 1e-12  # of a free motion, of the stiffness scaled to a diagonal of 1
+MAX_DENSE_FREEDOMS = 500  # degrees of freedom up to which all eigenvalues are computed
+MAX_FREE_MOTIONS = 12  # free motions that are searched for: those of two components
+FACTOR_SHIFT = 1e-9  # of the scaled stiffness, which is singular without
+MIN_MOTION_SHARE = 0.1  # of the largest share in a free motion, from which one is named
+MIN_RIGID_SHARE = 0.99  # of a component's squared motion, from which it moves as a rigid body
 
 
 def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:
@@ -50,16 +50,16 @@ def _free_motions_text(assembly: Assembly, K: sp.csr_matrix) -> str:
         if n <= MAX_DENSE_FREEDOMS:
             values, vectors = la.eigh(S.toarray())
         else:
-            values, vectors = eigsh(S, k=MAX_FREE_MOTIONS, sigma=-SHIFT, v0=np.ones(n))
+            values, vectors = eigsh(S, k=MAX_FREE_MOTIONS, sigma=-FACTOR_SHIFT, v0=np.ones(n))
     except (ArpackError, RuntimeError):
         return ""
-    free = scale[:, None] * vectors[:, values < FREE]
+    free = scale[:, None] * vectors[:, values < MAX_FREE_EIGENVALUE]
     if not free.shape[1]:
         return ""
-    some = f"{plural(free.shape[1], 'motion')} {'is' if free.shape[1] == 1 else 'are'} free"
+    count_text = f"{plural(free.shape[1], 'motion')} {'is' if free.shape[1] == 1 else 'are'} free"
     if n > MAX_DENSE_FREEDOMS and free.shape[1] == MAX_FREE_MOTIONS:
-        some = f"{MAX_FREE_MOTIONS} motions or more are free"
-    return f"{some}, of {listed(_moving(assembly, free))}"
+        count_text = f"{MAX_FREE_MOTIONS} motions or more are free"
+    return f"{count_text}, of {listed(_moving(assembly, free))}"
 
 
 def _moving(assembly: Assembly, free: np.ndarray) -> list[str]:
@@ -71,18 +71,18 @@ def _moving(assembly: Assembly, free: np.ndarray) -> list[str]:
     for component in assembly.components:
         component_motion = free[spans[component.name]]
         u = component.at_nodes(component_motion) if len(component.coordinates) else component_motion
-        whole = float(np.sum(u**2))
+        squared_motion = float(np.sum(u**2))
         if not len(component.coordinates):
-            shares[component.name] = whole**0.5
+            shares[component.name] = squared_motion**0.5
             continue
         R = rigid_shapes(component.coordinates)
         size = np.linalg.norm(R, axis=0)
         R = R / np.where(size > 0, size, 1.0)  # turns of nodes in one place are none
         amounts = la.lstsq(R, u)[0]
-        if np.sum((R @ amounts) ** 2) < RIGID * whole:
-            shares[f"{component.name} in itself"] = whole**0.5
+        if np.sum((R @ amounts) ** 2) < MIN_RIGID_SHARE * squared_motion:
+            shares[f"{component.name} in itself"] = squared_motion**0.5
             continue
         for motion, row in zip(MOTIONS, amounts, strict=True):
             shares[f"{component.name} {motion}"] = float(np.linalg.norm(row))
     largest = max(shares.values())
-    return [name for name, share in shares.items() if share > TAKES_PART * largest]
+    return [name for name, share in shares.items() if share > MIN_MOTION_SHARE * largest]

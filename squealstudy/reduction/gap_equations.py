@@ -54,9 +54,12 @@ class GapEquations:
     def _movement(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """N K^-1 (N^T s - T^T t + loads) (b, nc) of the changed structures."""
         space, j = self.space, self._columns
-        displacement = space.moved(s, t) + self._load @ space.C_Nf.T
+        displacement = space.coordinates(s, t) + self._load @ space.C_Nf.T
         if j:
-            shape_forces = space.pressed(s) @ space.C_NU[:, j] - space.rubbed(t) @ space.C_TU[:, j]
+            shape_forces = (
+                space.normal_components(s) @ space.C_NU[:, j]
+                - space.sliding_components(t) @ space.C_TU[:, j]
+            )
             shape_forces += self._load @ space.C_fU[:, j]
             pairs = zip(self._cores, shape_forces, strict=True)
             change_forces = np.array([core @ force for core, force in pairs])
@@ -111,7 +114,7 @@ class GapJacobian:
         self._sliding = space.area * drag_slope * kappa
         normal, sliding = space.by_point
         forces = self._normal[:, None] * normal - self._sliding[:, None] * sliding
-        core = space.pressed(forces.T).T  # of the transposed matrix
+        core = space.normal_components(forces.T).T  # of the transposed matrix
         core[np.diag_indices_from(core)] += 1.0
         factorise, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (core,))
         self._lu, self._pivots, lapack_status = factorise(core.T, overwrite_a=True)
@@ -120,6 +123,6 @@ class GapJacobian:
 
     def solve(self, F: np.ndarray) -> np.ndarray:
         """(dF/dg)^-1 F of imbalances F (nc,) or (b, nc)."""
-        displacement = self._space.moved(self._normal * F, self._sliding * F)
+        displacement = self._space.coordinates(self._normal * F, self._sliding * F)
         x, _ = self._solve(self._lu, self._pivots, displacement.T)
         return F - self._space.gaps(x.T)

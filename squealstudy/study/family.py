@@ -34,8 +34,8 @@ from squealstudy.study.toml_text import KeyPath
 from squealstudy.wording import did_you_mean
 
 DATA_VARIABLE = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
-ACTING = ("contact", "spring", "damper", "load")  # tables of a model file with [[term]]
-BESIDE_CONTACT = (
+CONTACT_TABLES = ("contact", "spring", "damper", "load")  # only of a model file with [[term]]
+CONTACT_ADVICE = (
     'matrices with [[contact]] are a model of a file with [[term]], named by [model] file = "..."'
 )
 # columns of the tables beside the parameters
@@ -83,12 +83,12 @@ def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefiniti
         raise source.error(
             ("study", "kind"),
             f"a model '{NAME}' has neither contact nor components: expected 'complex_modes', "
-            f"got '{kind.name}'; {BESIDE_CONTACT}",
+            f"got '{kind.name}'; {CONTACT_ADVICE}",
         )
     for name in section.options:
         hint = did_you_mean(name, ("term", "folder")) or "; its options are term, folder"
-        if name in ACTING:
-            hint = f": {BESIDE_CONTACT}"
+        if name in CONTACT_TABLES:
+            hint = f": {CONTACT_ADVICE}"
         raise source.error(("model", name), f"unknown key of model '{NAME}'{hint}")
     _check_letters(section, source)
     expressions = [_expression(term, i, source) for i, term in enumerate(section.term)]

@@ -41,7 +41,7 @@ def check_laws(
         nominal, numbered = design.operating_point(), list(enumerate(sweeps))
     except ModelError as error:  # values of a law that do not fit each other
         raise error_at(("parameters",), str(error)) from None
-    for option, law, tried in (
+    for option, law, try_law in (
         (CONTACT_OPTION.name, nominal.law, _try_contact),
         (FRICTION_OPTION.name, nominal.curve, _try_friction),
     ):
@@ -52,15 +52,13 @@ def check_laws(
             places += [(("sweep", number), {sweep.name: end}) for end in (sweep.low, sweep.high)]
         for keys, changes in places:
             try:
-                tried(design.with_values({**design.values, **changes}).operating_point())
+                try_law(design.with_values({**design.values, **changes}).operating_point())
             except ModelError as error:
-                where = "".join(
-                    f", with {name} = {tried_value:g}" for name, tried_value in changes.items()
-                )
+                where = "".join(f", with {name} = {end:g}" for name, end in changes.items())
                 raise error_at(keys, f"{error}{where}") from None
 
 
-# What cannot be computed at these pressures is left to the working points, which may have others.
+# A law that cannot be computed at a test pressure is not refused: working points may have others.
 def _try_contact(operating: OperatingPoint) -> None:
     law = operating.law
     for p in TEST_PRESSURES:

@@ -43,15 +43,15 @@ def design_points(study: ResolvedStudy) -> np.ndarray:
         Where a distribution gives a value that its parameter cannot take.
     """
     kind = study.definition.design.type
-    count, before = count_points(study), 1
+    count, repeats = count_points(study), 1
     if kind not in (*GRIDS, "zip"):
         return _random_points(study)
     points = np.empty((count, len(study.sweeps)), order="F")
     for k, sweep in enumerate(study.sweeps):
         values = np.array(sweep.values)
         if kind in GRIDS:
-            values = np.tile(np.repeat(values, before), count // (before * len(values)))
-            before *= len(sweep.values)
+            values = np.tile(np.repeat(values, repeats), count // (repeats * len(values)))
+            repeats *= len(sweep.values)
         points[:, k] = values
     return points
 
@@ -102,9 +102,10 @@ def _sampled(study: ResolvedStudy, number: int, u: np.ndarray) -> np.ndarray:
 
 
 def distinct_rows(columns: Sequence[np.ndarray], count: int) -> np.ndarray:
-    """Number (count,) int32 of the row of values that each point has, by first appearance.
+    """Number (count,) int32 of each point's row of values; equal rows have one number.
 
-    `columns` are arrays (count,); without any all rows are the same.
+    Rows are numbered by first appearance. `columns` are arrays (count,); without any all rows are
+    equal.
     """
     index = np.zeros(count, dtype=np.int64)
     for column in columns:

@@ -103,9 +103,9 @@ def rank_modes(
         ones, in a range of frequency without a gap of more than GROUP_REL_GAP, whose ends the row
         has; frequency, growth, damping and energies are those of its fastest one.
         `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
-        points that failed do not count. At `unstable_points_low` it is so whatever its error, at
-        `unstable_points_high` it may be.
-        Tracks of one `family`, its least number, are one mode whose number changes (`families`).
+        points that failed do not count. `unstable_points_low` counts points that are unstable
+        whatever the error, `unstable_points_high` those that may be.
+        Tracks of one `family`, named by its least track number, are one mode (`families`).
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
@@ -161,7 +161,7 @@ def rank_modes(
 def parameter_columns(points: pd.DataFrame, varied: bool = False) -> list[str]:
     """Parameters of a points table; with `varied` those of more than one value.
 
-    They are the columns between HEAD and the first result: columns added at the end are none.
+    They are the columns between HEAD and the first result.
     """
     columns = [str(c) for c in points.columns]
     end = min((columns.index(c) for c in FIRST_RESULT if c in columns), default=len(columns))
@@ -192,11 +192,13 @@ def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
     track = modes["track"].to_numpy()
     unstable, overdamped = (modes[n].to_numpy(bool) for n in ("unstable", "overdamped"))
     group = np.where(overdamped, OVERDAMPED_GROUP, track)
-    loose = np.flatnonzero(unstable & ~overdamped & (track <= 0))
-    hz = modes["frequency_hz"].to_numpy(float)[loose]
+    untracked_rows = np.flatnonzero(unstable & ~overdamped & (track <= 0))
+    hz = modes["frequency_hz"].to_numpy(float)[untracked_rows]
     order = np.argsort(hz, kind="stable")
     apart = np.diff(hz[order]) > GROUP_REL_GAP * hz[order][:-1]
-    group[loose[order]] = FIRST_UNTRACKED_GROUP - np.cumsum(np.append(False, apart)[: len(order)])
+    group[untracked_rows[order]] = FIRST_UNTRACKED_GROUP - np.cumsum(
+        np.append(False, apart)[: len(order)]
+    )
     return np.where(unstable, group, 0)
 
 
@@ -341,21 +343,26 @@ def _thresholds(
     at_break = begun[np.array([key in refined for key in keys], dtype=bool)]
     crossings["value"] = crossings["value"].mask(crossings["kind"] == BELOW_RANGE, -np.inf)
     unsure = crossings["track"].isin(crossings["track"].to_numpy()[at_break])
-    unsure &= crossings["kind"] != BELOW_RANGE  # the least of all lines is a bound then
+    unsure &= crossings["kind"] != BELOW_RANGE  # the least over all lines is an upper bound
     crossings["kind"] = crossings["kind"].mask(unsure, BROKEN)
     crossings = (
         crossings.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
     )
-    # an unstable mode took the number on another line before: no crossing is the least of all
-    taken = pd.Series(x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy())
-    earlier = taken.groupby(level=0).min().reindex(crossings.index) <= crossings["value"]
+    # where an unstable mode takes the number at a smaller x, no crossing is the threshold
+    renumbered_at = pd.Series(
+        x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy()
+    )
+    earlier = renumbered_at.groupby(level=0).min().reindex(crossings.index) <= crossings["value"]
     crossings.loc[earlier, ["value", "kind"]] = np.nan, ""
     return crossings
 
 
-def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
-    """Where each point's line begins among the points held, failed ones too; NaN for one value."""
-    by_line = x.where(held).groupby(line)
+def _starts(x: pd.Series, line: np.ndarray, selected: np.ndarray) -> np.ndarray:
+    """Least x of the selected points on each point's line; NaN where it has a single value.
+
+    Failed points count too.
+    """
+    by_line = x.where(selected).groupby(line)
     start = by_line.transform("min").where(by_line.transform("nunique") > 1)
     return start.to_numpy(dtype=float)
 
@@ -363,7 +370,7 @@ def _starts(x: pd.Series, line: np.ndarray, held: np.ndarray) -> np.ndarray:
 def _refined_onsets(
     points: pd.DataFrame, onsets: pd.DataFrame | None
 ) -> dict[tuple[int, int, int], float]:
-    """Refined onsets by track and the rows in `points` of both ends; NaN where one is none.
+    """Refined onsets by track and the rows in `points` of both ends; NaN where the mode has none.
 
     The row before is -1 where the track begins beside one that ends.
     """

@@ -363,7 +363,7 @@ def _cycle_at(
     contact: ContactOscillator, motion: PeriodicMotion, asked: CyclesRequest
 ) -> Cycle | None:
     """The cycle of a design near one that was continued to it; None where it is not confirmed."""
-    projection = Projection.about(contact.oscillator, motion)
+    projection = Projection.on_harmonics_of(contact.oscillator, motion)
     try:
         return cycle_near(contact, projection, motion, asked.search(contact))
     except FAILURES:

@@ -38,7 +38,7 @@ class CyclesRequest:
     component_modes : tuple of (component, mode)
     band_hz : (low, high)
     tolerance : float
-        Damping ratio below minus which a mode is unstable.
+        A mode is unstable where its damping ratio is below minus this.
     """
 
     section: LimitCyclesSection

@@ -102,7 +102,7 @@ class BatchTask:
     band_hz : (low, high)
         Where growing modes are followed.
     tolerance : float
-        Damping ratio below minus which a mode is unstable.
+        A mode is unstable where its damping ratio is below minus this.
     start : StartState or None
     schedules : Schedules or None
     cutoff_hz : float

@@ -26,15 +26,13 @@ from squealstudy.motion.integrator import (
 from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 
-# enrichment shapes of small singular values are local contact shapes: in time they are modes far
-# above the band, some of them unstable (studies/benchmarks/hybrid.py --flat)
-MOST_STEPS = 1e9
-PILOT_POINTS = 8  # of a meshed model: one run more is then a small part of the study
+MOST_STEPS = 1e9  # of a run
+PILOT_POINTS = 8  # design points of a meshed model from which one run more costs little
 AUTO = "auto"
 WORKING_POINT = "working_point"  # where a run starts by default
 STUCK = "stuck"  # at rest relative to what slides there
 CYCLE = "cycle:"  # begins a start on a limit cycle
-WINDOWS = 20  # of a run whose speed or pressure changes
+WINDOWS = 20  # parts of a run whose speed or pressure changes
 
 
 def _modes(values: tuple[int | float, ...]) -> tuple[int | float, ...]:
@@ -96,7 +94,7 @@ class ScheduleTable(Section):
     )
 
     @model_validator(mode="after")
-    def _one(self) -> Self:
+    def _points_or_file(self) -> Self:
         if (self.file is None) == ("points" not in self.model_fields_set):
             raise ValueError("expected points = [[time, value], ..] or file = '...'")
         return self
@@ -282,7 +280,7 @@ class TransientSection(Section):
         return self
 
     def _refuse_settled_levels(self) -> None:
-        """ValueError for what a run whose speed or pressure changes does not have."""
+        """ValueError for settings that need levels that settle, where speed or pressure change."""
         if not self.changes:
             if self.windows is not None:
                 raise ValueError("windows are of a run whose sliding_speed or pressure changes")
@@ -298,7 +296,7 @@ class TransientSection(Section):
             raise ValueError(f"{name} changes over time: slope_pilot compares levels that settle")
 
     def _refuse_modal_settings(self) -> None:
-        """ValueError for what the hybrid kernel does not have."""
+        """ValueError for settings that the hybrid kernel does not have."""
         if self.modes_below is not None:
             raise ValueError("modes_below truncates the modal representation, not the hybrid one")
         if self.stop == "settled":
@@ -316,7 +314,7 @@ class TransientSection(Section):
 
     @property
     def integrator(self) -> KernelIntegrator:
-        """What runs, ``auto`` resolved, with the options that are given here."""
+        """The integrator of `method`, ``auto`` resolved, with the options that are given here."""
         plain = self.prewarp or self.representation == "hybrid"
         name = self.method if self.method != AUTO else "newmark" if plain else "exponential"
         options: dict[str, Any] = {
@@ -338,7 +336,7 @@ class TransientSection(Section):
 
     @property
     def training(self) -> TransientSection:
-        """The same for the training run, however the study itself integrates."""
+        """Settings of the training run: by default method, steady and without other changes."""
         step = self.step if self.pod_step is None else self.pod_step
         changes = {"duration": self.pod_duration, "step": step, "method": AUTO}
         plain = {"prewarp": False, "tolerance": None, "contact_factor": 1.0, "storage": "double"}
@@ -357,7 +355,7 @@ class TransientSection(Section):
 
     @property
     def continued(self) -> bool:
-        """Whether a run begins with the final state of another, or on a cycle."""
+        """Whether a run starts with the final state of another run, or on a cycle."""
         return self.start not in (WORKING_POINT, STUCK)
 
     @property

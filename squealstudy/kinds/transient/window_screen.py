@@ -1,4 +1,4 @@
-"""What is shown of runs whose speed or pressure changes: what each part of them does."""
+"""The screen of runs whose speed or pressure changes: a line for each window."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from squealstudy.wording import figure, motion_frequency
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-SLOW_RUN_S = 10.0  # from which on its times are in seconds
-MOST_WINDOWS = 24  # windows listed; all of them are in the table
+MIN_SLOW_RUN_S = 10.0  # times of longer runs are shown in seconds, of others in milliseconds
+MAX_LISTED_WINDOWS = 24
 
 
 def windows(results: ResultTables, unit: str) -> list[RenderableType]:
-    """What runs whose speed or pressure changes do: of one all windows, else each one's loudest."""
+    """Windows of a single run, or the loudest window of each of several runs."""
     table, all_points = results.table("windows"), results.points["point_id"].tolist()
     several = len(set(table["point_id"])) > 1
     if several:
         rms = table["torque_rms"].fillna(-1.0)
         table = table.loc[rms.groupby(table["point_id"], sort=False).idxmax()]
-    what = "torque" if unit == "N m" else "force"
-    slow = bool(table["time_stop"].max() >= SLOW_RUN_S)
-    pressed = bool(table["pressure_start"].notna().any())
+    quantity = "torque" if unit == "N m" else "force"
+    slow = bool(table["time_stop"].max() >= MIN_SLOW_RUN_S)
+    has_pressure = bool(table["pressure_start"].notna().any())
 
     def cells(row: dict[Hashable, Any]) -> list[str]:
-        place = [str(all_points.index(row["point_id"]))] if several else []
+        point_cell = [str(all_points.index(row["point_id"]))] if several else []
         ends = [_span(row, "time", 1.0 if slow else 1e3), _span(row, "sliding_speed", 1.0)]
-        ends += [_span(row, "pressure", 1e-5)] if pressed else []
+        ends += [_span(row, "pressure", 1e-5)] if has_pressure else []
         return [
-            *place,
+            *point_cell,
             *ends,
             str(row["class"]).replace("_", " "),
             figure(row["torque_mean"]),
@@ -42,11 +42,11 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
             figure(100 * row["stick_share"], ".0f"),
         ]
 
-    listed = table.head(MOST_WINDOWS)
-    shown = grid(
+    listed = table.head(MAX_LISTED_WINDOWS)
+    window_grid = grid(
         *(["point"] if several else []),
-        *(f"value:{'s' if slow else 'ms'}", "value:m/s", *(["value:bar"] if pressed else [])),
-        *("word:class", f"value:{what} {unit}", "value:RMS", "value:Hz", "value:stick %"),
+        *(f"value:{'s' if slow else 'ms'}", "value:m/s", *(["value:bar"] if has_pressure else [])),
+        *("word:class", f"value:{quantity} {unit}", "value:RMS", "value:Hz", "value:stick %"),
         rows=(cells(row) for row in listed.to_dict("records")),
     )
     more = len(table) - len(listed)
@@ -55,12 +55,12 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
         "speed or pressure change: the loudest window of each run, all in the table windows"
         if several
         else "speed or pressure change: what each part of the run does",
-        f"RMS: of the {what} about a straight line; Hz: of the motion (x2: loudest at twice that; "
-        "~: loudest line of a motion that does not repeat)",
+        f"RMS: of the {quantity} about a straight line; Hz: of the motion (x2: loudest at twice "
+        "that; ~: loudest line of a motion that does not repeat)",
         "quiet: RMS below 1 % of steady sliding's; stick slip: contact begins to stick twice or "
         "more",
     )
-    return [shown, legend]
+    return [window_grid, legend]
 
 
 def in_words(results: ResultTables, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""Points of solids: surfaces by facet quadrature, as a facing solid sees them, and whole bodies."""
+"""Points of solids: quadrature points of surfaces, those of a facing solid, points of bodies."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ class Surface:
 
 
 FACE_OFFSET_M = 1e-8  # m, from the face into the facing solid
-NEWTON_STEPS = 20
-SAME_COORDINATE_RATIO = 1e-10  # of the largest coordinate
-# facet centre in (r, theta, z) -> keep it
+MAX_NEWTON_STEPS = 20
+SAME_COORDINATE_RATIO = 1e-10  # distance over the largest coordinate at which the iteration ends
+# from r, theta, z of facet centres to whether each facet is kept
 FacetFilter = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -93,10 +93,10 @@ def kept_facets(solid: Solid, keep: FacetFilter) -> np.ndarray:
 
 
 def facing_surface(solid: Solid, surface: Surface) -> Surface:
-    """The points of `surface` as seen by the facing `solid`: its own shape functions there.
+    """The points of `surface` on the facing `solid`, with its shape functions.
 
-    Points must lie on `solid`; the normals are reversed. Raises ModelError where they do not.
-    The cells are looked up a hair inside `solid`: on the face itself it is round-off that decides.
+    The normals are reversed. Cells are looked up FACE_OFFSET_M inside `solid`: on the face itself
+    round-off would decide. Raises ModelError where a point does not lie on `solid`.
     """
     S = shape_functions(solid, surface.points, surface.points + FACE_OFFSET_M * surface.normal)
     return Surface(surface.points, surface.area, -surface.normal, S)
@@ -107,8 +107,8 @@ def shape_functions(
 ) -> sp.csr_matrix:
     """Values at points (n, 3) [m] of a solid from values at its nodes: (n, n_nodes).
 
-    `inside`, by default the points themselves, are the places by which their cells are looked up.
-    Raises ModelError where one of them lies outside.
+    Cells are looked up at `inside`, by default the points themselves. Raises ModelError where one
+    of these lies outside.
     """
     basis = solid.basis
     cells = solid.grid.cells_at(points if inside is None else inside)
@@ -131,27 +131,29 @@ def _values(basis: CellBasis, local: np.ndarray, cells: np.ndarray) -> sp.csr_ma
 def _local_coordinates(basis: CellBasis, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Reference coordinates (3, n, q) of points (3, n, q) [m] in cells (n,), by Newton.
 
-    The mapping's own inverse stops by one absolute norm of all points together, which thin cells
-    do not reach, and evaluates its shape functions for each entry of a Jacobian. A cell follows the
-    cylinder to 1e-5 of its radius: a point may be found that far outside. Raises ModelError where
-    the iteration does not converge.
+    The inverse of skfem's mapping ends by an absolute norm of all points together, which thin cells
+    do not reach, and evaluates shape functions for each entry of a Jacobian. Cells follow a
+    cylinder to 1e-5 of its radius: points may lie that far outside. Raises ModelError where the
+    iteration does not converge.
     """
     mesh, element = basis.mesh, basis.mapping.elem
     nodes = mesh.doflocs[:, mesh.dofs.element_dofs[:, cells]]
     X = np.full(points.shape, 0.5)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(MAX_NEWTON_STEPS):
         phi, slopes = zip(*(element.lbasis(X, k) for k in range(nodes.shape[1])), strict=True)
-        off = points - np.einsum("ikn,knq->inq", nodes, np.stack(phi))
+        distance = points - np.einsum("ikn,knq->inq", nodes, np.stack(phi))
         J = np.einsum("ikn,kjnq->nqij", nodes, np.stack(slopes))
-        X = X + np.linalg.solve(J, off.transpose(1, 2, 0)[..., None])[..., 0].transpose(2, 0, 1)
+        X = X + np.linalg.solve(J, distance.transpose(1, 2, 0)[..., None])[..., 0].transpose(
+            2, 0, 1
+        )
         if (
-            np.abs(off).max() <= SAME_COORDINATE_RATIO * np.abs(points).max()
+            np.abs(distance).max() <= SAME_COORDINATE_RATIO * np.abs(points).max()
         ):  # squared by this last step
             return X
     raise ModelError("points of a surface are not found in the cells of the facing solid")
 
 
-RING_POINTS = 40  # points of a closed ring in theta: more than two for each wave up to 19 of them
+RING_POINTS = 40  # points of a closed ring in theta: more than two a wave for up to 19 waves
 BLOCK_POINTS = (2, 8, 2)  # points of any other block in r, theta, z
 FULL_CIRCLE_RAD = 2 * np.pi * (1 - 1e-9)
 
@@ -161,7 +163,7 @@ def corresponding_rows(solid: Solid) -> sp.csr_matrix:
 
     Every block of the grid has a fixed number of points at fixed shares of its extent in r, theta
     and z, so that row i of two variants of one solid (other measures, another mesh) is the motion
-    of the same material point. Rows carry the square root of the mass for which they stand.
+    of the same material point. Rows are weighted by the square root of the mass at each point.
 
     Returns
     -------

@@ -15,7 +15,7 @@ from squealstudy.models.lumped.tables import AXES, TRANSLATIONS, TURNS
 from squealstudy.models.matrices.expression import Expression, ExpressionError
 
 Values = Mapping[str, Any]  # of the parameters: numbers, or arrays (m,)
-LEAST_DIRECTION = 1e-12  # length of components below which they tell no direction
+LEAST_DIRECTION = 1e-12  # length of components up to which they are no direction
 
 
 @lru_cache(maxsize=1024)
@@ -45,7 +45,7 @@ def value_of(number: Number, values: Values, keys: KeyPath) -> np.ndarray:
 
 
 def _got(number: Number, number_values: np.ndarray, i: int, values: Values) -> str:
-    """One of the values of a number, and of what parameters it is."""
+    """Value i of a number, with its expression and the parameters in it, as text."""
     text = f"{np.atleast_1d(number_values)[i]:g}"
     if names := names_in(number):
         at = (np.broadcast_to(values[n], number_values.shape).flat[i] for n in names)

@@ -17,8 +17,8 @@ from squealstudy.models.matrices.labelled import SLOTS_PER_NODE, LabelledMatrix,
 from squealstudy.models.matrix_checks import check_size
 
 NEEDED = {"M": "mass", "K": "stiffness"}  # without a term of them there is no model
-MOST_ROWS = 500  # matrices are full: a point of 400 takes a second
-SKEW_SHARE = 1e-9  # of the largest entry, by which the two triangles may differ
+MAX_ROWS = 500  # matrices are full: a point of 400 takes a second
+MAX_ASYMMETRY = 1e-9  # of the largest entry, by which the two triangles may differ
 
 
 class TermMatrices(NamedTuple):
@@ -44,17 +44,19 @@ def read_terms(file: MatrixFile, folder: Path) -> TermMatrices:
         No term of M or of K; a file that cannot be used; sizes that differ; too many coordinates;
         a matrix that is not symmetric, or G that is not the opposite of its transpose.
     """
-    for letter, what in NEEDED.items():
+    for letter, quantity in NEEDED.items():
         if all(term.matrix != letter for term in file.term):
-            text = f'expected a [[term]] with matrix = "{letter}", the {what}: there is none'
+            text = f'expected a [[term]] with matrix = "{letter}", the {quantity}: there is none'
             raise PlacedError(("term",), text)
-    written = [_read(file, i, folder) for i in range(len(file.term))]
-    labelled = [matrix for matrix in written if isinstance(matrix, LabelledMatrix)]
-    placed = iter(together(labelled) if labelled else [])
-    matrices = [next(placed) if isinstance(m, LabelledMatrix) else m for m in written]
+    file_matrices = [_read(file, i, folder) for i in range(len(file.term))]
+    labelled = [matrix for matrix in file_matrices if isinstance(matrix, LabelledMatrix)]
+    placed_matrices = iter(together(labelled) if labelled else [])
+    matrices = [
+        next(placed_matrices) if isinstance(m, LabelledMatrix) else m for m in file_matrices
+    ]
     n = matrices[0].shape[0]
-    if n > MOST_ROWS:
-        text = f"it has {n} coordinates, expected at most {MOST_ROWS}: reduce it, or give "
+    if n > MAX_ROWS:
+        text = f"it has {n} coordinates, expected at most {MAX_ROWS}: reduce it, or give "
         raise PlacedError(("term", 0, "file"), text + "matrices of parts, which are reduced here")
     for i, matrix in enumerate(matrices):
         if matrix.shape[0] != n:
@@ -83,7 +85,7 @@ def _checked(file: MatrixFile, i: int, matrix: sp.csr_matrix) -> np.ndarray:
     full: np.ndarray = matrix.toarray()
     letter = file.term[i].matrix
     mirrored = -full.T if letter == "G" else full.T
-    if np.abs(full - mirrored).max() > SKEW_SHARE * np.abs(full).max():
+    if np.abs(full - mirrored).max() > MAX_ASYMMETRY * np.abs(full).max():
         text = {
             "K": "K is not symmetric: expected the stiffness without friction, which [[contact]] "
             "adds",

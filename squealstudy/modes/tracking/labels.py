@@ -19,10 +19,12 @@ from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.steps import Pairings, Shapes, Stepper
 from squealstudy.modes.tracking.tree import tree_of_modes
 
-STRAIGHT = 0.999  # cosine above which two steps lie on one line
-EXTRAPOLATED = 0.5  # share of the last change that is expected to go on: all of it overshoots where
+MIN_STRAIGHT_COSINE = 0.999  # cosine above which two steps lie on one line
+EXTRAPOLATED_SHARE = (
+    0.5  # share of the last change that is expected to go on: all of it overshoots where
+)
 # frequencies come together and lock in, none of it lags where they cross
-LONGEST_STEP = 3.0  # extrapolated at most, in steps of the parent
+MAX_STEP_RATIO = 3.0  # extrapolated at most, in steps of the parent
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Tracks:
     labels : Ragged of int
         Track numbers from 1, by frequency at the root; modes that turn up later are numbered on.
     macs : Ragged
-        MAC with the same track's mode in the parent point, NaN where the track begins.
+        MAC with the track's mode at the parent point, NaN where the track begins.
     ambiguous : Ragged of bool
         The pairing with the parent point is in doubt; or the track ends here, or begins, and may
         go on under another number at the next point, or come from one (`broken`).
@@ -67,7 +69,7 @@ class TrackTree:
     parents : ndarray (n,) of int
         Among the points that have modes.
     step : ndarray (n,)
-        Share of the last change of the roots that is expected to go on to each point.
+        Share of the last change of the roots that is expected to continue to each point.
 
     Raises
     ------
@@ -92,7 +94,7 @@ class TrackTree:
             self.step = _steps(x, self.parents)
 
     def stepper(self, shapes: Shapes) -> Stepper:
-        """What pairs the points with their parents."""
+        """The object that pairs modes of points with those of their parents."""
         return Stepper(self.parents, self.step, self.lams, shapes, self.band)
 
     def label(self, pairings: Pairings) -> Tracks:
@@ -101,20 +103,20 @@ class TrackTree:
         number = np.arange(len(point))
         parent = self.parents[point]
         inherits = (pairings.source >= 0) & (parent >= 0)
-        mode, above = number[inherits], parent[inherits]
-        there = pairings.partner.starts[point[mode]] + pairings.source[mode]
+        mode, parent_point = number[inherits], parent[inherits]
+        source_entry = pairings.partner.starts[point[mode]] + pairings.source[mode]
         macs = np.full(len(point), np.nan)
-        macs[mode] = pairings.mac.flat[there]
+        macs[mode] = pairings.mac.flat[source_entry]
         ambiguous = lams.with_flat(np.zeros(len(point), dtype=bool))
-        ambiguous.flat[mode] = pairings.ambiguous.flat[there]
+        ambiguous.flat[mode] = pairings.ambiguous.flat[source_entry]
         for i in self._breaks(pairings).tolist():
             p = int(self.parents[i])
-            lost = pairings.trust[i] <= 1.0  # others ended in sight of smaller steps
-            ended, began = broken(lams[p], lams[i], pairings.partner[i], self.band, lost)
+            is_lost = pairings.trust[i] <= 1.0  # others ended in sight of smaller steps
+            ended, began = broken(lams[p], lams[i], pairings.partner[i], self.band, is_lost)
             ambiguous[p][ended] = True
             ambiguous[i][began] = True
         origin = number.copy()  # the mode itself, or the mode of the parent that it continues
-        origin[mode] = lams.starts[above] + pairings.source[mode]
+        origin[mode] = lams.starts[parent_point] + pairings.source[mode]
         labels = self._numbers(_roots(origin))
         return Tracks(lams.with_flat(labels), lams.with_flat(macs), ambiguous)
 
@@ -142,7 +144,7 @@ class TrackTree:
 
 
 def _roots(origin: np.ndarray) -> np.ndarray:
-    """Where chains end, each entry pointing to one nearer to the end, or to itself there."""
+    """Last entry of each entry's chain: an entry holds the index of the next, the last its own."""
     while not np.array_equal(further := origin[origin], origin):
         origin = further
     return origin
@@ -155,20 +157,22 @@ def _normalised(x: np.ndarray) -> np.ndarray:
 
 
 def _steps(x: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """How much of the last change is expected to go on to each point; none off a line (n,)."""
+    """Share of the last change that is expected to continue to each point (n,); 0 off a line."""
     with_grandparent = np.flatnonzero(parents >= 0)
     with_grandparent = with_grandparent[parents[parents[with_grandparent]] >= 0]
     p, g = parents[with_grandparent], parents[parents[with_grandparent]]
     u, v = x[p] - x[g], x[with_grandparent] - x[p]
     size_u, size_v = np.linalg.norm(u, axis=1), np.linalg.norm(v, axis=1)
-    straight = np.einsum("ij,ij->i", u, v) > STRAIGHT * size_u * size_v
+    straight = np.einsum("ij,ij->i", u, v) > MIN_STRAIGHT_COSINE * size_u * size_v
     ratio = size_v / np.where(size_u > 0, size_u, 1.0)
     step = np.zeros(len(parents))
-    step[with_grandparent] = np.where(straight, EXTRAPOLATED * np.minimum(ratio, LONGEST_STEP), 0.0)
+    step[with_grandparent] = np.where(
+        straight, EXTRAPOLATED_SHARE * np.minimum(ratio, MAX_STEP_RATIO), 0.0
+    )
     return step
 
 
-ENOUGH = 20  # neighbours that are asked about two tracks
+MAX_VOTES_ASKED = 20  # neighbours that are asked about two tracks
 Pair = tuple[int, int]
 
 
@@ -191,9 +195,9 @@ def join_tracks(tracks: Tracks, lams: Ragged, edges: np.ndarray, shapes: Shapes)
     votes: Counter[Pair] = Counter()
     times_asked: Counter[Pair] = Counter()
     for a, b in edges[_differ(tracks.labels, edges)].tolist():
-        near = _may_join(lams[a], tracks.labels[a], lams[b], tracks.labels[b])
-        if any(times_asked[pair] < ENOUGH for pair in near):
-            times_asked.update(near)
+        candidate_pairs = _may_join(lams[a], tracks.labels[a], lams[b], tracks.labels[b])
+        if any(times_asked[pair] < MAX_VOTES_ASKED for pair in candidate_pairs):
+            times_asked.update(candidate_pairs)
             votes.update(_votes(a, b, tracks, lams, shapes))
     if not votes:
         return tracks
@@ -202,7 +206,7 @@ def join_tracks(tracks: Tracks, lams: Ragged, edges: np.ndarray, shapes: Shapes)
 
 
 def _differ(labels: Ragged, edges: np.ndarray) -> np.ndarray:
-    """Edges (e,) at both ends of which there are not the same tracks."""
+    """Whether the ends of each edge (e,) have different tracks."""
     a, b = edges.T
     counts = labels.counts
     ordered = labels.with_flat(labels.flat[np.lexsort((labels.flat, labels.owner))])
@@ -217,7 +221,7 @@ def _differ(labels: Ragged, edges: np.ndarray) -> np.ndarray:
 def _may_join(
     lam_a: np.ndarray, labels_a: np.ndarray, lam_b: np.ndarray, labels_b: np.ndarray
 ) -> list[Pair]:
-    """Tracks that one of two points lacks, with those that the other lacks, near in frequency."""
+    """Pairs of tracks near in frequency, each of which only one of two points has."""
     a = np.flatnonzero(~np.isin(labels_a, labels_b))
     b = np.flatnonzero(~np.isin(labels_b, labels_a))
     ratio = np.abs(lam_a[a])[:, None] / np.abs(lam_b[b])
@@ -225,19 +229,19 @@ def _may_join(
     return _ordered(labels_a[a[i]], labels_b[b[j]])
 
 
-def _ordered(one: np.ndarray, other: np.ndarray) -> list[Pair]:
+def _ordered(tracks_a: np.ndarray, tracks_b: np.ndarray) -> list[Pair]:
     """Pairs of tracks, the lower number first."""
-    return [(min(p), max(p)) for p in zip(one.tolist(), other.tolist(), strict=True)]
+    return [(min(p), max(p)) for p in zip(tracks_a.tolist(), tracks_b.tolist(), strict=True)]
 
 
 def _votes(a: int, b: int, tracks: Tracks, lams: Ragged, shapes: Shapes) -> list[Pair]:
-    """Pairs of tracks that two points show to be one."""
+    """Pairs of tracks whose modes at two points are one mode."""
     at_a, at_b = (shapes_of_point[0] for shapes_of_point in shapes.of(np.array([a]), np.array([b])))
     pairs = pair_modes(lams[a], at_a, lams[b], at_b)
     i = np.flatnonzero((pairs.partner >= 0) & ~pairs.ambiguous & (pairs.trust > JOINING_TRUST))
-    one, other = tracks.labels[a][i], tracks.labels[b][pairs.partner[i]]
-    apart = ~np.isin(one, tracks.labels[b]) & ~np.isin(other, tracks.labels[a])
-    return _ordered(one[apart], other[apart])
+    tracks_a, tracks_b = tracks.labels[a][i], tracks.labels[b][pairs.partner[i]]
+    apart = ~np.isin(tracks_a, tracks.labels[b]) & ~np.isin(tracks_b, tracks.labels[a])
+    return _ordered(tracks_a[apart], tracks_b[apart])
 
 
 def _joined(votes: Counter[Pair], labels: Ragged) -> np.ndarray:
@@ -246,14 +250,16 @@ def _joined(votes: Counter[Pair], labels: Ragged) -> np.ndarray:
     order = np.argsort(labels.flat, kind="stable")
     ends = np.searchsorted(labels.flat[order], np.arange(most + 2))
     points = labels.owner[order]
-    there = {t: points[ends[t] : ends[t + 1]] for pair in votes for t in pair}  # ascending
+    points_of_track = {
+        t: points[ends[t] : ends[t + 1]] for pair in votes for t in pair
+    }  # ascending
     stands_for = np.arange(most + 1)
-    for (one, other), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
-        a, b = sorted((int(stands_for[one]), int(stands_for[other])))
-        both = np.sort(np.concatenate([there[a], there[b]]))
+    for (track_a, track_b), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
+        a, b = sorted((int(stands_for[track_a]), int(stands_for[track_b])))
+        both = np.sort(np.concatenate([points_of_track[a], points_of_track[b]]))
         if a == b or (both[1:] == both[:-1]).any():
             continue
-        there[a] = both
+        points_of_track[a] = both
         stands_for[stands_for == b] = a
     number: np.ndarray = np.unique(stands_for, return_inverse=True)[1].reshape(-1)
     return number
