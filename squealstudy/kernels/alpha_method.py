@@ -17,7 +17,7 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.integrator_state import close_step, open_run, shown
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
-from squealstudy.kernels.newmark_between import resisted_power
+from squealstudy.kernels.newmark_between import damping_power
 from squealstudy.kernels.newmark_correct import place, relax
 from squealstudy.kernels.newmark_forces import friction_change, pass_gradient, pass_one, residual
 from squealstudy.kernels.newmark_layout import (
@@ -111,7 +111,7 @@ def add_work(modal: ModalArrays, work: WorkArrays) -> None:
         y = dot(modal.shapes[m], x[at.V_TRIAL])
         damped += modal.component_terms[0, 0, m] * y * y
     if modal.between_of[0] >= 0:
-        damped += resisted_power(x)
+        damped += damping_power(x)
     belt = 0.0
     sliding = 0.0
     point, points = work.point[0], modal.points[0]

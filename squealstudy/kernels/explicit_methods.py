@@ -17,7 +17,7 @@ import numpy as np
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.integrator_state import close_step, finite, open_run
 from squealstudy.kernels.jit import entry_kernel, fast_kernel
-from squealstudy.kernels.newmark_between import keep_resisted
+from squealstudy.kernels.newmark_between import accept_damping_forces
 from squealstudy.kernels.newmark_forces import all_forces, pass_one
 from squealstudy.kernels.newmark_layout import (
     E_QQ,
@@ -88,7 +88,7 @@ def one_step(
     all_forces(modal, work, 0)
     correct(x, E, third)
     add_work(modal, settings, work, 0, h)
-    keep_resisted(x)
+    accept_damping_forces(x)
     copy(x[at.Q_TRIAL], x[at.Q])
     copy(x[at.V_TRIAL], x[at.V])
     copy(x[at.PULL], x[at.PULL_OLD])
@@ -186,7 +186,7 @@ def central_difference(
         all_forces(modal, work, 0)
         kick(x, modal.modes[0], h)
         add_work(modal, settings, work, 0, h)
-        keep_resisted(x)
+        accept_damping_forces(x)
         copy(x[at.Q_TRIAL], x[at.Q])
         copy(x[at.V_TRIAL], x[at.V])
         find_regimes(modal.points[0], modal.laws[0], work.point[0], modal.fixed.shape[2])

@@ -25,7 +25,7 @@ from squealstudy.kernels.laws import (
     mean_pressures,
     pressures,
 )
-from squealstudy.kernels.newmark_between import resist
+from squealstudy.kernels.newmark_between import add_damping_forces
 from squealstudy.kernels.newmark_layout import X_START, ModalArrays, WorkArrays
 from squealstudy.kernels.newmark_vector import dot, fill, move
 from squealstudy.kernels.spring_points import (
@@ -60,7 +60,7 @@ def residual(modal: ModalArrays, work: WorkArrays, k: int) -> tuple[float, float
     """Force residual of design k into row DELTA; its square and the square of its scale."""
     x = work.x[k]
     e2, scale2 = balance(x, modal.modes[k])
-    changed = resist(modal, work, k)
+    changed = add_damping_forces(modal, work, k)
     for m in range(modal.shapes.shape[0]):
         d, s, u = modal.component_terms[k, 0, m], modal.component_terms[k, 1, m], modal.shapes[m]
         if d == 0.0 and s == 0.0:

@@ -157,7 +157,7 @@ class ModalArrays(NamedTuple):
     sensors: np.ndarray  # (nb, ns, n) zeros where a design has fewer
     tangential: np.ndarray  # (2 nc, n) T1 and T2 of each point
     compliance: np.ndarray  # (2 nc, 2 nc) T diag(LAST_V) T^T of the first design's whole step
-    own: np.ndarray  # (nc,) the larger diagonal entry of each point there
+    self_compliance: np.ndarray  # (nc,) larger of each point's two diagonal entries of compliance
 
 
 class StepSettings(NamedTuple):
@@ -211,14 +211,14 @@ class SavedArrays(NamedTuple):
 
 
 class ScheduleArrays(NamedTuple):
-    """What is imposed over time, as shares of what the design points have."""
+    """Imposed speed and pressure over time, as ratios of those of the design points."""
 
     times: np.ndarray  # (m,) s; none where nothing changes
     ratios: np.ndarray  # (nb, 2, m) rows SPEED_RATIO, PRESSURE_RATIO
     speeds: np.ndarray  # (nb, nc) row POINT_SPEED of the points
     loads: np.ndarray  # (nb, 2, n or 0) rows STAYING, PRESSING; none where no pressure changes
-    turning: np.ndarray  # (.., n, n) f4, Modal.turning without what follows the speed
-    following: np.ndarray  # (.., n, n) f4, what of it follows the speed, at the points' own
+    turning: np.ndarray  # (.., n, n) f4, part of Modal.turning that does not depend on speed
+    terms_by_speed: np.ndarray  # (.., n, n) f4, part proportional to speed, at the base speed
 
 
 class Scheme(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, hot_kernel, part_kernel
-from squealstudy.kernels.newmark_between import resisted_work
+from squealstudy.kernels.newmark_between import damping_work
 from squealstudy.kernels.newmark_layout import ModalArrays, SavedArrays, StepSettings, WorkArrays
 from squealstudy.kernels.newmark_vector import copy, dot, fill
 from squealstudy.kernels.regimes import find_regimes
@@ -45,7 +45,7 @@ def add_work(
         y0, y1 = dot(modal.shapes[m], x[at.V]), dot(modal.shapes[m], x[at.V_TRIAL])
         damped += modal.component_terms[k, 0, m] * ((y0 + y1) ** 2 + share * (y1 - y0) ** 2)
     if modal.between_of[k] >= 0:
-        damped += resisted_work(x, share)
+        damped += damping_work(x, share)
     nc = modal.fixed.shape[2]
     load, belt, sliding = contact_work(modal.points[k], work.point[k], nc, share)
     real = work.real[k]
@@ -150,8 +150,8 @@ def contact_row(
     do at that instant: a contact may lift off as a whole.
 
     The friction of a point that sticks alternates from step to step where the step is long for its
-    slope: k_t A times its compliance `own` (Modal.own, empty where unknown) is then above 1. It
-    counts with its mean over the last sub-step h, which is what the trapezoidal rule applied.
+    slope: k_t A times its compliance `own` (Modal.self_compliance, empty where unknown) is then
+    above 1. It counts with its mean over the last sub-step h, as the trapezoidal rule applied it.
     """
     torque = 0.0
     force = 0.0
@@ -197,7 +197,7 @@ def begin_sums(modal: ModalArrays, work: WorkArrays, k: int) -> None:
     """The initial state of design k is where its sums begin."""
     row, sums, x = work.now[k], work.sums[k], work.x[k]
     nc = modal.fixed.shape[2]
-    contact_row(modal.points[k], modal.laws[k], work.point[k], nc, modal.own, 0.0, row)
+    contact_row(modal.points[k], modal.laws[k], work.point[k], nc, modal.self_compliance, 0.0, row)
     row[at.MODAL_ENERGY] = modal_energy(x, modal.modes[k, at.W2])
     take_now(sums, row)
     clear_sums(sums)
@@ -214,7 +214,9 @@ def add_sums(
     """
     row, sums, x = work.now[k], work.sums[k], work.x[k]
     nc, rings = modal.fixed.shape[2], ringing_step(settings, h)
-    contact_row(modal.points[k], modal.laws[k], work.point[k], nc, modal.own, rings, row)
+    contact_row(
+        modal.points[k], modal.laws[k], work.point[k], nc, modal.self_compliance, rings, row
+    )
     row[at.MODAL_ENERGY] = modal_energy(x, modal.modes[k, at.W2])
     add_row(sums, row, h)
     for j in range(x.shape[1]):
@@ -237,7 +239,7 @@ def save(
         points, law, point = modal.points[k], modal.laws[k], work.point[k]
         find_regimes(points, law, point, nc)
         rings = ringing_step(settings, work.real[k, at.SUBSTEP_OLD])
-        contact_row(points, law, point, nc, modal.own, rings, row)
+        contact_row(points, law, point, nc, modal.self_compliance, rings, row)
     for i in range(4):
         row[at.WORK + i] = work.real[k, at.W_LOAD + i]
     row[at.STORED] = stored_energy(modal, work, k)

@@ -11,7 +11,7 @@ import numpy as np
 
 from squealstudy.kernels import newmark_layout as at
 from squealstudy.kernels.jit import fast_kernel, hot_kernel, part_kernel
-from squealstudy.kernels.newmark_between import keep_resisted
+from squealstudy.kernels.newmark_between import accept_damping_forces
 from squealstudy.kernels.newmark_correct import (
     correct_fixed,
     correct_newton,
@@ -58,7 +58,7 @@ def predict(x: np.ndarray, E: np.ndarray, ratio: float) -> None:
 @hot_kernel
 def keep_state(x: np.ndarray) -> None:
     """Accept the trial state: it becomes the state that the next step starts from."""
-    keep_resisted(x)
+    accept_damping_forces(x)
     for j in range(x.shape[1]):
         x[at.Q, j], x[at.V, j] = x[at.Q_TRIAL, j], x[at.V_TRIAL, j]
         x[at.PULL_OLD, j] = x[at.PULL, j]

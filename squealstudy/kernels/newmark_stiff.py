@@ -43,8 +43,8 @@ def stiff_points(modal: ModalArrays, work: WorkArrays, k: int, part: float) -> i
     law, points, point, change = modal.laws[k], modal.points[k], work.point[k], work.x[k, at.ROOM]
     T, stiff = modal.tangential, work.stiff
     m = 0
-    for i in range(modal.own.size):
-        own = part * modal.own[i]
+    for i in range(modal.self_compliance.size):
+        own = part * modal.self_compliance[i]
         force2 = (
             point[at.OUT_T1, i] * point[at.OUT_T1, i] + point[at.OUT_T2, i] * point[at.OUT_T2, i]
         )
@@ -125,7 +125,7 @@ def sweep(modal: ModalArrays, work: WorkArrays, k: int, m: int) -> float:
 @part_kernel
 def mock_up(modal: ModalArrays, work: WorkArrays, k: int, level: int) -> None:
     """Correct row DELTA, which holds the residual, for the stiff points; the friction expected."""
-    if modal.own.size == 0:
+    if modal.self_compliance.size == 0:
         return
     delta, answer, change = (
         work.x[k, at.DELTA],
@@ -140,7 +140,7 @@ def mock_up(modal: ModalArrays, work: WorkArrays, k: int, level: int) -> None:
         return
     gather(modal.compliance, work.listed, m, part, work.small)
     # many points at once: about the work of a pass over the observation matrix
-    worth = modal.own.size * work.x.shape[2] // (m * m)
+    worth = modal.self_compliance.size * work.x.shape[2] // (m * m)
     for _ in range(min(max(worth, MIN_SWEEPS), MAX_SWEEPS)):
         if sweep(modal, work, k, m) < SWEEP_REL_TOLERANCE * SWEEP_REL_TOLERANCE:
             break

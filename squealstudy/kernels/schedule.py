@@ -1,7 +1,7 @@
 """Runs whose sliding speed or brake pressure changes: both are imposed at each sub-step.
 
-The loop is one of its own: a branch in `newmark_batch` made steps of few degrees of freedom longer,
-whether it was taken or not.
+They have a loop of their own: a branch in `newmark_batch` would slow down all steps of few degrees
+of freedom.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from squealstudy.kernels.newmark_vector import dot
 
 
 @fast_kernel
-def between(times: np.ndarray, values: np.ndarray, time: float) -> float:
-    """Straight line between points (m,), constant before the first and behind the last."""
+def interpolated(times: np.ndarray, values: np.ndarray, time: float) -> float:
+    """Value at a time by straight lines between points (m,), constant before and after them."""
     low, high = 0, times.size - 1
     if time <= times[low]:
         return values[low]
@@ -42,30 +42,32 @@ def between(times: np.ndarray, values: np.ndarray, time: float) -> float:
 
 
 @fast_kernel
-def slide_at(points: np.ndarray, speeds: np.ndarray, ratio: float) -> None:
-    """Sliding speeds of points (N_POINT_ROWS, ..): that share of their own (nc,)."""
+def set_sliding_speeds(points: np.ndarray, speeds: np.ndarray, speed_ratio: float) -> None:
+    """Set the sliding speeds of points (N_POINT_ROWS, ..) to a ratio of their base speeds (nc,)."""
     for i in range(speeds.size):
-        points[at.POINT_SPEED, i] = ratio * speeds[i]
+        points[at.POINT_SPEED, i] = speed_ratio * speeds[i]
 
 
 @fast_kernel
-def turn_at(G: np.ndarray, staying: np.ndarray, following: np.ndarray, ratio: float) -> None:
-    """Gyroscopic terms G (n, n) at that share of the points' own speed."""
+def set_gyroscopic_terms(
+    G: np.ndarray, fixed_terms: np.ndarray, terms_by_speed: np.ndarray, speed_ratio: float
+) -> None:
+    """Set gyroscopic terms G (n, n) to those at a ratio of the base speed."""
     for i in range(G.shape[0]):
         for j in range(G.shape[0]):
-            G[i, j] = staying[i, j] + np.float32(ratio) * following[i, j]
+            G[i, j] = fixed_terms[i, j] + np.float32(speed_ratio) * terms_by_speed[i, j]
 
 
 @fast_kernel
-def press_by(loads: np.ndarray, rise: float, load: np.ndarray) -> None:
-    """The load (n,) where the pressure has risen by that share; `loads` (2, n or 0)."""
+def set_load(loads: np.ndarray, rise: float, load: np.ndarray) -> None:
+    """Set the load (n,) to that at a relative rise of the pressure; `loads` (2, n or 0)."""
     for j in range(loads.shape[1]):
         load[j] = loads[at.STAYING, j] + rise * loads[at.PRESSING, j]
 
 
 @fast_kernel
-def pressed(loads: np.ndarray, q: np.ndarray) -> float:
-    """Work [J] of the load of the brake pressure up to displacements q; `loads` (2, n or 0)."""
+def work_of_pressure(loads: np.ndarray, q: np.ndarray) -> float:
+    """Work [J] of the load by brake pressure at displacements q; `loads` (2, n or 0)."""
     total = 0.0
     for j in range(loads.shape[1]):
         total += loads[at.PRESSING, j] * q[j]
@@ -83,11 +85,11 @@ def newmark_scheduled(
 ) -> None:
     """As `newmark_batch` of designs with schedules, each to its end or pause before the next.
 
-    Forces are those of speed and pressure at the end of a sub-step. A step that is accepted counts
-    the works of the design point's own speed and of the pressure at its end: what they lack of
-    those of the mean speed and pressure is added here.
+    Forces are those of speed and pressure at the end of a sub-step. `advance` counts works at the
+    base speed and at the pressure of the end: the difference to those at the mean speed and the
+    mean pressure of the sub-step is added here.
     """
-    whole, times = 1 << settings.levels, schedule.times
+    sub_steps_per_step, times = 1 << settings.levels, schedule.times
     for k in range(work.counts.shape[0]):
         counts, real, x, point = work.counts[k], work.real[k], work.x[k], work.point[k]
         points, loads, base_speeds = modal.points[k], schedule.loads[k], schedule.speeds[k]
@@ -98,27 +100,40 @@ def newmark_scheduled(
         steady_power = dot(base_speeds, points[at.POINT_T1][: base_speeds.size])
         while goes_on(counts):
             step, position, h = counts[at.STEP], counts[at.POSITION], real[at.SUBSTEP]
-            start = settings.h * (step + position / whole)
-            speed, rise = between(times, speeds, start + h), between(times, pressures, start + h)
-            slide_at(points, base_speeds, speed)
+            start = settings.h * (step + position / sub_steps_per_step)
+            speed_ratio, pressure_ratio = (
+                interpolated(times, speeds, start + h),
+                interpolated(times, pressures, start + h),
+            )
+            set_sliding_speeds(points, base_speeds, speed_ratio)
             if turning >= 0:
-                staying, following = schedule.turning[turning], schedule.following[turning]
-                turn_at(modal.turning[turning], staying, following, speed)
-            press_by(loads, rise - 1.0, modal.modes[k, at.LOAD])
+                fixed_terms, terms_by_speed = (
+                    schedule.turning[turning],
+                    schedule.terms_by_speed[turning],
+                )
+                set_gyroscopic_terms(
+                    modal.turning[turning], fixed_terms, terms_by_speed, speed_ratio
+                )
+            set_load(loads, pressure_ratio - 1.0, modal.modes[k, at.LOAD])
             pass_one(B, modal, work, k)
-            slide_at(points, base_speeds, 1.0)
-            pushed, drag = pressed(loads, x[at.Q]), dot(base_speeds, friction)
-            rows = counts[at.SAVED]
+            set_sliding_speeds(points, base_speeds, 1.0)
+            pressure_work, friction_power = (
+                work_of_pressure(loads, x[at.Q]),
+                dot(base_speeds, friction),
+            )
+            n_saved = counts[at.SAVED]
             advance(B, modal, settings, work, saved, k)
             if counts[at.STEP] == step and counts[at.POSITION] == position:
                 continue
-            faster = 0.5 * (between(times, speeds, start) + speed) - 1.0
-            less = 0.5 * (between(times, pressures, start) - rise)
-            load = h * faster * steady_power + less * (pressed(loads, x[at.Q]) - pushed)
-            belt = -0.5 * h * faster * (drag + dot(base_speeds, friction))
-            real[at.W_LOAD] += load
-            real[at.W_BELT] += belt
-            if counts[at.SAVED] > rows:  # the step that was accepted is a row already
-                row = saved.history[k, rows]
-                row[at.WORK] += load
-                row[at.WORK + 1] += belt
+            mean_speed_excess = 0.5 * (interpolated(times, speeds, start) + speed_ratio) - 1.0
+            mean_pressure_excess = 0.5 * (interpolated(times, pressures, start) - pressure_ratio)
+            load_work = h * mean_speed_excess * steady_power + mean_pressure_excess * (
+                work_of_pressure(loads, x[at.Q]) - pressure_work
+            )
+            belt_work = -0.5 * h * mean_speed_excess * (friction_power + dot(base_speeds, friction))
+            real[at.W_LOAD] += load_work
+            real[at.W_BELT] += belt_work
+            if counts[at.SAVED] > n_saved:  # `advance` has saved a row of this step
+                row = saved.history[k, n_saved]
+                row[at.WORK] += load_work
+                row[at.WORK + 1] += belt_work

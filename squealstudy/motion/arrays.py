@@ -99,7 +99,7 @@ def modal_arrays(
         sensors=_sensors(system, designs, n),
         tangential=tangential,
         compliance=compliance,
-        own=self_compliance,
+        self_compliance=self_compliance,
     )
     return modal, bool(fixed.any())
 
@@ -136,12 +136,12 @@ def schedule_arrays(
         for load, x in zip(loads[:, layout.PRESSING], pressing, strict=True):
             if x is not None:
                 load[: len(x)] = x
-    following = np.zeros_like(modal.turning)
+    terms_by_speed = np.zeros_like(modal.turning)
     for G, place in zip((x.turning for x in schedules), modal.turning_of, strict=True):
         if G is not None and place >= 0:
-            following[place, : len(G), : len(G)] = G
-    staying = modal.turning - following
-    return layout.ScheduleArrays(times, rows, speeds, loads, staying, following)
+            terms_by_speed[place, : len(G), : len(G)] = G
+    staying = modal.turning - terms_by_speed
+    return layout.ScheduleArrays(times, rows, speeds, loads, staying, terms_by_speed)
 
 
 def corner_halvings(integrator: KernelIntegrator, contact_points: int) -> int:
@@ -254,7 +254,7 @@ def _fixed(
 def _tangential(
     system: ModalSystem, velocity_change: np.ndarray, used: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Modal.tangential, compliance and own of the points; empty unless `used`.
+    """Modal.tangential, compliance and self_compliance of the points; empty unless `used`.
 
     The compliance is that of the first design, whose velocities change by `velocity_change` (n,)
     for a unit pull: dampings of other designs hardly change it, and it only has to make the
@@ -270,7 +270,10 @@ def _tangential(
 def point_compliance(
     rows: np.ndarray, velocity_change: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Modal.compliance and own of tangential rows (2 nc, n) by velocity changes (n,) of a pull."""
+    """Modal.compliance and self_compliance of tangential rows (2 nc, n).
+
+    Velocities change by `velocity_change` (n,) for a unit pull.
+    """
     compliance = np.ascontiguousarray((rows * velocity_change) @ rows.T)
     return compliance, compliance.diagonal().reshape(-1, 2).max(axis=1)
 
@@ -338,9 +341,9 @@ def work_arrays(
         row=aligned_zeros(3, n),
         running=np.zeros(nb, dtype=np.int64),
         listed=np.zeros(modal.points.shape[2], dtype=np.int64),
-        stiff=np.zeros((modal.own.size, 4)),
-        free=np.zeros(2 * modal.own.size),
-        small=np.zeros(4 * modal.own.size**2),
+        stiff=np.zeros((modal.self_compliance.size, 4)),
+        free=np.zeros(2 * modal.self_compliance.size),
+        small=np.zeros(4 * modal.self_compliance.size**2),
     )
 
 

@@ -106,4 +106,4 @@ def with_answers(modal: layout.ModalArrays, scheme: Scheme, h: float) -> layout.
         D = 1.0 + b_v * modal.modes[0, layout.C] + b_q * modal.modes[0, layout.W2]
         E[layout.LAST_Q], E[layout.LAST_V] = b_q / D, b_v / D
     compliance, self_compliance = point_compliance(modal.tangential, steps[0, 0, layout.LAST_V])
-    return modal._replace(steps=steps, compliance=compliance, own=self_compliance)
+    return modal._replace(steps=steps, compliance=compliance, self_compliance=self_compliance)

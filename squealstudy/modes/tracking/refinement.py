@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.errors import SquealstudyError
-from squealstudy.modes.tracking.labels import EXTRAPOLATED
+from squealstudy.modes.tracking.labels import EXTRAPOLATED_SHARE
 from squealstudy.modes.tracking.pairing import (
     HALVING_TRUST,
     PASSING_TRUST,
@@ -129,7 +129,7 @@ def _onward(lam_a: np.ndarray, lam_m: np.ndarray, partner: np.ndarray) -> np.nda
     """Where the roots at the middle are expected at the end of the second half."""
     expected = lam_m.astype(complex)
     i = np.flatnonzero(partner >= 0)
-    expected[partner[i]] += EXTRAPOLATED * (lam_m[partner[i]] - lam_a[i])
+    expected[partner[i]] += EXTRAPOLATED_SHARE * (lam_m[partner[i]] - lam_a[i])
     return expected
 
 
