@@ -1,4 +1,4 @@
-"""Files of arrays from anybody (npz): read only where what they claim is there, and has room.
+"""Files of arrays (npz) of unknown origin: read only if sizes are as declared and fit in memory.
 
 An archive of a few kilobytes can claim, or be decompressed to, more than any memory.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from squealstudy.machine.resources import BYTES_PER_MB, available_memory_mb
 
 LEAST_BYTES = 8  # of a number as it is used, however short it is in the file
-MAX_UNCHECKED_BYTES = 2**28  # bytes that there is room for, without a look at the machine
+MAX_UNCHECKED_BYTES = 2**28  # up to which the machine's memory is not asked for
 HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
@@ -57,7 +57,7 @@ def expect_room(source: Path | IO[bytes]) -> None:
 
 
 def expect_memory(needed: float) -> None:
-    """Raise ValueError where so many bytes are not left."""
+    """Raise ValueError where fewer bytes of memory are available."""
     if needed > MAX_UNCHECKED_BYTES and needed > (free := available_memory_mb() * BYTES_PER_MB):
         raise ValueError(
             f"it would take {needed / 1e9:,.3g} GB of memory, and {free / 1e9:.3g} GB are left"

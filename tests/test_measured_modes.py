@@ -99,7 +99,7 @@ def test_directions_that_were_not_measured_do_not_count(plate, tmp_path):
         kind=2,
     )
     measured = read_measured(path)
-    assert not measured.seen[:, :2].any()
+    assert not measured.measured_directions[:, :2].any()
     found = correlated(measured, K, M, body.nodes, E, placement, 1e-6)
     assert [found.mac[i, j] for i, j in found.pairs] == pytest.approx(
         [1.0] * len(bending), abs=1e-9
@@ -131,7 +131,7 @@ def test_points_of_the_mesh_or_of_the_assembly(tmp_path, placed):
         points, u = (points - shift) @ turn, u @ turn
     path = written(tmp_path / "a.uff", 1 + np.arange(len(points)), points, hz[:4], u)
     found = correlated(read_measured(path), K, M, body.nodes, E, placement, 1e-6)
-    assert found.placed is placed
+    assert found.in_assembly is placed
     assert [found.mac[i, j] for i, j in found.pairs] == pytest.approx([1.0] * 4, abs=1e-8)
 
 

@@ -120,8 +120,8 @@ reference_points = 0
 @pytest.mark.full_size  # a brake, tracked twice
 @pytest.mark.usefixtures("tiny_brake")
 def test_a_study_is_tracked_alike_with_a_basis_and_without(tmp_path, monkeypatch):
-    monkeypatch.setattr(inserted_points, "LEAST_COORDINATES", 50)
-    monkeypatch.setattr(inserted_points, "STEPS_A_SNAPSHOT", 1)
+    monkeypatch.setattr(inserted_points, "MIN_COORDINATES", 50)
+    monkeypatch.setattr(inserted_points, "STEPS_PER_SNAPSHOT", 1)
     tables, manifests, used = {}, {}, []
     of = Bases.of
 
@@ -142,8 +142,8 @@ def test_a_study_is_tracked_alike_with_a_basis_and_without(tmp_path, monkeypatch
 @pytest.mark.full_size  # a brake, tracked twice
 @pytest.mark.usefixtures("tiny_brake")
 def test_a_basis_that_lacks_modes_of_other_points_is_not_taken(tmp_path, monkeypatch):
-    monkeypatch.setattr(inserted_points, "LEAST_COORDINATES", 50)
-    monkeypatch.setattr(inserted_points, "STEPS_A_SNAPSHOT", 1)
+    monkeypatch.setattr(inserted_points, "MIN_COORDINATES", 50)
+    monkeypatch.setattr(inserted_points, "STEPS_PER_SNAPSHOT", 1)
     made, served = [], []
 
     def poor(blocks):

@@ -185,9 +185,9 @@ def correlation_lines(measured: Measured, found: Correlation) -> list[Renderable
         titles.insert(N_COLUMNS_TO_DAMPING, "hysteretic %")
         for row, ratio in zip(rows, measured.hysteretic, strict=True):
             row.insert(N_COLUMNS_TO_DAMPING, figure(100 * ratio, ".3f"))
-    used, seen_dof = found.used, measured.seen[found.used]
+    used, seen_dof = found.used, measured.measured_directions[found.used]
     far = np.flatnonzero(~used)
-    where = "in the assembly" if found.placed else "in its mesh's file"
+    where = "in the assembly" if found.in_assembly else "in its mesh's file"
     text = f"{used.sum()} of {plural(len(used), 'point')} have a node of the part as it is {where}"
     text += f", at most {1e3 * found.distance[used].max():.3g} mm away; {seen_dof.sum()} freedoms"
     lines: Rows = [("compared", text)]

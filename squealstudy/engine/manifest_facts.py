@@ -1,8 +1,8 @@
-"""What the facts of a manifest must be, whoever wrote it: types at any depth, names inside.
+"""Types of the facts in a manifest, at any depth, which is checked whoever wrote it.
 
-A seal tells that a manifest is as it was written, not by whom. What every study has is here; what
-one kind has beside it stands in ``facts.py`` of its folder, as FACTS. Facts that are not named in
-either are read by nobody. Older versions have fewer of them.
+A seal shows that a manifest is as it was written, not who wrote it. Facts of every study are here;
+those of one kind are in ``facts.py`` of its folder, as FACTS. Nothing reads other facts. Older
+versions have fewer facts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from squealstudy.engine.result_names import FOLDER, PICTURE
 from squealstudy.errors import ResultsError, printable
 from squealstudy.study.kinds import facts_of
 
-MOST_BYTES = 2**28  # of a manifest; one of 20,000 design points with checks has 2**20
+MAX_BYTES = 2**28  # of a manifest; one of 20,000 design points with checks has 2**20
 Table = dict[str, Any]
 
 
@@ -47,13 +47,13 @@ class DesignFacts(FactGroup):
 
 
 class ModelFileFacts(FactGroup):
-    """Of a model of one's own what the catalogue says of others."""
+    """A model of a file: files, defaults and components."""
 
     path: Name
     files: list[Name]
     defaults: dict[str, Finite]
     components: list[Name]
-    prepared: list[Text] = Field(default_factory=list)  # results of before have none
+    prepared: list[Text] = Field(default_factory=list)  # older results have none
 
 
 class RotationFacts(FactGroup):
@@ -164,9 +164,9 @@ class Facts(FactGroup):
 
 
 def check_facts(content: Mapping[str, Any], path: Path) -> None:
-    """Raise ResultsError naming the first fact of a manifest that is none.
+    """Raise ResultsError naming the first fact of a manifest that is wrong.
 
-    A fact that is null where only its absence is allowed counts as absent for nobody: it is none.
+    A fact of NEVER_NULL may be absent, but not null.
     """
     kinds = facts_of(str(content.get("kind")))
     for model in (Facts, kinds) if kinds else (Facts,):
@@ -175,7 +175,7 @@ def check_facts(content: Mapping[str, Any], path: Path) -> None:
         raise _no_fact(path, nulls[0], "null is no value of it")
 
 
-# optional where they are not there; those who read them ask whether they are
+# facts that may be absent, but not null: readers test for their keys
 NEVER_NULL = ("band_hz", "model_file", "rotation", "shared_basis", "fidelity")
 
 

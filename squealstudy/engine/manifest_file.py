@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from squealstudy.engine.manifest_facts import MOST_BYTES, check_facts
+from squealstudy.engine.manifest_facts import MAX_BYTES, check_facts
 from squealstudy.engine.result_names import (
     MANIFEST,
 )
@@ -33,7 +33,7 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
     path = directory / MANIFEST
     if not is_plain_file(path):
         return None
-    if path.stat().st_size > MOST_BYTES:
+    if path.stat().st_size > MAX_BYTES:
         raise ResultsError(f"{path}: too long for a manifest")
     try:
         text = read_whole(path, OF_JSON)

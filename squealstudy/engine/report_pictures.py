@@ -1,4 +1,4 @@
-"""Pictures of a report: the one of the question first, each with words for who does not see it."""
+"""Pictures of a report, the most important first, each with an alternative text."""
 
 from __future__ import annotations
 
@@ -16,42 +16,45 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 DPI = 110
-# how names of pictures begin, what a study asks first; of several tables a study has those it needs
-ORDER = (
+# beginnings of pictures' names in the order of a report; a study has some of them
+FIRST_PICTURES = (
     *("torque_history", "verdict_map", "design_history"),
     *("evolution", "stability_map_growth", "cycle_levels", "levels"),
     *("robust", "sensitivity", "ranking", "stability_diagram_worst", "operating_matrix"),
     *("cycle_growth", "growth_comparison", "spectrogram", "modal_energies"),
 )
-MOST_LABELS = 6  # labels of axes that an alternative text names
+MAX_LABELS = 6  # labels of axes that an alternative text names
 
 
 def in_order(results: ResultTables) -> list[tuple[str, Plot, Choices]]:
-    """As `pictures`: that which answers the study's question first, of runs that of the loudest."""
+    """`pictures` in the order of FIRST_PICTURES, those of the loudest run before other runs'."""
     loudest = None
     if results.kind == "transient" and results.points["torque_rms"].notna().any():
         loudest = int(results.points["torque_rms"].to_numpy(float, na_value=-1.0).argmax())
 
-    def place(found: tuple[str, Plot, Choices]) -> tuple[bool, int, bool]:
-        name, _, choices = found
-        aside = choices.get("along", results.along) != results.along
-        first = next((k for k, start in enumerate(ORDER) if name.startswith(start)), len(ORDER))
-        return aside, first, "point" in choices and choices["point"] != loudest
+    def rank(picture: tuple[str, Plot, Choices]) -> tuple[bool, int, bool]:
+        name, _, choices = picture
+        is_other_line = choices.get("along", results.along) != results.along
+        order = next(
+            (k for k, start in enumerate(FIRST_PICTURES) if name.startswith(start)),
+            len(FIRST_PICTURES),
+        )
+        return is_other_line, order, "point" in choices and choices["point"] != loudest
 
-    return sorted(pictures(results), key=place)
+    return sorted(pictures(results), key=rank)
 
 
-def report_pictures(one: ResultTables, room: int) -> tuple[list[str], int]:
-    """Figures (HTML) of all pictures that fit into so many bytes, and the bytes they take."""
+def report_pictures(results: ResultTables, max_bytes: int) -> tuple[list[str], int]:
+    """Figures (HTML) of all pictures that fit into `max_bytes`, and the bytes they take."""
     figures, spent, left_out = [], 0, []
-    for name, plot, choices in in_order(one):
-        image, drawn = BytesIO(), plot(one, **choices)
+    for name, plot, choices in in_order(results):
+        image, drawn = BytesIO(), plot(results, **choices)
         if drawn.get_label() == NOTHING_TO_SEE:
             continue
         with plot.named():
             drawn.savefig(image, format="png", dpi=DPI)
         text = b64encode(image.getvalue()).decode()
-        if spent + len(text) > room:
+        if spent + len(text) > max_bytes:
             left_out.append(name)
             continue
         spent += len(text)
@@ -64,10 +67,10 @@ def report_pictures(one: ResultTables, room: int) -> tuple[list[str], int]:
     return figures, spent
 
 
-def figure_of(image: str, caption: str, instead: str) -> str:
-    """A picture (PNG in base64) with what stands below it and instead of it."""
+def figure_of(image: str, caption: str, alternative: str) -> str:
+    """A picture (PNG in base64) with its caption and its alternative text."""
     return (
-        f'<figure><img alt="{escape(instead.strip())}" src="data:image/png;base64,{image}">'
+        f'<figure><img alt="{escape(alternative.strip())}" src="data:image/png;base64,{image}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 
@@ -81,7 +84,7 @@ def in_words(figure: Figure) -> str:
         x, y = axes.get_xlabel(), axes.get_ylabel()
         labels |= dict.fromkeys([f"{y} over {x}"] if x and y else filter(None, (x, y)))
     titles_shown = dict.fromkeys(" ".join(text.split()) for text in titles if text.strip())
-    return "; ".join([*titles_shown, *list(labels)[:MOST_LABELS]]) + (
+    return "; ".join([*titles_shown, *list(labels)[:MAX_LABELS]]) + (
         "." if titles_shown or labels else ""
     )
 

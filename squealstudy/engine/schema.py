@@ -1,7 +1,7 @@
-"""JSON Schemas of study and model files, for editors and the reference, from what checks them.
+"""JSON Schemas of study and model files, for editors and the reference, from the pydantic models.
 
-Beside what JSON Schema knows a key has ``unit`` (of numbers that have one), ``kinds`` (of study,
-where not all have it) and an example, which `key_examples` holds for every key.
+Beside keywords of JSON Schema a key has ``unit`` (of numbers with one), ``kinds`` (kinds of study,
+if not all have the key) and an example from `key_examples`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from squealstudy.study.sections import StudyDefinition
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 EXAMPLES = Path(__file__).with_name("key_examples")
-OF_NO_UNIT = (  # a word and directions, named as numbers with a unit are elsewhere
+KEYS_WITHOUT_UNIT = (  # a word and directions; elsewhere keys of these names have a unit
     "components.mass",
     "components.sets.normal",
     "components.sets.plane.normal",
 )
-# what is no kind, but has a schema too: files of parts, of masses, of matrices
+# schemas beside those of kinds: files of parts, of masses, of matrices
 MODEL_FILE, LUMPED_FILE, MATRIX_FILE = FILES = ("model_file", "lumped_file", "matrix_file")
 UNITS = {  # of keys of study files that have one
     **dict.fromkeys(("modes.band", "transient.sensors", "transient.modes_below"), "Hz"),
@@ -46,7 +46,7 @@ UNITS["variable.bounds"] = OF_PARAMETER
 
 
 def schema_of(kind: str | None) -> dict[str, Any]:
-    """The schema of study files, of those of a kind that measures methods, of FILES.
+    """The schema of study files (None), of files of a kind that measures methods, or of FILES.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def model_schema() -> dict[str, Any]:
     schema: dict[str, Any] = _without_null(ModelFile.model_json_schema())
     units = {key: dimension.unit for key, dimension in DIMENSIONS.items() if dimension.unit}
     units["angle"] = "deg"
-    units |= dict.fromkeys(OF_NO_UNIT, "")
+    units |= dict.fromkeys(KEYS_WITHOUT_UNIT, "")
     return _finished(schema, MODEL_FILE, "squealstudy model file", units)
 
 
@@ -147,16 +147,18 @@ def _annotate(
             entry["unit"] = unit
         if key not in example:
             continue
-        shown = example[key]
-        inner = [tables[name] for name in table_names(entry)]
-        one = shown[0] if inner and isinstance(shown, list) else shown
-        if inner and isinstance(one, dict) and FREE_KEY_TABLES & entry.keys():
-            one = next(iter(one.values()))  # a table of tables by name
-        for table in inner:
-            if isinstance(one, dict):
-                _annotate(table, tables, one, path, units)
-        if keys or not inner:
-            entry["examples"] = [shown]
+        key_example = example[key]
+        inner_tables = [tables[name] for name in table_names(entry)]
+        entry_example = (
+            key_example[0] if inner_tables and isinstance(key_example, list) else key_example
+        )
+        if inner_tables and isinstance(entry_example, dict) and FREE_KEY_TABLES & entry.keys():
+            entry_example = next(iter(entry_example.values()))  # a table of tables by name
+        for table in inner_tables:
+            if isinstance(entry_example, dict):
+                _annotate(table, tables, entry_example, path, units)
+        if keys or not inner_tables:
+            entry["examples"] = [key_example]
 
 
 def table_names(node: Any) -> list[str]:

@@ -1,4 +1,4 @@
-"""The project's numba decorators, and where what they compile is kept."""
+"""The project's numba decorators, and the cache of compiled kernels."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def lean_entry_kernel(function: F) -> F:
     return _compiled(function, REORDER, nogil=True, _nrt=False)
 
 
-# those below are without wrappers for Python, which would be most of the time to compile
+# those below have no wrappers for Python, which would take most of the time to compile
 def exact_kernel(function: F) -> F:
     """For functions that only other kernels call and whose order of operations must stay.
 
@@ -91,7 +91,7 @@ def room_kernel(function: F) -> F:
 def part_kernel(function: F) -> F:
     """Like `fast_kernel`, for a function of one caller, of which it becomes a part.
 
-    Every function is optimised on its own and again within all that are above it.
+    Every function is optimised by itself, and again in each kernel that calls it.
     """
     return _compiled(function, REORDER, no_cpython_wrapper=True, inline="always", _nrt=False)
 

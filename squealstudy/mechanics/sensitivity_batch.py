@@ -28,7 +28,7 @@ MAX_COMPANION_ENTRIES = 2_000_000  # of companion matrices that are in memory at
 
 
 class Request(NamedTuple):
-    """What is asked of every design point: parameters, modes, relative change, band [Hz]."""
+    """Parameters, modes, relative change and band [Hz] of the sensitivities of all points."""
 
     parameters: Sequence[RequestedParameter]
     choice: ModeChoice
@@ -51,17 +51,17 @@ def batch_sensitivities(
     Raises
     ------
     SquealstudyError
-        Where no design point has an assembly, or a component mode is named that there is not.
+        Where no design point has an assembly, or a named component mode does not exist.
     """
     assembly, _ = stacked_assembly(model, options, columns, count)
     structures, structural = structures_of(assembly), structural_names(request.parameters)
-    most = max(1, MAX_COMPANION_ENTRIES // (2 * structures.n) ** 2)
+    block_size = max(1, MAX_COMPANION_ENTRIES // (2 * structures.n) ** 2)
     for parameters, rows in _groups(structures, request.parameters, count):
         requests = RequestedSensitivities(
             parameters, structural, request.choice, request.change, request.band_hz
         )
-        for start in range(0, len(rows), most):
-            block = rows[start : start + most]
+        for start in range(0, len(rows), block_size):
+            block = rows[start : start + block_size]
             block_columns = {
                 k: np.asarray(x)[block] if np.ndim(x) else x for k, x in columns.items()
             }
@@ -69,21 +69,23 @@ def batch_sensitivities(
 
 
 def _groups(
-    structures: StackedStructures, asked: Sequence[RequestedParameter], count: int
+    structures: StackedStructures, requested: Sequence[RequestedParameter], count: int
 ) -> Iterator[tuple[list[StateParameter], np.ndarray]]:
-    """Parameters of the design state, and the numbers of the design points that have these."""
+    """Groups of design points with equal parameters: the parameters, numbers of the points."""
     omega = np.sqrt(np.maximum(np.nan_to_num(structures.k_el), 0.0))
-    if not any(parameter_asked.every for parameter_asked in asked):
-        yield state_parameters(asked, _frequencies(structures, omega[0])), np.arange(count)
+    if not any(parameter.every for parameter in requested):
+        yield state_parameters(requested, _frequencies(structures, omega[0])), np.arange(count)
         return
     groups: dict[tuple[StateParameter, ...], list[int]] = {}
-    distinct, place = np.unique(omega, axis=0, return_inverse=True)
-    place = np.broadcast_to(place.reshape(-1), count)
-    of_each = [tuple(state_parameters(asked, _frequencies(structures, row))) for row in distinct]
-    for number, parameters in enumerate(of_each):
+    distinct, structure_of_point = np.unique(omega, axis=0, return_inverse=True)
+    structure_of_point = np.broadcast_to(structure_of_point.reshape(-1), count)
+    parameters_of = [
+        tuple(state_parameters(requested, _frequencies(structures, row))) for row in distinct
+    ]
+    for number, parameters in enumerate(parameters_of):
         groups.setdefault(parameters, []).append(number)
     for parameters, numbers in groups.items():
-        yield list(parameters), np.flatnonzero(np.isin(place, numbers))
+        yield list(parameters), np.flatnonzero(np.isin(structure_of_point, numbers))
 
 
 def _frequencies(structures: StackedStructures, omega: np.ndarray) -> dict[ModeKey, float]:

@@ -53,8 +53,8 @@ class Measured:
     left_out: int
 
     @property
-    def seen(self) -> np.ndarray:
-        """Directions of points (n, 3) in which any mode moves: the others were not measured."""
+    def measured_directions(self) -> np.ndarray:
+        """Whether any mode moves in each direction of the points (n, 3), which is then measured."""
         moving: np.ndarray = np.abs(self.shapes).max(axis=0) > 0
         return moving
 
@@ -66,39 +66,39 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
     ----------
     path : Path
     unit : float
-        Length of its coordinates in m, where it has no dataset 164 that tells.
+        Length unit of its coordinates in m, if it has no dataset 164.
 
     Raises
     ------
     ModelError
-        A file that cannot be read, without nodes or modes, with modes at nodes that have no place,
+        A file that cannot be read, without nodes or modes, with modes at nodes without coordinates,
         or with local axes of displacement.
     """
     sets = _sets(path)
     of_kind = {kind: [s for s in sets if s["type"] == kind] for kind in {s["type"] for s in sets}}
     if UNITS in of_kind:
         unit = 1.0 / float(of_kind[UNITS][0]["length"])
-    places = _node_places(path, [s for kind in NODES for s in of_kind.get(kind, [])])
+    coordinates_of = _node_places(path, [s for kind in NODES for s in of_kind.get(kind, [])])
     shapes = of_kind.get(SHAPE, [])
     modes = [s for s in shapes if s["analysis_type"] in (NORMAL, COMPLEX, COMPLEX_VELOCITY)]
     functions = len(of_kind.get(FUNCTION, []))
     if not modes:
-        there = f"it has {functions} functions (dataset 58): " if functions else ""
+        functions_text = f"it has {functions} functions (dataset 58): " if functions else ""
         raise ModelError(
-            f"{path}: {there}expected mode shapes, dataset 55 of normal or complex modes"
+            f"{path}: {functions_text}expected mode shapes, dataset 55 of normal or complex modes"
         )
     used = sorted({int(n) for s in modes for n in s["node_nums"]})
-    if missing := [n for n in used if n not in places]:
+    if missing := [n for n in used if n not in coordinates_of]:
         raise ModelError(f"{path}: node {missing[0]} has a shape, but no coordinates")
-    row = {n: i for i, n in enumerate(used)}
+    row_of_node = {n: i for i, n in enumerate(used)}
     mode_shapes = np.zeros((len(modes), len(used), 3), dtype=complex)
     for k, mode in enumerate(modes):
-        at = [row[int(n)] for n in mode["node_nums"]]
+        at = [row_of_node[int(n)] for n in mode["node_nums"]]
         mode_shapes[k, at] = np.column_stack([mode[name] for name in ("r1", "r2", "r3")])
-    if still := [k for k in range(len(modes)) if not np.abs(mode_shapes[k]).max() > 0]:
-        raise ModelError(f"{path}: mode shape {still[0] + 1} of the file is zero everywhere")
+    if zero_shapes := [k for k in range(len(modes)) if not np.abs(mode_shapes[k]).max() > 0]:
+        raise ModelError(f"{path}: mode shape {zero_shapes[0] + 1} of the file is zero everywhere")
     hz, zeta, hysteretic = np.array([_root(mode) for mode in modes]).T
-    points = unit * np.array([places[n] for n in used])
+    points = unit * np.array([coordinates_of[n] for n in used])
     left_out = functions + len(shapes) - len(modes)
     return Measured(np.array(used), points, hz, zeta, hysteretic, mode_shapes, left_out)
 
@@ -110,7 +110,7 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
         if not path.is_file():
             raise ModelError(f"{path}: there is no such file")
         try:
-            read_whole(path, OF_LINES)  # what cannot be read says so itself
+            read_whole(path, OF_LINES)  # raises where it cannot be read
         except UnusableFileError as error:
             raise ModelError(f"{path} cannot be read: {error}") from None
     try:
@@ -154,11 +154,11 @@ def _root(mode: Mapping[str, Any]) -> tuple[float, float, float]:
     return size / (2 * np.pi), -lam.real / size if size > 0 else np.nan, np.nan
 
 
-BAND_FACTOR = 1.3  # of the highest measured frequency: up to there modes are computed
-MIN_PAIR_MAC = 0.5  # MAC of a pair
-MIN_MEASURED_DOF = 6  # measured freedoms
-MIN_EXTENT_OVER_TOLERANCE = 10  # tolerances that points span at least: else a unit is wrong
-# MAC of two computed modes at the measured places, above which these are too few
+BAND_FACTOR = 1.3  # top frequency of computed modes over the highest measured one
+MIN_PAIR_MAC = 0.5
+MIN_MEASURED_DOF = 6  # measured degrees of freedom near nodes
+MIN_EXTENT_OVER_TOLERANCE = 10  # of the points: less is a wrong unit of length
+# MAC of two computed modes at the measured points, above which these do not distinguish them
 MAX_INDISTINCT_MAC = 0.5
 
 
@@ -174,11 +174,11 @@ class Correlation:
         Of each measured point to the nearest node, m.
     used : ndarray (n,) of bool
         Points within the tolerance.
-    placed : bool
-        Whether points are where the part is in the assembly, not where its mesh's file has it.
+    in_assembly : bool
+        Whether points have the position of the part in the assembly, else that in its mesh's file.
     groups : tuple of tuple of int
-        Computed elastic modes by their numbers, rigid ones first, from 1; those of one frequency
-        are together, for which is which is round-off.
+        Numbers, from 1, of computed elastic modes; rigid modes are numbered before them. Modes of
+        one frequency are a group: round-off decides their order.
     frequency_hz : ndarray (g,)
         Mean of each group.
     mac : ndarray (m, g)
@@ -186,13 +186,13 @@ class Correlation:
     pairs : tuple of (int, int)
         Measured mode and group, from 0, ascending in the measured mode.
     alike : tuple of (int, int, float)
-        Groups that the measured points tell apart badly, with their MAC.
+        Pairs of groups that the measured points hardly distinguish, with their MAC.
     """
 
     n_rigid: int
     distance: np.ndarray
     used: np.ndarray
-    placed: bool
+    in_assembly: bool
     groups: tuple[tuple[int, ...], ...]
     frequency_hz: np.ndarray
     mac: np.ndarray
@@ -211,10 +211,10 @@ def correlated(
 ) -> Correlation:
     """Compare measured modes of a free part with its elastic modes.
 
-    Points are paired with the nearest node, where the part is in the assembly or where its mesh's
-    file has it, wherever more of them have one. Directions in which no mode moves are left out as
-    not measured. Modes are paired so that the sum of MAC is largest; a pair
-    below MIN_PAIR_MAC is none.
+    Points are paired with the nearest node, in the position of the part in the assembly or in its
+    mesh's file: the one in which more points have a node. Directions in which no mode moves are
+    left out as not measured. Modes are paired so that the sum of MAC is largest; pairs below
+    MIN_PAIR_MAC are dropped.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def correlated(
         As placed in the assembly, m.
     E : csr_matrix (3 n, k)
         Displacements of the nodes from the degrees of freedom, in the assembly's axes. Nodes that
-        none moves are passed over.
+        no degree of freedom moves are left out.
     placement : ndarray (3, 3), ndarray (3,)
         Turn and shift [m] from the mesh's file: x goes to turn x + shift.
     tolerance : float
@@ -234,19 +234,19 @@ def correlated(
     Raises
     ------
     ModelError
-        Fewer than MIN_MEASURED_DOF measured freedoms have a place, or they are close together;
-        no elastic mode in reach.
+        Fewer than MIN_MEASURED_DOF measured degrees of freedom have a node, or they are close
+        together; no elastic mode up to BAND_FACTOR times the highest measured frequency.
     """
     turn, shift = placement
     free_nodes = np.flatnonzero((np.diff(E.indptr) > 0).reshape(-1, 3).all(axis=1))
     tree = cKDTree(nodes[free_nodes])
-    places = (measured.points, measured.points @ turn.T + shift)
-    nearest_by_place = [tree.query(points) for points in places]
-    counts = [int((distance <= tolerance).sum()) for distance, _ in nearest_by_place]
-    placed = counts[0] >= counts[1]
-    distance, nearest = nearest_by_place[0 if placed else 1]
+    placements = (measured.points, measured.points @ turn.T + shift)
+    nearest_by_placement = [tree.query(points) for points in placements]
+    counts = [int((distance <= tolerance).sum()) for distance, _ in nearest_by_placement]
+    in_assembly = counts[0] >= counts[1]
+    distance, nearest = nearest_by_placement[0 if in_assembly else 1]
     used = distance <= tolerance
-    axes = np.eye(3) if placed else turn
+    axes = np.eye(3) if in_assembly else turn
     rows = _rows(measured, used, free_nodes[nearest], axes, 3 * len(nodes)) @ E
     if (
         rows.shape[0] < MIN_MEASURED_DOF
@@ -268,10 +268,10 @@ def correlated(
             f"the part has no elastic mode up to {BAND_FACTOR:g} times the highest measured "
             f"frequency, {measured.frequency_hz.max():.4g} Hz"
         )
-    places_of = _groups(hz)
+    mode_groups = _groups(hz)
     computed = rows @ phi[:, first:]
-    u = np.array([shape[used][measured.seen[used]] for shape in measured.shapes])
-    spans = [np.linalg.qr(computed[:, group])[0] for group in places_of]
+    u = np.array([shape[used][measured.measured_directions[used]] for shape in measured.shapes])
+    spans = [np.linalg.qr(computed[:, group])[0] for group in mode_groups]
     size = np.maximum((np.abs(u) ** 2).sum(axis=1), 1e-300)
     mac = np.column_stack([(np.abs(u @ Q) ** 2).sum(axis=1) / size for Q in spans])
     alike = [
@@ -284,11 +284,11 @@ def correlated(
         n_rigid=first,
         distance=distance,
         used=used,
-        placed=placed,
-        groups=tuple(tuple(first + 1 + k for k in group) for group in places_of),
-        frequency_hz=np.array([hz[group].mean() for group in places_of]),
+        in_assembly=in_assembly,
+        groups=tuple(tuple(first + 1 + k for k in group) for group in mode_groups),
+        frequency_hz=np.array([hz[group].mean() for group in mode_groups]),
         mac=mac,
-        pairs=_pairs(mac, [len(group) for group in places_of]),
+        pairs=_pairs(mac, [len(group) for group in mode_groups]),
         alike=tuple(alike),
     )
 
@@ -297,7 +297,7 @@ def _rows(
     measured: Measured, used: np.ndarray, nearest: np.ndarray, turn: np.ndarray, n: int
 ) -> sp.csr_matrix:
     """Rows (r, n) that give the motion of nodes in the measured directions of used points."""
-    points, axes = np.nonzero(measured.seen & used[:, None])
+    points, axes = np.nonzero(measured.measured_directions & used[:, None])
     columns = 3 * nearest[points][:, None] + np.arange(3)
     # the mesh's own axis e_i is column i of the turn, in the axes of the assembly
     values = turn.T[axes]

@@ -1,8 +1,8 @@
-"""What the surface of a component radiates as it vibrates, and how its points move.
+"""Sound power that a vibrating component radiates, and motion of its points.
 
 The equivalent radiated power is rho c times the integral of the mean square of the normal velocity
-over the surface: that of a plate whose parts all radiate as a plane wave does, an upper bound at
-high frequencies (Cremer, Heckl & Petersson 2005, Structure-Borne Sound, ch. 7: radiation efficiency
+over the surface. Every part is taken to radiate as a plane wave does: an upper bound at high
+frequencies (Cremer, Heckl & Petersson 2005, Structure-Borne Sound, ch. 7: radiation efficiency
 one).
 """
 
@@ -27,9 +27,9 @@ class Place:
     Attributes
     ----------
     rows : ndarray (d, n)
-        Its displacements by the coordinates; one row where it is a degree of freedom.
+        Displacements of the place by n coordinates; one row where it is a degree of freedom.
     distance : float
-        From what was asked for, m.
+        From the point that was given, m.
     """
 
     rows: np.ndarray
@@ -85,7 +85,7 @@ def place(component: Component, block: np.ndarray, at: tuple[float, ...] | int) 
         if at > len(block):
             raise ModelError(f"'{component.name}' has degrees of freedom 1 to {len(block)}")
         return Place(block[at - 1 : at])
-    away = np.linalg.norm(component.coordinates - np.array(at), axis=1)
-    node = int(np.argmin(away))
-    displacements = component.at_nodes(block).reshape(len(away), 3, -1)
-    return Place(displacements[node], float(away[node]))
+    distances = np.linalg.norm(component.coordinates - np.array(at), axis=1)
+    node = int(np.argmin(distances))
+    displacements = component.at_nodes(block).reshape(len(distances), 3, -1)
+    return Place(displacements[node], float(distances[node]))

@@ -19,11 +19,11 @@ class CoupledPair(NamedTuple):
     Attributes
     ----------
     modes : ndarray (2,) of int
-        Their numbers among the real modes, from 0; twice the same where there is one alone.
+        Their numbers among the real modes, from 0; equal where the model has a single mode.
     share : ndarray (2,)
         Of the kinetic energy.
     phase_deg : float
-        Between their coordinates, 0 to 90: signs of real modes are arbitrary. NaN of one alone.
+        Between their coordinates, 0 to 90: signs of real modes are arbitrary. NaN of a single mode.
     """
 
     modes: np.ndarray

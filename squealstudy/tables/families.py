@@ -1,10 +1,10 @@
 """Tracks that are one mode whose number changes between neighbouring design points.
 
-Round a coalescence in the plane of two parameters two modes change places: no numbering holds on
-all lines of a grid. Where an onset turns out to be none, for the unstable mode stays so and goes on
-under another number, both numbers are of one family. So are those of two modes near each other in
-frequency, of which at one point one grows and the other does not, and at the next the other way,
-where a label is ambiguous: two modes that are surely followed are two.
+Around a coalescence in the plane of two parameters two modes change places: no numbering holds on
+all lines of a grid. Two tracks are of one family where an onset turns out to be none, because the
+unstable mode continues under the other number. They are also where two modes near in frequency
+exchange their growth between neighbouring points and a label there is ambiguous; modes that are
+followed without doubt are two.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 from squealstudy.tables.stability import INTO
 
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
-BEGUN = ("first_seen", "broken")  # of a track that begins unstable
+BEGINS_UNSTABLE = ("first_seen", "broken")  # status of onsets of tracks that begin unstable
 ENDS = ["point_before", "point_after"]
 # relative: frequencies of two modes that may take each other's place differ by less
 MAX_REL_FREQUENCY_GAP = 0.02
-MOST_CELLS = 10**8  # points times pairs of tracks that are looked through
+MAX_CELLS = 10**8  # points times pairs of tracks that are compared
 
 
 def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
@@ -35,16 +35,18 @@ def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
         Of a study of complex modes.
     """
     renumbered = onsets[(onsets["status"] == RENUMBERED).to_numpy(bool)]
-    begun = onsets[onsets["status"].isin(BEGUN).to_numpy(bool)]
+    begun = onsets[onsets["status"].isin(BEGINS_UNSTABLE).to_numpy(bool)]
     pairs = []
     for (_, after), rows in renumbered.groupby(ENDS, sort=False):
         into = (rows["direction"] == INTO).to_numpy(bool)
-        others = rows[into] if into.any() else begun[(begun["point_after"] == after).to_numpy(bool)]
-        hz = others["frequency_hz"].to_numpy(float)
-        goes = rows[~into]
-        for track, own_hz in zip(goes["track"].tolist(), goes["frequency_hz"], strict=True):
+        beginning = (
+            rows[into] if into.any() else begun[(begun["point_after"] == after).to_numpy(bool)]
+        )
+        hz = beginning["frequency_hz"].to_numpy(float)
+        ending = rows[~into]
+        for track, track_hz in zip(ending["track"].tolist(), ending["frequency_hz"], strict=True):
             if len(hz):
-                pairs.append((track, int(others["track"].iloc[np.abs(hz - own_hz).argmin()])))
+                pairs.append((track, int(beginning["track"].iloc[np.abs(hz - track_hz).argmin()])))
     return pairs
 
 
@@ -96,7 +98,7 @@ def exchanged_tracks(
         Those that are unstable somewhere.
     """
     count = int(edges.max(initial=-1)) + 1
-    if count * len(tracks) ** 2 > MOST_CELLS:
+    if count * len(tracks) ** 2 > MAX_CELLS:
         return
     hz, grows, doubtful = {}, {}, {}
     number, unstable = modes["track"].to_numpy(), modes["unstable"].to_numpy(bool)
@@ -110,15 +112,20 @@ def exchanged_tracks(
         doubtful[track] = np.zeros(count, dtype=bool)
         doubtful[track][code[rows]] = ambiguous[rows]
     a, b = edges.T
-    for one, other in combinations(tracks, 2):
-        near = np.abs(hz[one] - hz[other]) < MAX_REL_FREQUENCY_GAP * hz[one]
-        first, second = grows[one], grows[other]
-        goes = (first[a] & second[b] & ~first[b] & ~second[a]) | (
-            second[a] & first[b] & ~second[b] & ~first[a]
+    for track_a, track_b in combinations(tracks, 2):
+        near_in_frequency = np.abs(hz[track_a] - hz[track_b]) < MAX_REL_FREQUENCY_GAP * hz[track_a]
+        grows_a, grows_b = grows[track_a], grows[track_b]
+        exchange = (grows_a[a] & grows_b[b] & ~grows_a[b] & ~grows_b[a]) | (
+            grows_b[a] & grows_a[b] & ~grows_b[b] & ~grows_a[a]
         )
-        unsure = doubtful[one] | doubtful[other]
-        if (goes & near[a] & near[b] & (unsure[a] | unsure[b])).any():
-            yield one, other
+        is_ambiguous = doubtful[track_a] | doubtful[track_b]
+        if (
+            exchange
+            & near_in_frequency[a]
+            & near_in_frequency[b]
+            & (is_ambiguous[a] | is_ambiguous[b])
+        ).any():
+            yield track_a, track_b
 
 
 def same_mode_pairs(
@@ -144,12 +151,15 @@ def same_mode_pairs(
 
 
 def family_numbers(tracks: Iterable[int], pairs: Sequence[tuple[int, int]]) -> dict[int, int]:
-    """The least of the tracks that are one with each track; `pairs` are of tracks that are one."""
+    """Family of each track: the least number of the tracks that `pairs` connect with it."""
     least = {int(track): int(track) for track in tracks}
-    for one, other in pairs:
-        if one in least and other in least:
-            low, high = sorted((least[one], least[other]))
-            least = {track: low if of == high else of for track, of in least.items()}
+    for track_a, track_b in pairs:
+        if track_a in least and track_b in least:
+            low, high = sorted((least[track_a], least[track_b]))
+            least = {
+                track: low if least_track == high else least_track
+                for track, least_track in least.items()
+            }
     return least
 
 
@@ -180,12 +190,14 @@ def families(
         {"family": number.reindex(group[rows]).to_numpy(), "point": code[rows]}
     )
     of_family["track"] = group[rows]
-    at = of_family.drop_duplicates().groupby(["family", "point"]).size().groupby(level="family")
+    modes_at_point = (
+        of_family.drop_duplicates().groupby(["family", "point"]).size().groupby(level="family")
+    )
     return pd.DataFrame(
         {
             "family": number,
-            "family_modes": at.max().reindex(number.to_numpy()).to_numpy(),
-            "family_points": at.size().reindex(number.to_numpy()).to_numpy(),
+            "family_modes": modes_at_point.max().reindex(number.to_numpy()).to_numpy(),
+            "family_points": modes_at_point.size().reindex(number.to_numpy()).to_numpy(),
         },
         index=tracks,
     )

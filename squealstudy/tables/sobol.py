@@ -2,7 +2,7 @@
 
 Saltelli et al., Computer Physics Communications 181 (2010) 259-270: two independent samples A and
 B of n points in d parameters, and d matrices AB_i that are A with column i taken from B. The d + 2
-points of one base point stand together, so that a failed point takes its own group with it and
+points of one base point are a group of neighbouring rows: a failed point spoils only its group, and
 more base points only add rows.
 """
 
@@ -68,8 +68,8 @@ def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
     )
 
 
-LEAST_SHARE = 0.5  # of the groups that must be whole
-LEAST_GROUPS = 8
+MIN_GROUP_SHARE = 0.5  # of the groups without a failed point
+MIN_GROUPS = 8  # without a failed point
 N_RESAMPLES = 999
 ROWS_PER_DRAW = 2**20  # rows of groups that are drawn at once
 COLUMNS = (
@@ -101,17 +101,17 @@ def sobol_table(
         Unstable tracks beside the largest growth of all modes, unstable at most points first.
     confidence : float
         Of the intervals: percentiles of N_RESAMPLES bootstrap resamples of the base points, always
-        the same ones. They take these as independent draws: wide for a Sobol sequence.
+        the same ones. They assume independent base points: too wide for a Sobol sequence.
     onsets : DataFrame or None
-        Of the study: they tell tracks that are one mode.
+        Of the study, by which tracks of one mode are recognised.
 
     Returns
     -------
     DataFrame
         COLUMNS. `quantity` is "largest" (track 0; the largest growth rate of a point, over its
-        oscillating modes and growing real roots) or "track". A point that failed, or at which the
-        track has no mode, takes its whole group along; `groups` are left, `dropped_groups` are not.
-        What is left is no longer a sample of the distributions: indices and intervals are of it.
+        oscillating modes and growing real roots) or "track". Groups with a point that failed, or at
+        which the track has no mode, are dropped: `dropped_groups`; `groups` remain. These are no
+        longer a sample of the distributions, and indices and intervals are theirs.
         `tracks` and `ambiguous` as in `robust_table`. The indices of a track of fewer whole groups
         than LEAST_SHARE are NaN. `variance` is that of the growth, 1/s^2.
         Estimators: Saltelli et al. 2010, table 2 b and f, as scipy.stats.sobol_indices.
@@ -130,7 +130,7 @@ def sobol_table(
             continue
         groups, dropped = grouped(quantity.growth, d)
         n_whole = len(groups.a)
-        enough = n_whole >= LEAST_GROUPS and n_whole >= LEAST_SHARE * (n_whole + dropped)
+        enough = n_whole >= MIN_GROUPS and n_whole >= MIN_GROUP_SHARE * (n_whole + dropped)
         if quantity.track == LARGEST_GROWTH_GROUP and not enough:
             raise ResultsError(
                 f"Sobol indices need whole groups of design points: {dropped} of "
@@ -165,7 +165,7 @@ def saltelli_estimate(f_A: np.ndarray, f_B: np.ndarray, f_AB: np.ndarray) -> np.
 
 
 def _moments(groups: Groups) -> np.ndarray:
-    """What the estimators are means of (n, 2 + 3 d), a row a group.
+    """Quantities (n, 2 + 3 d), a row a group, whose means give the estimators.
 
     A resample is then a weighted sum of rows: its values need not be gathered.
     """

@@ -1,8 +1,8 @@
-"""Bases that serve the points which tracking inserts into steps of a study.
+"""Bases in which points are solved that tracking inserts into steps of a study.
 
 Where many steps of a structure are in doubt, its modes at a few design points of the study, far
-from each other, are made a basis. It is taken where it gives the modes of others, which are solved
-already; otherwise, and where a step stays in doubt, inserted points are solved exactly.
+from each other, span a basis. It is used where it reproduces the modes of other solved points;
+otherwise, and where a step stays in doubt, inserted points are solved exactly.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from squealstudy.modes.tracking.snapshot_model import (
 )
 from squealstudy.reduction.prepared import PreparedModel
 
-LEAST_COORDINATES = 200  # of a model: an exact solve of a smaller one takes as long as this
-MOST_SHARE = 0.5  # of its coordinates that a basis may have
-MOST_DIRECTIONS = 3  # parameters by which corners are counted: 3, 5 or 9 points at first
-LEAST_SNAPSHOTS, MOST_SNAPSHOTS = 3, 12  # design points of a basis
-CHECKED = 3  # design points at which a basis is looked at
-STEPS_A_SNAPSHOT = 2  # in doubt, from which on it pays: a step takes two inserted points
-TOLERANCE = 2e-3  # of `unlikeness`: pairs are told by hundredths
+MIN_COORDINATES = 200  # of a model: a smaller one is solved exactly as fast as in a basis
+MAX_BASIS_SHARE = 0.5  # vectors of a basis over coordinates
+MAX_CORNER_PARAMETERS = 3  # a basis begins with 2^p + 1 points, p varied parameters up to this
+MIN_SNAPSHOTS, MAX_SNAPSHOTS = 3, 12  # design points of a basis
+N_CHECKED_POINTS = 3  # design points at which a basis is compared with exact modes
+STEPS_PER_SNAPSHOT = 2  # steps in doubt for which a snapshot pays: a step takes two inserted points
+MAX_UNLIKENESS = 2e-3  # at checked points; tracking distinguishes pairs by hundredths
 BAND_END_REL_DISTANCE = (
     0.01  # relative distance from the ends of the band within which a mode may be out of it
 )
-MOST_KEPT = 2  # models that a process holds
+MAX_MODELS_IN_MEMORY = 2  # models that a process holds
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def _modes_at(
 def _model(basis: Basis) -> SnapshotModel:
     """The model on a basis, kept for the next call in this process."""
     if basis.name not in _snapshot_models:
-        while len(_snapshot_models) >= MOST_KEPT:
+        while len(_snapshot_models) >= MAX_MODELS_IN_MEMORY:
             _snapshot_models.pop(next(iter(_snapshot_models)))
         _snapshot_models[basis.name] = SnapshotModel(
             load_prepared(basis.key), basis.V, basis.band_hz
@@ -97,7 +97,7 @@ class Bases:
     solved : callable
         Oscillating modes of a design point of the plan, as they were solved.
     counts : ndarray (n,) of int
-        How many each point has.
+        Number of such modes of each point.
     workers : Workers
     """
 
@@ -112,58 +112,69 @@ class Bases:
         self._plan, self._near, self._solved = plan, near, solved
         self._counts, self._workers = counts, workers
         self._structure = plan.tasks.structure_index
-        self._made: dict[int, Basis | None] = {}
+        self._basis_of_structure: dict[int, Basis | None] = {}
 
     def prepare(self, steps: Sequence[int]) -> None:
-        """Make the bases of structures in which many steps, known by their ends, are in doubt."""
+        """Make bases of structures with many steps in doubt; `steps` are points at their ends."""
         structures, counts = np.unique(self._structure[np.asarray(steps, int)], return_counts=True)
         for structure, count in zip(structures.tolist(), counts.tolist(), strict=True):
-            if structure not in self._made and count >= STEPS_A_SNAPSHOT * LEAST_SNAPSHOTS:
-                self._made[structure] = self._basis(structure, count // STEPS_A_SNAPSHOT)
+            if (
+                structure not in self._basis_of_structure
+                and count >= STEPS_PER_SNAPSHOT * MIN_SNAPSHOTS
+            ):
+                self._basis_of_structure[structure] = self._basis(
+                    structure, count // STEPS_PER_SNAPSHOT
+                )
 
     def of(self, point: int) -> Basis | None:
         """The basis of a point's structure, where there is one."""
-        return self._made.get(int(self._structure[point]))
+        return self._basis_of_structure.get(int(self._structure[point]))
 
-    def _basis(self, structure: int, most: int) -> Basis | None:
-        """A basis of a structure, of as many design points at most as pay; None without a good one.
+    def _basis(self, structure: int, max_points: int) -> Basis | None:
+        """A basis of a structure from `max_points` design points at most; None if none is good.
 
-        The corners of the design and its middle come first, more where these are not enough.
+        It begins with the middle and corners of the design; points are added while it fails.
         """
         points = np.flatnonzero((self._structure == structure) & (self._counts > 0))
-        first = self._near.of(int(points[0]))
-        if first.stacked or first.rung != DENSE:
+        neighbourhood_of_first = self._near.of(int(points[0]))
+        if neighbourhood_of_first.stacked or neighbourhood_of_first.rung != DENSE:
             return None
-        prepared = prepared_any(first.structure.key)
-        if not isinstance(prepared, PreparedModel) or prepared.model.n < LEAST_COORDINATES:
+        prepared = prepared_any(neighbourhood_of_first.structure.key)
+        if not isinstance(prepared, PreparedModel) or prepared.model.n < MIN_COORDINATES:
             return None
-        key, band_hz, n = first.structure.key, first.structure.band_hz, prepared.model.n
+        key, band_hz, n = (
+            neighbourhood_of_first.structure.key,
+            neighbourhood_of_first.structure.band_hz,
+            prepared.model.n,
+        )
         x = self._plan.coordinates[points]
-        chosen = points[far_apart(x, MOST_SNAPSHOTS + CHECKED)].tolist()
-        near = [self._near.of(i) for i in chosen]
+        chosen = points[far_apart(x, MAX_SNAPSHOTS + N_CHECKED_POINTS)].tolist()
+        neighbourhoods = [self._near.of(i) for i in chosen]
         blocks: list[np.ndarray] = []
         varied = int((np.ptp(x, axis=0) > 0).sum())
-        used, count = 0, 2 ** min(varied, MOST_DIRECTIONS) + 1
-        while used < count <= min(MOST_SNAPSHOTS, most) and count < len(chosen):
-            snapshot_blocks = self._workers.each(snapshot_task, list(enumerate(near[used:count])))
+        used, count = 0, 2 ** min(varied, MAX_CORNER_PARAMETERS) + 1
+        while used < count <= min(MAX_SNAPSHOTS, max_points) and count < len(chosen):
+            snapshot_blocks = self._workers.each(
+                snapshot_task, list(enumerate(neighbourhoods[used:count]))
+            )
             blocks += [block for _, block in sorted(snapshot_blocks, key=itemgetter(0))]
             used = count
             V = snapshot_basis(blocks)
-            if not 0 < V.shape[1] <= MOST_SHARE * n:
+            if not 0 < V.shape[1] <= MAX_BASIS_SHARE * n:
                 return None
-            names = [at.design.point_id for at in near[:used]]
+            names = [neighbourhood.design.point_id for neighbourhood in neighbourhoods[:used]]
             basis = Basis(content_hash([key, band_hz, names]), key, V, band_hz)
-            last = slice(used, used + CHECKED)
-            checks = zip(near[last], map(self._solved, chosen[last]), strict=True)
-            tasks = [CheckTask(basis, at, solved) for at, solved in checks]
-            if max(self._workers.each(check_task, tasks)) <= TOLERANCE:
+            checked = slice(used, used + N_CHECKED_POINTS)
+            checks = zip(neighbourhoods[checked], map(self._solved, chosen[checked]), strict=True)
+            tasks = [CheckTask(basis, neighbourhood, solved) for neighbourhood, solved in checks]
+            if max(self._workers.each(check_task, tasks)) <= MAX_UNLIKENESS:
                 return basis
-            count += CHECKED
+            count += N_CHECKED_POINTS
         return None
 
 
 def far_apart(x: np.ndarray, count: int) -> np.ndarray:
-    """Some of the points x (n, p): one next to the middle, then the farthest from all before.
+    """Points of x (n, p): the nearest to the middle, then each the farthest from those before.
 
     Each coordinate counts by its range.
 
@@ -195,7 +206,7 @@ def snapshot_task(task: tuple[int, PointNeighbourhood]) -> tuple[int, np.ndarray
 
 @dataclass(frozen=True)
 class CheckTask:
-    """A solved design point at which a worker looks at a basis."""
+    """A solved design point at which a worker checks a basis."""
 
     basis: Basis
     near: PointNeighbourhood

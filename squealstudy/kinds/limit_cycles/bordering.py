@@ -1,6 +1,6 @@
 """Folds and Hopf points of branches continued over a second swept parameter: borders of verdicts.
 
-What workers do after all branches are there, for each plane of the two parameters.
+Workers follow them after all branches are solved, one task for each plane of the two parameters.
 """
 
 from __future__ import annotations
@@ -19,13 +19,18 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import REAL, TEXT
 from squealstudy.engine.rows import WHOLE_NUMBER as COUNT
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.limit_cycles.continued import NEAR_HZ, SAME_FOLD, Mark, ended
-from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
+from squealstudy.kinds.limit_cycles.continued import (
+    MAX_REL_FREQUENCY_DIFFERENCE,
+    SAME_FOLD_SHARE,
+    Mark,
+    ended,
+)
+from squealstudy.kinds.limit_cycles.designs import CyclesRequest, DesignLine
 from squealstudy.kinds.limit_cycles.onset import onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
-BRACKET_HALF_WIDTH = 1e-3  # of the range: bracket of an onset at least
+BRACKET_HALF_WIDTH = 1e-3  # least half width of an onset's bracket, over the range
 BORDER_FIELDS = (
     ("border_id", TEXT),
     ("event", TEXT),
@@ -47,7 +52,7 @@ BORDER_FIELDS = (
 
 @dataclass(frozen=True)
 class PlaneTask:
-    """Borders over two parameters, all others held.
+    """Borders over two parameters, all others fixed.
 
     Attributes
     ----------
@@ -73,7 +78,7 @@ class PlaneTask:
 
 
 def planes(
-    plan: Plan, asked: CyclesRequest, along: str, over: str, marks: Sequence[Mark]
+    plan: Plan, request: CyclesRequest, along: str, over: str, marks: Sequence[Mark]
 ) -> Iterator[PlaneTask]:
     """A task of each plane on which branches have folds or Hopf points."""
     tasks = plan.tasks
@@ -83,32 +88,34 @@ def planes(
         np.column_stack([others, tasks.structure_index]), axis=0, return_inverse=True
     )
     first, second = tasks.column(along), tasks.column(over)
-    places = {tasks[k].point_id: k for k in range(len(first))}
+    row_of_point = {tasks[k].point_id: k for k in range(len(first))}
     for number in range(int(plane.max(initial=-1)) + 1):
         on_plane = np.flatnonzero(plane == number)
-        placed_marks = [(places[mark.point_id], mark) for mark in marks]
-        chosen = [(float(second[k]), mark) for k, mark in placed_marks if plane[k] == number]
+        marks_and_rows = [(row_of_point[mark.point_id], mark) for mark in marks]
+        chosen = [(float(second[k]), mark) for k, mark in marks_and_rows if plane[k] == number]
         if chosen:
             bounds = float(first[on_plane].min()), float(first[on_plane].max())
             values = tuple(float(v) for v in np.unique(second[on_plane]))
             base = tasks[int(on_plane[0])]
-            yield PlaneTask(asked, base, along, over, bounds, values, tuple(chosen))
+            yield PlaneTask(request, base, along, over, bounds, values, tuple(chosen))
 
 
 def follow_borders(task: PlaneTask) -> tuple[list[dict[str, Any]], list[str]]:
-    """Rows of the borders of a plane, each followed once, and what could not be followed."""
+    """Rows of the borders of a plane, each followed once, and messages about failed ones."""
     plane = Plane(task)
     borders: list[tuple[Mark, list[BorderPoint], tuple[str, str]]] = []
-    rows, lost, differences = [], list[str](), dict[tuple[int, int], float]()
+    rows, not_followed, differences = [], list[str](), dict[tuple[int, int], float]()
     for over, mark in sorted(task.marks, key=lambda m: (m[1].event, m[0], m[1].motion.parameter)):
-        place = plane.passed(borders, over, mark)
+        place = plane.place_on_borders(borders, over, mark)
         if place is None:
             try:
                 borders.append((mark, *plane.border(over, mark)))
             except FAILURES as error:
-                lost.append(f"{mark.event} at {task.along} {mark.motion.parameter:g}: {error}")
+                not_followed.append(
+                    f"{mark.event} at {task.along} {mark.motion.parameter:g}: {error}"
+                )
                 continue
-            place = plane.passed(borders, over, mark)
+            place = plane.place_on_borders(borders, over, mark)
         if place is not None:
             at = borders[place[0]][1][place[1]].motion.parameter
             differences[place] = at - mark.motion.parameter
@@ -119,7 +126,7 @@ def follow_borders(task: PlaneTask) -> tuple[list[dict[str, Any]], list[str]]:
             row["line_difference"] = differences.get((number, k), np.nan)
         border_rows[0]["border_end"], border_rows[-1]["border_end"] = ends
         rows += border_rows
-    return rows, lost
+    return rows, not_followed
 
 
 @dataclass(frozen=True)
@@ -133,28 +140,30 @@ class Plane:
         """Range of the first parameter."""
         return self.task.bounds[1] - self.task.bounds[0]
 
-    def way(self, over: float) -> Way:
+    def line(self, over: float) -> DesignLine:
         """The line of designs at a value of the second parameter."""
         task = self.task
         values = {**task.base.values, task.over: over}
         first, last = (task.base.with_values(values | {task.along: v}) for v in task.bounds)
-        return Way(task.request, first, last, task.bounds)
+        return DesignLine(task.request, first, last, task.bounds)
 
     def fold(self, over: float, guess: PeriodicMotion) -> BorderPoint:
         """The fold at a value of the second parameter."""
-        way = self.way(over)
-        fold = BorderPoint(over, *fold_near(way.oscillator, guess, way.bounds))
+        line = self.line(over)
+        fold = BorderPoint(over, *fold_near(line.oscillator, guess, line.bounds))
         self._inside(fold.motion.parameter)
-        if reason := ended(way, fold.motion):
+        if reason := ended(line, fold.motion):
             raise ConvergenceError(reason, "the fold's cycle is too small or too large")
         return fold
 
     def onset(self, over: float, guess: PeriodicMotion) -> BorderPoint:
-        """The Hopf point there."""
-        onset_value, hz, how = onset_near(self.way(over), guess, BRACKET_HALF_WIDTH * self.width)
+        """The Hopf point at a value of the second parameter."""
+        onset_value, hz, criticality = onset_near(
+            self.line(over), guess, BRACKET_HALF_WIDTH * self.width
+        )
         self._inside(onset_value)
         motion = replace(guess, omega=2.0 * np.pi * hz, parameter=onset_value)
-        return BorderPoint(over, motion, criticality=how)
+        return BorderPoint(over, motion, criticality=criticality)
 
     def _inside(self, value: float) -> None:
         low, high = self.task.bounds
@@ -167,11 +176,11 @@ class Plane:
         Raises
         ------
         ConvergenceError
-            Where it is not found at its own value, or the model is balanced on a basis.
+            Where the mark is not found again, or the model is too large.
         """
         if (
             mark.event == FOLD
-            and self.way(over).oscillator(mark.motion.parameter).n > MAX_UNPROJECTED_COORDINATES
+            and self.line(over).oscillator(mark.motion.parameter).n > MAX_UNPROJECTED_COORDINATES
         ):
             raise ConvergenceError(
                 "too_large",
@@ -184,26 +193,31 @@ class Plane:
         )
         return [*down[:0:-1], *up], (first, last)
 
-    def passed(
+    def place_on_borders(
         self,
         borders: Sequence[tuple[Mark, list[BorderPoint], tuple[str, str]]],
         over: float,
         mark: Mark,
     ) -> tuple[int, int] | None:
-        """Border and place on it of a fold or a Hopf point of a line; None where none passes it."""
+        """Border that passes a fold or Hopf point of a line, and index on it; None if none does."""
         for number, (border_mark, points, _) in enumerate(borders):
             for k, point in enumerate(points if border_mark.event == mark.event else []):
-                near = abs(point.motion.parameter - mark.motion.parameter) < SAME_FOLD * self.width
-                same = abs(point.motion.omega / mark.motion.omega - 1.0) < NEAR_HZ
-                if point.over == over and near and same:
+                is_near = (
+                    abs(point.motion.parameter - mark.motion.parameter)
+                    < SAME_FOLD_SHARE * self.width
+                )
+                has_same_frequency = (
+                    abs(point.motion.omega / mark.motion.omega - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
+                )
+                if point.over == over and is_near and has_same_frequency:
                     return number, k
         return None
 
     def row(self, mark: Mark, k: int, point: BorderPoint) -> dict[str, Any]:
-        """Of the table of borders."""
+        """Row of the table of borders."""
         motion, levels = point.motion, {"torque_rms": 0.0, "contact_velocity": 0.0}
         if mark.event == FOLD:
-            all_levels = self.way(point.over).contact(motion.parameter).levels(motion)
+            all_levels = self.line(point.over).contact(motion.parameter).levels(motion)
             levels = {name: all_levels[name] for name in levels}
         return {
             "point_id": mark.point_id,

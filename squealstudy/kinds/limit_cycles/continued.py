@@ -34,15 +34,16 @@ from squealstudy.cycles.projection import Projection
 from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.errors import SquealstudyError
-from squealstudy.kinds.limit_cycles.designs import CyclesRequest, Way
+from squealstudy.kinds.limit_cycles.designs import CyclesRequest, DesignLine
 from squealstudy.kinds.limit_cycles.onset import ONSET_REL_TOLERANCE, onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
 TURNED = "turned"  # why a step to a neighbour ends: the cycle folds before it
 MAX_RETRACED_SHARE = 0.2  # share of the way back after which it is given up
-NEAR_HZ, NEAR_LEVEL = 1e-3, 0.05  # relative: a branch may pass a cycle where it is as near as that
-SAME_FOLD = 1e-4  # of the range: two branches with a fold within it are one
+# a branch passes a cycle where its frequency and its level differ by less
+MAX_REL_FREQUENCY_DIFFERENCE, MAX_REL_LEVEL_DIFFERENCE = 1e-3, 0.05
+SAME_FOLD_SHARE = 1e-4  # distance of folds over the range, within which two branches are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +168,15 @@ class ContinuedBranches:
 def step_to_neighbour(task: StepTask) -> ContinuedBranches:
     """The cycle at the neighbour, where it can be continued to it."""
     continuation, points, gaps = ContinuedBranches(), task.points, NewGaps()
-    way, furthest = Way(task.request, points[0], points[1]), 0.0
+    line, furthest = DesignLine(task.request, points[0], points[1]), 0.0
 
     def stop(motion: PeriodicMotion) -> str:
         nonlocal furthest
         furthest = max(furthest, motion.parameter)
-        return TURNED if motion.parameter < furthest - MAX_RETRACED_SHARE else ended(way, motion)
+        return TURNED if motion.parameter < furthest - MAX_RETRACED_SHARE else ended(line, motion)
 
     try:
-        _, curve, end = cycles_along(way.oscillator, task.start.motion, way.bounds, 1.0, stop)
+        _, curve, end = cycles_along(line.oscillator, task.start.motion, line.bounds, 1.0, stop)
         last = curve[-1].motion
         if end == RANGE and last.parameter > 0.5:
             _, contact = task.request.contact(points[1], gaps)
@@ -192,24 +193,26 @@ def step_to_neighbour(task: StepTask) -> ContinuedBranches:
 def follow_line(task: LineTask) -> ContinuedBranches:
     """Branches through all cycles of a line, each once, and the cycles on them at its designs."""
     values = task.points.column(task.along)
-    way = Way(task.request, task.points[0], task.points[-1], (float(values[0]), float(values[-1])))
+    line = DesignLine(
+        task.request, task.points[0], task.points[-1], (float(values[0]), float(values[-1]))
+    )
     continuation, branches = ContinuedBranches(), []  # type: ContinuedBranches, list[Branch]
     for start in task.starts:
-        level = way.contact(start.value).contact_velocity(start.motion)
-        if any(b.passes(way, start.value, start.omega, level) for b in branches):
+        level = line.contact(start.value).contact_velocity(start.motion)
+        if any(b.passes(line, start.value, start.omega, level) for b in branches):
             continue
         try:
-            one = _branch(way, start)
+            one = _branch(line, start)
         except FAILURES as error:
             continuation.lost.append(f"{start.cycle_id}: {error}")
             continue
-        if any(one.same_as(other, way) for other in branches):
+        if any(one.same_as(other, line) for other in branches):
             continue
         branches.append(one)
-        continuation.branches += one.rows(way, task.along)
+        continuation.branches += one.rows(line, task.along)
         continuation.marks += one.marks
     for point in task.points:
-        continuation.cycles += _cycles_of(task, way, branches, point)
+        continuation.cycles += _cycles_of(task, line, branches, point)
     return continuation
 
 
@@ -254,37 +257,37 @@ class Branch:
         last = self.points[-1].motion
         return [*crossings, last] if value == last.parameter else crossings
 
-    def passes(self, way: Way, value: float, omega: float, level: float) -> bool:
+    def passes(self, line: DesignLine, value: float, omega: float, level: float) -> bool:
         """Whether it passes a cycle of this frequency [rad/s] and contact velocity."""
-        contact = way.contact(value)
+        contact = line.contact(value)
         return any(
-            abs(m.omega / omega - 1.0) < NEAR_HZ
-            and abs(contact.contact_velocity(m) / level - 1.0) < NEAR_LEVEL
+            abs(m.omega / omega - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
+            and abs(contact.contact_velocity(m) / level - 1.0) < MAX_REL_LEVEL_DIFFERENCE
             for m in self.crossings(value)
         )
 
-    def same_as(self, other: Branch, way: Way) -> bool:
+    def same_as(self, other: Branch, line: DesignLine) -> bool:
         """Whether both have a fold in common."""
-        width = SAME_FOLD * abs(way.bounds[1] - way.bounds[0])
+        width = SAME_FOLD_SHARE * abs(line.bounds[1] - line.bounds[0])
         folds, others = (
             [(p.motion.parameter, p.motion.omega) for p in b.points if p.event == FOLD]
             for b in (self, other)
         )
         return any(
-            abs(fold_value - x) < width and abs(omega / w - 1.0) < NEAR_HZ
+            abs(fold_value - x) < width and abs(omega / w - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
             for fold_value, omega in folds
             for x, w in others
         )
 
-    def rows(self, way: Way, along: str) -> list[dict[str, Any]]:
+    def rows(self, line: DesignLine, along: str) -> list[dict[str, Any]]:
         """Of the table of branches."""
-        rows = [self._row(way, along, k, p) for k, p in enumerate(self.points)]
+        rows = [self._row(line, along, k, p) for k, p in enumerate(self.points)]
         rows[0]["branch_end"], rows[-1]["branch_end"] = self.ends
         return rows
 
-    def _row(self, way: Way, along: str, k: int, point: BranchPoint) -> dict[str, Any]:
+    def _row(self, line: DesignLine, along: str, k: int, point: BranchPoint) -> dict[str, Any]:
         motion, multipliers = point.motion, point.multipliers
-        contact = way.contact(motion.parameter)
+        contact = line.contact(motion.parameter)
         levels = contact.levels(motion)
         row = {
             "point_id": self.start.point_id,
@@ -312,37 +315,37 @@ class Branch:
         }
         if k in self.onsets:  # the cycle is steady sliding there
             onset, hz, how = self.onsets[k]
-            error = ONSET_REL_TOLERANCE * abs(way.bounds[1] - way.bounds[0])
+            error = ONSET_REL_TOLERANCE * abs(line.bounds[1] - line.bounds[0])
             row |= {"value": onset, "value_error": error, "frequency_hz": hz, "criticality": how}
             row |= dict.fromkeys(("torque_rms", "contact_velocity", "open_share_max"), 0.0)
         return row
 
 
-def ended(way: Way, motion: PeriodicMotion) -> str:
-    """Whether a cycle has shrunk to steady sliding, or is as large as was asked."""
-    contact = way.contact(motion.parameter)
+def ended(line: DesignLine, motion: PeriodicMotion) -> str:
+    """Why a branch ends at a cycle that has shrunk or grown to the limit; empty if it does not."""
+    contact = line.contact(motion.parameter)
     velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
     if velocity < START * speed:
         return SHRUNK
-    return FAR if velocity > way.asked.section.reach * speed else ""
+    return FAR if velocity > line.request.section.reach * speed else ""
 
 
-def _branch(way: Way, start: Start) -> Branch:
+def _branch(line: DesignLine, start: Start) -> Branch:
     """The branch through a cycle, both ways."""
     parts: list[list[BranchPoint]] = []
     ends: list[str] = []
     for direction in (-1.0, 1.0):
-        if start.value == way.bounds[0 if direction < 0 else 1]:
+        if start.value == line.bounds[0 if direction < 0 else 1]:
             parts.append([])
             ends.append(RANGE)
             continue
         points, end = branch(
-            way.oscillator,
+            line.oscillator,
             start.motion,
-            way.bounds,
+            line.bounds,
             direction,
-            partial(ended, way),
-            highest=way.asked.band[1],
+            partial(ended, line),
+            highest=line.request.band[1],
         )
         if end == CLOSED:
             return Branch(start, points, (CLOSED, CLOSED), {})
@@ -355,7 +358,7 @@ def _branch(way: Way, start: Start) -> Branch:
             neighbour = points[1] if k == 0 else points[k - 1]
             with contextlib.suppress(SquealstudyError):  # it keeps what the curve has
                 half = abs(point.motion.parameter - neighbour.motion.parameter)
-                onsets[k] = onset_near(way, point.motion, half)
+                onsets[k] = onset_near(line, point.motion, half)
     return Branch(start, points, (ends[0], ends[1]), onsets)
 
 
@@ -371,11 +374,11 @@ def _cycle_at(
 
 
 def _cycles_of(
-    task: LineTask, way: Way, known: Sequence[Branch], point: DesignPoint
+    task: LineTask, line: DesignLine, known: Sequence[Branch], point: DesignPoint
 ) -> list[Continued]:
     """Cycles of branches at a design that its own curves have not led to."""
     parameter_value = float(point.values[task.along])
-    contact = way.contact(parameter_value)
+    contact = line.contact(parameter_value)
     known_cycles = [
         (s.omega, contact.contact_velocity(s.motion))
         for s in task.starts
@@ -386,7 +389,8 @@ def _cycles_of(
         for motion in one.crossings(parameter_value):
             level = contact.contact_velocity(motion)
             near = any(
-                abs(motion.omega / w - 1.0) < NEAR_HZ and abs(level / v - 1.0) < NEAR_LEVEL
+                abs(motion.omega / w - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
+                and abs(level / v - 1.0) < MAX_REL_LEVEL_DIFFERENCE
                 for w, v in known_cycles
             )
             if near:

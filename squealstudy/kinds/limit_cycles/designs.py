@@ -101,23 +101,23 @@ def request(plan: Plan) -> CyclesRequest:
 
 
 def too_large(n: int) -> str:
-    """What is said of a model of n coordinates."""
+    """Message about a model of n coordinates."""
     return f"the model has {n} coordinates, limit cycles are for {MAX_COORDINATES} at most"
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
-    """The designs on the straight way between two of one structure.
+class DesignLine:
+    """The designs on a straight line between two designs of one structure.
 
     Attributes
     ----------
-    asked : CyclesRequest
+    request : CyclesRequest
     first, last : DesignPoint
     bounds : (low, high)
-        What is counted from the first to the last: values of a parameter, or 0 to 1.
+        Coordinate of the first and the last: values of a parameter, or 0 and 1.
     """
 
-    asked: CyclesRequest
+    request: CyclesRequest
     first: DesignPoint
     last: DesignPoint
     bounds: tuple[float, float] = (0.0, 1.0)
@@ -138,7 +138,7 @@ class Way:
             while len(self._known) >= DESIGN_CACHE_SIZE:
                 del self._known[next(iter(self._known))]
             near = self._last[0] if self._last else None
-            steady, oscillator = self.asked.contact_near(self.design(value), near)
+            steady, oscillator = self.request.contact_near(self.design(value), near)
             self._last[:] = [steady.gap]
             self._known[value] = oscillator
         return self._known[value]

@@ -7,7 +7,7 @@ import numpy as np
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.onset import criticality
 from squealstudy.errors import ConvergenceError
-from squealstudy.kinds.limit_cycles.designs import Way
+from squealstudy.kinds.limit_cycles.designs import DesignLine
 from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 
@@ -16,12 +16,14 @@ MIN_BRACKET_HALF_WIDTH = 1e-6  # of the range: half of a bracket, at first
 MAX_BRACKET_DOUBLINGS = 8  # times that it doubles
 
 
-def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, float, str]:
+def onset_near(
+    designs: DesignLine, motion: PeriodicMotion, half: float
+) -> tuple[float, float, str]:
     """Where the mode that a cycle shrinks to turns unstable, as onsets are refined.
 
     Parameters
     ----------
-    way : Way
+    designs : DesignLine
     motion : PeriodicMotion
         A small cycle; its `parameter` is a value near by.
     half : float
@@ -38,19 +40,19 @@ def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, fl
     """
 
     def modes(value: float) -> Modes:
-        lam, psi = way.oscillator(value).steady_modes(2.0 * motion.omega)
+        lam, psi = designs.oscillator(value).steady_modes(2.0 * motion.omega)
         return Modes(lam[lam.imag > 0], psi[:, lam.imag > 0].T)
 
     def place(found: Modes) -> int:
         return int(np.argmin(np.abs(np.abs(found.lam) - motion.omega)))
 
-    width = abs(way.bounds[1] - way.bounds[0])
+    width = abs(designs.bounds[1] - designs.bounds[0])
     half = max(half, MIN_BRACKET_HALF_WIDTH * width)
     for _ in range(MAX_BRACKET_DOUBLINGS):
         low, high = motion.parameter - half, motion.parameter + half
         ends = [modes(value) for value in (low, high)]
         zeta = [-m.lam[place(m)].real / abs(m.lam[place(m)]) for m in ends]
-        if (zeta[0] + way.asked.tolerance) * (zeta[1] + way.asked.tolerance) < 0:
+        if (zeta[0] + designs.request.tolerance) * (zeta[1] + designs.request.tolerance) < 0:
             break
         half *= 2.0
     else:
@@ -58,9 +60,11 @@ def onset_near(way: Way, motion: PeriodicMotion, half: float) -> tuple[float, fl
     line = SolvedLine(low, ends[0], high, ends[1], modes)
     places = [place(m) for m in ends]
     found = refine_onset(
-        line, places[0], places[1], way.asked.tolerance, ONSET_REL_TOLERANCE * width
+        line, places[0], places[1], designs.request.tolerance, ONSET_REL_TOLERANCE * width
     )
     neutral, omega = modes(found.value), 2.0 * np.pi * found.frequency_hz
-    k = int(np.argmin(np.abs(neutral.lam - omega * (way.asked.tolerance + 1j))))  # two may be near
-    how = criticality(way.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k])
+    k = int(
+        np.argmin(np.abs(neutral.lam - omega * (designs.request.tolerance + 1j)))
+    )  # two may be near
+    how = criticality(designs.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k])
     return found.value, found.frequency_hz, how

@@ -1,7 +1,6 @@
-"""What a transient study does, and warns of, before it runs.
+"""What a transient study does before it runs: kernels, warnings, seconds a step, training runs.
 
-Compiled kernels, warnings, seconds a step; and training runs: what the modes beyond a truncated
-basis do, for POD vectors that repair it.
+Training runs have all modes; POD vectors of their motion complete a truncated basis.
 """
 
 from __future__ import annotations
@@ -54,12 +53,12 @@ from squealstudy.motion.warmup import warm_kernels
 from squealstudy.wording import in_digits
 
 TIMED_STEPS = 300
-MOST_ENDS = 6  # design points looked at for warnings
-# regularisation speed over decay speed: slow stick-slip of a mass on a belt (RMS 4.86 N) has 2 %
-# less at 1/50, and .74 N or none at 2
-MOST_OF_DECAY = 0.2
-SNAPSHOTS_PER_POINT = 1500  # of each design point
-# of a training run, of the sliding speed: the limit cycle is soon reached
+MAX_END_POINTS = 6  # design points that are checked for warnings
+# regularisation speed over decay speed: slow stick-slip of a mass on a belt, RMS 4.86 N for small
+# ratios, is 2 % less at 1/50, and 0.74 N or none at 2
+MAX_DECAY_SHARE = 0.2
+SNAPSHOTS_PER_POINT = 1500  # of a training run
+# start velocity of a training run over the sliding speed, so that the limit cycle is reached soon
 TRAINING_VELOCITY_RATIO = 0.1
 
 
@@ -71,7 +70,7 @@ def warm(section: TransientSection) -> float:
 def warnings(plan: Plan) -> list[str]:
     """Growth outside the band, friction and contact too stiff for the step, at ends of the sweeps.
 
-    Of the mechanics nothing is said where the first structure is not in the cache yet.
+    Only settings are checked where the first structure is not in the cache yet.
     """
     if not is_prepared(plan.tasks[0].structure):
         return [*_standstill_warnings(plan), *_rounded_away(plan)]
@@ -105,11 +104,11 @@ def _ends(plan: Plan) -> list[BatchTask]:
     key = plan.tasks[0].structure
     tasks = [plan.tasks[i] for i in dict.fromkeys(chosen) if plan.tasks[i].structure == key]
     basis = truncated_choice(plan)
-    return [batch_task(plan, (task,), basis) for task in tasks[:MOST_ENDS]]
+    return [batch_task(plan, (task,), basis) for task in tasks[:MAX_END_POINTS]]
 
 
 def _outside(plan: Plan, outside: Sequence[tuple[float, float]]) -> list[str]:
-    """`outside`: growth rate and frequency of modes that nothing follows."""
+    """Warning about unstable modes that are not followed, by growth rates and frequencies."""
     if not outside:
         return []
     growth, hz = max(outside)
@@ -130,14 +129,14 @@ def _standstill_warnings(plan: Plan) -> list[str]:
 
 
 def _rounded_away(plan: Plan) -> list[str]:
-    """Excess of static friction that falls within the speeds at which points stick already."""
+    """Warning where static friction decays at speeds below the regularisation speed."""
     points = plan.tasks
     names = (REGULARISATION_SPEED.name, SLOPE.name, STATIC_RATIO.name, DECAY_SPEED.name)
     given_names = {*plan.study.values}
     if not set(names) <= given_names:
         return []  # of another curve of friction
     speed, slope, ratio, decay = (points.column(name) for name in names)
-    lost = (slope == 0) & (ratio > 1) & (speed > MOST_OF_DECAY * decay)
+    lost = (slope == 0) & (ratio > 1) & (speed > MAX_DECAY_SHARE * decay)
     if not lost.any():
         return []
     worst = int(np.argmax(np.where(lost, speed / decay, 0.0)))
@@ -145,12 +144,12 @@ def _rounded_away(plan: Plan) -> list[str]:
         f"the excess of static friction is rounded away: it falls over a sliding speed of "
         f"{decay[worst]:.3g} m/s ({DECAY_SPEED.name}), and points stick below {speed[worst]:.3g} "
         f"m/s already. Stick-slip comes out too small or not at all: a "
-        f"{REGULARISATION_SPEED.name} of {MOST_OF_DECAY * decay[lost].min():.2g} or less keeps it"
+        f"{REGULARISATION_SPEED.name} of {MAX_DECAY_SHARE * decay[lost].min():.2g} or less keeps it"
     ]
 
 
 def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
-    """`stiff`: stick number, slope, and the regularisation speed it follows from, 0 without."""
+    """Warning by `stiff`: stick numbers, slopes, and regularisation speeds of these or 0."""
     number, slope, speed = max(stiff, default=(0.0, 0.0, 0.0))
     if number <= MAX_STICK_NUMBER:
         return []
@@ -223,7 +222,7 @@ def make_training_runs(
 ) -> None:
     """Make the training runs that the study's basis needs and the cache does not hold.
 
-    `structures` are the keys of those to be trained on; all by default.
+    `structures` are keys of the structures to make them for; all by default.
 
     Raises
     ------
@@ -239,14 +238,14 @@ def make_training_runs(
         started = time.process_time()
         with threadpool_limits(1):
             training = training_run(plan, key)
-        discard(training_path(plan, key))  # what is there is no training
+        discard(training_path(plan, key))  # a damaged file
         save_value(training_path(plan, key), (training, time.process_time() - started))
     if missing:
         report("training run", len(missing), len(missing))
 
 
 def training_seconds(plan: Plan) -> float:
-    """Seconds of training for all structures, from those that were trained on; 0 without POD."""
+    """Seconds of training for all structures, estimated from finished ones; 0 without POD."""
     if not plan.study.section.pod_vectors:
         return 0.0
     seconds_of = (_seconds(plan, key) for key in plan.structures)
@@ -266,7 +265,7 @@ def _seconds(plan: Plan, key: str) -> float | None:
 
 
 def training_run(plan: Plan, prepared_key: str) -> Training:
-    """Displacements and growing modes of the training designs, all modes kept."""
+    """Displacements and growing modes of the training designs, with all modes."""
     points = tuple(
         replace(d, point_id="training", structure=prepared_key) for d in training_designs(plan)
     )

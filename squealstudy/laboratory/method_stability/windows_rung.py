@@ -1,4 +1,4 @@
-"""The windows rung beside an exceptional point: what is left of its tolerance there.
+"""Accuracy of the windows rung beside an exceptional point.
 
 Hulten's mass at the friction mu_c (1 - d) or mu_c (1 + d). A patch follows the pair that meets as
 one block, which is smooth at mu_c where its two roots are not; what diverges is the condition of
@@ -43,7 +43,7 @@ BAND = (1.0, 1e4)  # rad/s
 BOX_SHARE = 0.9  # of the box about mu_c
 N_NEIGHBOUR_POINTS = 40  # design points beside the two that are judged: enough to pay for patches
 ROUND_OFFS = 4.0  # in a root: of the matrices, the basis and the small eigenproblem
-# times its estimate is what an error may be (THEORY.md eq. (39)), and the tolerance
+# largest error over its estimate (THEORY.md eq. (39)), and over the tolerance
 ESTIMATE_SAFETY_FACTOR = 2.0
 BASIS_SHARE = 3.0  # tolerance over that of the basis, as studies have it
 
@@ -60,7 +60,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     `recovered` is a design point that the windows left to another rung.
     """
     tolerance, away = knobs["tolerance"], knobs["distance"]
-    problem, basis = ready(knobs["damping_ratio"], tolerance)
+    problem, basis = problem_and_basis(knobs["damping_ratio"], tolerance)
     theta = np.concatenate([[-away, away], np.linspace(-BOX_SHARE, BOX_SHARE, N_NEIGHBOUR_POINTS)])[
         :, None
     ]
@@ -68,27 +68,30 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
         Box(-np.ones(1), np.ones(1)), theta / BOX_SHARE
     )
     both = {row: outcome for row, outcome in outcomes if row < 2}
-    solved = {row: p for row, p in both.items() if not isinstance(p, ConvergenceError)}
+    solved = {row: point for row, point in both.items() if not isinstance(point, ConvergenceError)}
     predicted = predict(away) / (ESTIMATE_SAFETY_FACTOR * tolerance)
     if len(solved) < len(both):
         return failed("working point", predicted=predicted, cost=len(theta))
     error = max(
-        distance(p.lam, problem.exact_roots(theta[i] / BOX_SHARE)) for i, p in solved.items()
+        distance(point.lam, problem.exact_roots(theta[i] / BOX_SHARE))
+        for i, point in solved.items()
     )
-    estimate = max(float((p.error / np.abs(p.lam)).max(initial=0.0)) for p in solved.values())
-    rungs = sorted({p.method for p in solved.values()} - {RUNG.name})
-    flagged = not (estimate <= tolerance and all(p.complete for p in solved.values()))
+    estimate = max(
+        float((point.error / np.abs(point.lam)).max(initial=0.0)) for point in solved.values()
+    )
+    rungs = sorted({point.method for point in solved.values()} - {RUNG.name})
+    flagged = not (estimate <= tolerance and all(point.complete for point in solved.values()))
     outcome = (
         WRONG if error > ESTIMATE_SAFETY_FACTOR * tolerance else RECOVERED if rungs else CONVERGED
     )
-    by = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
+    explanation = ", ".join(rungs) if rungs else f"estimate {estimate:.1e}" if flagged else ""
     return CaseResult(
         outcome=outcome,
         predicted=predicted,
         measured=estimate / tolerance,
         error=error,
         cost=len(theta),
-        by=by,
+        explanation=explanation,
         flagged=flagged,
     )
 
@@ -106,7 +109,7 @@ class FrictionProblem(SmallProblem):
     def exact_roots(self, theta: np.ndarray) -> np.ndarray:
         """The two roots of imaginary part >= 0, rad/s.
 
-        Fractions for the split: its round-off would be what is to be measured.
+        The split is computed in fractions: its round-off would spoil the reference.
         """
         C, K, coupling = self._parts
         mu = Fraction(self.weights(theta)[3])
@@ -119,7 +122,7 @@ class FrictionProblem(SmallProblem):
 
 
 @lru_cache(maxsize=8)
-def ready(damping_ratio: float, tolerance: float) -> tuple[FrictionProblem, SweepBasis]:
+def problem_and_basis(damping_ratio: float, tolerance: float) -> tuple[FrictionProblem, SweepBasis]:
     """Hulten's mass over a box about mu_c, and its basis."""
     problem = FrictionProblem(damping_ratio)
     return problem, build_sweep_basis(problem, tolerance / BASIS_SHARE)

@@ -20,8 +20,8 @@ def freedom_matrices(
     Raises
     ------
     ModelError
-        Elements without material; a negative Jacobian; a spring or a mass at the turns of a node
-        that has none.
+        Elements without material; a negative Jacobian; a spring or a mass at rotations of a node
+        without rotations.
     """
     restricted = [
         expansion.restricted(A) for A in (stiffness_matrix(mesh), mass_matrix(mesh, rule))
@@ -32,11 +32,11 @@ def freedom_matrices(
             if not d.turns:
                 continue
             used = (abs(d.K) + abs(d.M)).sum(axis=1).reshape(-1, 6)[:, 3:].any(axis=1)
-            bare = d.nodes[used & ~expansion.turning[d.nodes]]
-            if len(bare):
+            without_turns = d.nodes[used & ~expansion.turning[d.nodes]]
+            if len(without_turns):
                 raise mesh.error(
-                    f"{d.name}: {mesh.nodes_named(bare)} has no turns: expected the reference node "
-                    "of a rigid or distributing coupling"
+                    f"{d.name}: {mesh.nodes_named(without_turns)} has no turns: expected the "
+                    "reference node of a rigid or distributing coupling"
                 )
         R = expansion.E
         if any(d.turns for d in mesh.discrete):

@@ -12,14 +12,14 @@ from squealstudy.models.components.faces import faces_with_corners
 from squealstudy.models.components.marked_faces import MarkedFaces
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
-READ = ("BSURFS", "SURF", "BSURF")
+READ_CARDS = ("BSURFS", "SURF", "BSURF")
 PLATES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 NO_FACES = np.zeros((0, 2), dtype=np.int64)
 PlacesOfNodes = Callable[[BulkCard, list[int]], np.ndarray]
 
 
 class BulkSurfaces:
-    """Reads them.
+    """Reads surfaces from cards.
 
     Parameters
     ----------
@@ -27,9 +27,9 @@ class BulkSurfaces:
     cards : callable
         All cards of some names.
     places : callable
-        Of node numbers of a card.
+        Gives indices of nodes in the mesh from a card and node numbers on it.
     note : callable
-        Takes cards and why something of them is passed over.
+        Called with cards and why part of them is passed over.
     """
 
     def __init__(
@@ -39,19 +39,19 @@ class BulkSurfaces:
         places: PlacesOfNodes,
         note: Callable[[list[BulkCard], str], None],
     ) -> None:
-        self._mesh, self._all, self._places, self._note = mesh, cards, places, note
+        self._mesh, self._cards, self._places, self._note = mesh, cards, places, note
         self._order = np.argsort(mesh.labels)
 
     def read(self, plates: Sequence[str]) -> SolidMesh:
         """The mesh with its surfaces; `plates` are cards that mark faces.
 
-        ModelError about the card of what is wrong.
+        ModelError about a card that is wrong.
         """
         surfaces, notes = self._marked(plates)
-        for card in self._all("BSURFS"):
+        for card in self._cards("BSURFS"):
             name = f"BSURFS{card.whole(0, 'a number of the surface')}"
             _add(surfaces, name, self._listed_faces(card))
-        for card in self._all("SURF"):
+        for card in self._cards("SURF"):
             name = f"SURF{card.at(0)}"
             kind = card.at(1).upper()
             if kind == "ELFACE":
@@ -66,12 +66,12 @@ class BulkSurfaces:
         """Plates by their properties, and those that a BSURF lists."""
         marked, labels = MarkedFaces(), dict[str, list[int]]()
         number_of: dict[int, int] = {}
-        for number, card in enumerate(self._all(*plates)):
+        for number, card in enumerate(self._cards(*plates)):
             nodes = [card.whole(2 + k, "a node number") for k in range(PLATES[card.name])]
             marked.add(np.array([number]), self._places(card, nodes)[None])
             labels.setdefault(f"PID{card.whole(1, 'a property')}", []).append(number)
             number_of[card.whole(0, "an element number")] = number
-        for card in self._all("BSURF"):
+        for card in self._cards("BSURF"):
             listed = card.listed(1, "an element number")
             if all(label in number_of for label in listed):
                 elements = labels.setdefault(f"BSURF{card.whole(0, 'a number of the surface')}", [])
@@ -87,17 +87,17 @@ class BulkSurfaces:
         return surfaces, notes
 
     def _element(
-        self, card: BulkCard, place: int
+        self, card: BulkCard, first_field: int
     ) -> tuple[int, np.ndarray, Sequence[Sequence[int]]]:
-        """Place of an element, its nodes, its faces; ModelError about one that there is not."""
-        label = card.whole(place, "an element number")
-        mesh, at = self._mesh, self._order
-        if not len(at):
-            raise card.error(f"there is no solid element {label}", place)
-        k = int(np.searchsorted(mesh.labels, label, sorter=at))
-        element = int(at[min(k, len(at) - 1)])
+        """Index of an element, its nodes, its faces; ModelError where it does not exist."""
+        label = card.whole(first_field, "an element number")
+        mesh, order = self._mesh, self._order
+        if not len(order):
+            raise card.error(f"there is no solid element {label}", first_field)
+        k = int(np.searchsorted(mesh.labels, label, sorter=order))
+        element = int(order[min(k, len(order) - 1)])
         if mesh.labels[element] != label:
-            raise card.error(f"there is no solid element {label}", place)
+            raise card.error(f"there is no solid element {label}", first_field)
         b = int(np.searchsorted(mesh.starts, element, side="right")) - 1
         block = mesh.blocks[b]
         return element, block.nodes[element - mesh.starts[b]], block.kind.shape.faces
@@ -105,45 +105,47 @@ class BulkSurfaces:
     def _listed_faces(self, card: BulkCard) -> np.ndarray:
         """Faces of a BSURFS: an element and three nodes of its face each."""
         pairs = []
-        for place in range(4, len(card.fields), 4):
-            if not card.at(place):
+        for first_field in range(4, len(card.fields), 4):
+            if not card.at(first_field):
                 continue
-            element, element_nodes, faces = self._element(card, place)
-            numbers = [card.whole(place + i, "a node") for i in (1, 2, 3)]
+            element, element_nodes, faces = self._element(card, first_field)
+            numbers = [card.whole(first_field + i, "a node") for i in (1, 2, 3)]
             nodes = set(self._places(card, numbers).tolist())
-            of = [i for i, f in enumerate(faces, 1) if nodes <= {*element_nodes[list(f)]}]
-            if len(of) != 1:
+            matching = [i for i, f in enumerate(faces, 1) if nodes <= {*element_nodes[list(f)]}]
+            if len(matching) != 1:
                 label = self._mesh.labels[element]
-                raise card.error(f"element {label} has no face with {numbers}", place)
-            pairs.append((element, of[0]))
+                raise card.error(f"element {label} has no face with {numbers}", first_field)
+            pairs.append((element, matching[0]))
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     def _element_faces(self, card: BulkCard) -> np.ndarray:
-        """Faces of SURF, ELFACE: an element, a corner of its face and the opposite one each.
+        """Faces of SURF, ELFACE: for each an element, a corner of its face and the opposite corner.
 
-        As of PLOAD4: of a triangle of a wedge without the second; of a tetrahedron the second is
-        the corner that is not of the face.
+        As in PLOAD4, a triangle of a wedge has no second corner, and for a tetrahedron the second
+        is the corner that is not on the face.
         """
         pairs = []
-        for place in range(8, len(card.fields), 8):
-            if not card.at(place):
+        for first_field in range(8, len(card.fields), 8):
+            if not card.at(first_field):
                 continue
-            element, element_nodes, faces = self._element(card, place)
-            numbers = [card.whole(place + i, "a corner", 0) for i in (1, 2)]
+            element, element_nodes, faces = self._element(card, first_field)
+            numbers = [card.whole(first_field + i, "a corner", 0) for i in (1, 2)]
             named_nodes = self._places(card, [n for n in numbers if n])
             corners = [
                 [int(element_nodes[i]) for i in f[: 4 if len(f) in (4, 8) else 3]] for f in faces
             ]
-            of = [i for i, f in enumerate(corners, 1) if self._is_meant(f, named_nodes, len(faces))]
-            if len(of) != 1:
+            matching = [
+                i for i, f in enumerate(corners, 1) if self._names_face(f, named_nodes, len(faces))
+            ]
+            if len(matching) != 1:
                 shown = ", ".join(str(n) for n in numbers if n) or "no corner"
                 text = f"element {self._mesh.labels[element]}: {shown} does not say which face"
-                raise card.error(text, place)
-            pairs.append((element, of[0]))
+                raise card.error(text, first_field)
+            pairs.append((element, matching[0]))
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     @staticmethod
-    def _is_meant(corners: list[int], given: np.ndarray, n_faces: int) -> bool:
+    def _names_face(corners: list[int], given: np.ndarray, n_faces: int) -> bool:
         if not len(given) or given[0] not in corners:
             return False
         if n_faces == 4:
@@ -157,20 +159,22 @@ class BulkSurfaces:
     def _faces_by_corners(self, card: BulkCard) -> np.ndarray:
         """Faces of SURF, FACE: three or four corners each."""
         rows = []
-        for place in range(8, len(card.fields), 8):
-            numbers = [card.whole(place + i, "a corner", 0) for i in range(4)]
+        for first_field in range(8, len(card.fields), 8):
+            numbers = [card.whole(first_field + i, "a corner", 0) for i in range(4)]
             named_nodes = self._places(card, [n for n in numbers if n])
             if len(named_nodes):
                 if len(named_nodes) < 3:
-                    raise card.error("expected three or four corners of a face", place)
+                    raise card.error("expected three or four corners of a face", first_field)
                 rows.append([*named_nodes.tolist(), *[-1] * (4 - len(named_nodes))])
-        faces, there = faces_with_corners(self._mesh, np.array(rows).reshape(-1, 4))
-        if not there.all():
-            self._note([card], f"{(~there).sum()} of {len(rows)} faces are none of the boundary")
+        faces, on_boundary = faces_with_corners(self._mesh, np.array(rows).reshape(-1, 4))
+        if not on_boundary.all():
+            self._note(
+                [card], f"{(~on_boundary).sum()} of {len(rows)} faces are none of the boundary"
+            )
         return faces
 
 
 def _add(surfaces: dict[str, np.ndarray], name: str, faces: np.ndarray) -> None:
-    both = np.vstack([surfaces.get(name, NO_FACES), faces])
-    if len(both):
-        surfaces[name] = np.unique(both, axis=0)
+    all_faces = np.vstack([surfaces.get(name, NO_FACES), faces])
+    if len(all_faces):
+        surfaces[name] = np.unique(all_faces, axis=0)

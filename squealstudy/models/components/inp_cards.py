@@ -15,13 +15,13 @@ from squealstudy.models.components.inp_parameters import Parameters
 from squealstudy.models.matrices.text import TextFile, shortened
 
 MAX_INCLUDE_DEPTH = 20  # files that include each other
-FROM_FILES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")  # of whose data INPUT names a file
+FROM_FILES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")  # may read data from a file by INPUT
 COMMAS = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # those outside quotes
 
 
 @dataclass
 class Card:
-    """A keyword with what belongs to it.
+    """A keyword with its parameters and lines of data.
 
     Attributes
     ----------
@@ -58,17 +58,17 @@ class Card:
             raise self.error(f"{self.shown} needs {name}=...")
         return self.parameters[name]
 
-    def check(self, known: Collection[str]) -> None:
-        """ModelError where the card has a parameter that matters and is not among the known ones.
+    def check(self, supported: Collection[str]) -> None:
+        """ModelError where the card has a parameter that is not supported and changes the model.
 
-        Others are noted in `unused`.
+        Others that are not supported are noted in `unused`.
         """
-        self.unused = [name for name in self.parameters if name not in known]
+        self.unused = [name for name in self.parameters if name not in supported]
         for name in self.unused:
             if name in MATTERS.get(self.keyword, ()):
-                supported = ", ".join(sorted(known)) or "none"
+                names = ", ".join(sorted(supported)) or "none"
                 raise self.error(
-                    f"{self.shown}: the parameter {name} is not supported; supported: {supported}"
+                    f"{self.shown}: the parameter {name} is not supported; supported: {names}"
                 )
 
     def numbers(self, what: str, least: int, most: int) -> list[tuple[Line, float]]:
@@ -123,13 +123,13 @@ def read_cards(path: Path) -> list[Card]:
     return [card for card in cards if card.keyword != PARAMETER]
 
 
-def _read(path: Path, wanted_by: Line | None) -> TextFile:
+def _read(path: Path, line: Line | None) -> TextFile:
     try:
         return TextFile.read(path)
     except (OSError, EOFError) as error:
         reason = "there is no such file" if not path.exists() else str(error)
         message = f"{path} cannot be read: {reason}"
-        raise (ModelError(message) if wanted_by is None else wanted_by.error(message)) from error
+        raise (ModelError(message) if line is None else line.error(message)) from error
 
 
 def _flattened(file: TextFile, folder: Path, depth: int) -> Iterator[Line]:
