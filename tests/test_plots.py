@@ -652,7 +652,7 @@ def test_the_boundary_between_very_many_points_is_that_of_all_their_triangles(mo
         monkeypatch.setattr(plane, "MOST_DOTS", most)
         of = study_plane(results_of(points, modes, UNITS), ("friction", "pressure"))
         found.append({tuple(sorted(corners)) for corners in of.polygons()})
-        assert (of.near_changes.sum() < 0.7 * of.known.sum()) == (most == 500)
+        assert (of.near_changes.sum() < 0.7 * of.solved.sum()) == (most == 500)
     assert len(found[0]) > 100
     assert found[0] == found[1]
 

@@ -140,7 +140,7 @@ class _Crossings:
         other = self._xy[:, 1 - self._along]
         order = np.lexsort((self._xy[:, self._along], other))
         a, b = order[:-1], order[1:]
-        state, is_solved = self._plane.unstable, self._plane.known
+        state, is_solved = self._plane.unstable, self._plane.solved
         crossed = (other[a] == other[b]) & is_solved[a] & is_solved[b] & (state[a] != state[b])
         pairs = zip(a[crossed].tolist(), b[crossed].tolist(), strict=True)
         return [(j, i) if state[i] else (i, j) for i, j in pairs]
@@ -204,7 +204,7 @@ class _Crossings:
     @cached_property
     def _stable_damping(self) -> np.ndarray:
         """Least damping ratio of each stable point (n,), -inf of others."""
-        stable = self._plane.known & ~self._plane.unstable & ~np.isnan(self._plane.damping_ratio)
+        stable = self._plane.solved & ~self._plane.unstable & ~np.isnan(self._plane.damping_ratio)
         return np.where(stable, self._plane.damping_ratio, -np.inf)
 
     @cached_property

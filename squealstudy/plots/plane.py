@@ -118,7 +118,7 @@ class StudyPlane(Plane):
     value : ndarray (n,)
         The measure, NaN where the point failed.
     point_ids : ndarray (n,) of str
-    known, unstable : ndarray (n,) of bool
+    solved, unstable : ndarray (n,) of bool
         Points that were solved; points at which any mode is unstable.
     damping_ratio : ndarray (n,)
         The least of a point's oscillating modes, NaN where there is none.
@@ -133,7 +133,7 @@ class StudyPlane(Plane):
     rows: np.ndarray
     value: np.ndarray
     point_ids: np.ndarray
-    known: np.ndarray
+    solved: np.ndarray
     unstable: np.ndarray
     damping_ratio: np.ndarray
     gridded: bool
@@ -155,7 +155,7 @@ class StudyPlane(Plane):
             mesh = self.triangles(np.where(self.near_changes, 0.0, np.nan))
             corner_rows = np.zeros((0, 3), dtype=int) if mesh is None else rows[mesh.triangles]
         state = self.unstable[corner_rows]
-        mixed = state.any(axis=1) & ~state.all(axis=1) & self.known[corner_rows].all(axis=1)
+        mixed = state.any(axis=1) & ~state.all(axis=1) & self.solved[corner_rows].all(axis=1)
         yield from corner_rows[mixed]
 
     @cached_property
@@ -165,7 +165,7 @@ class StudyPlane(Plane):
         Triangles between all others would have corners of one state. Near points lie in the same
         cell or within N_NEIGHBOUR_CELLS; cells hold equal shares of each axis' values.
         """
-        is_solved, many = self.known, int(self.known.sum())
+        is_solved, many = self.solved, int(self.solved.sum())
         if many <= MOST_DOTS:
             return is_solved
         count = int(np.sqrt(many / POINTS_PER_CELL))
@@ -194,7 +194,7 @@ class StudyPlane(Plane):
             return None
         place = []
         for shown, drawn in ((self.across, self.x), (self.up, self.y)):
-            even = shown.even(drawn[self.known])  # the same scale whatever has a value
+            even = shown.even(drawn[self.solved])  # the same scale whatever has a value
             place.append((shown.even(drawn[finite]) - even.min()) / (np.ptp(even) or 1.0))
         if np.linalg.matrix_rank(np.array([p - p.mean() for p in place]), 1e-6) < 2:
             return None
@@ -248,7 +248,7 @@ def study_plane(
         y=up.scaled(plane[along[1]]),
         value=count if measure == "count" else np.where(ok, growth[at], np.nan),
         point_ids=plane["point_id"].to_numpy(dtype=object),
-        known=np.isfinite(count),
+        solved=np.isfinite(count),
         unstable=count > 0,
         damping_ratio=damping[at],
         gridded=gridded,

@@ -111,7 +111,7 @@ def stability_map(
             legend_below(figure, handles, 1)
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
-    failed = int((~plane.known).sum())
+    failed = int((~plane.solved).sum())
     gathered = _gathered(plane)
     mark = "hatched" if plane.gridded else "x"
     if gathered:

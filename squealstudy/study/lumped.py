@@ -53,7 +53,7 @@ from squealstudy.wording import did_you_mean
 
 LINEAR = "bilateral"  # contact law by default: it opens never, as springs do
 ANGLES = ("deg", "°")  # units of parameters that are not of SI
-SORTS = {"mass": LumpedFile, "term": MatrixFile}  # tables that a file has one of
+FILE_TABLES = {"mass": LumpedFile, "term": MatrixFile}  # tables that a file has one of
 POSITIVE = ("mass", "inertia", "area", "speed_factor", "radius")  # keys above zero
 NOT_NEGATIVE = (
     "stiffness",
@@ -71,7 +71,7 @@ def is_lumped(path: Path) -> bool:
         tables = tomllib.loads(path.read_text("utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return False
-    return bool(tables.keys() & SORTS.keys()) and "components" not in tables
+    return bool(tables.keys() & FILE_TABLES.keys()) and "components" not in tables
 
 
 def read_lumped(path: Path) -> LumpedDefinition:
@@ -81,7 +81,7 @@ def read_lumped(path: Path) -> LumpedDefinition:
 
 def lumped_of(source: SourceText) -> LumpedDefinition:
     """As `read_lumped`, of a text that has been read."""
-    if all(name in source.tables for name in SORTS):
+    if all(name in source.tables for name in FILE_TABLES):
         text = "expected either [[mass]] or [[term]], whose matrices hold all masses: not both"
         raise source.error(("term",), text)
     file: AnyFile
@@ -214,7 +214,7 @@ def _declared(
     file: AnyFile,
     source: SourceText,
     operating: dict[str, Parameter],
-    own: tuple[str, ...],
+    file_names: tuple[str, ...],
 ) -> Declared:
     """Parameters of the operating point with the file's defaults, and those of the file."""
     of_laws = {p.name for p in (*friction_parameters(), *contact_parameters())}
@@ -225,8 +225,8 @@ def _declared(
     }
     first = [changed.get(name, p) for name, p in operating.items() if name not in of_laws]
     others = [p for name, p in changed.items() if name in of_laws]
-    mine = [_parameter(name, file, source) for name in own]
-    return (*first, *others, friction_parameters, contact_parameters, *mine)
+    of_file = [_parameter(name, file, source) for name in file_names]
+    return (*first, *others, friction_parameters, contact_parameters, *of_file)
 
 
 def _changed(parameter: Parameter, file: AnyFile, source: SourceText) -> Parameter:

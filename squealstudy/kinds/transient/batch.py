@@ -215,7 +215,7 @@ def settings_of(section: TransientSection, every: int) -> MotionSettings:
         step=section.step,
         save_every=every,
         integrator=section.integrator,
-        tolerance=section.balance,
+        tolerance=section.balance_tolerance,
     )
 
 

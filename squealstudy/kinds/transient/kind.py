@@ -204,7 +204,10 @@ class Transient(ModelKind):
         section = plan.study.section
         slope = regularisation(self.manifest(plan).get("regularisation"))
         return [
-            ("method", f"{section.integrator.name}, contact iteration to {section.balance:g}"),
+            (
+                "method",
+                f"{section.integrator.name}, contact iteration to {section.balance_tolerance:g}",
+            ),
             *slope,
             *([("over time", schedules.text)] if (schedules := schedules_of(plan)) else []),
         ]

@@ -315,20 +315,20 @@ class TransientSection(Section):
     @property
     def integrator(self) -> KernelIntegrator:
         """The integrator of `method`, ``auto`` resolved, with the options that are given here."""
-        plain = self.prewarp or self.representation == "hybrid"
-        name = self.method if self.method != AUTO else "newmark" if plain else "exponential"
+        needs_newmark = self.prewarp or self.representation == "hybrid"
+        name = self.method if self.method != AUTO else "newmark" if needs_newmark else "exponential"
         options: dict[str, Any] = {
             "contact_factor": self.contact_factor,
             "prewarp": self.prewarp,
             "single_storage": self.storage == "single",
         }
-        none = {"contact_factor": 1.0, "prewarp": False, "single_storage": False}
-        made_integrator = integrator(name, {k: v for k, v in options.items() if v != none[k]})
+        defaults = {"contact_factor": 1.0, "prewarp": False, "single_storage": False}
+        made_integrator = integrator(name, {k: v for k, v in options.items() if v != defaults[k]})
         assert isinstance(made_integrator, KernelIntegrator)
         return made_integrator
 
     @property
-    def balance(self) -> float:
+    def balance_tolerance(self) -> float:
         """Tolerance of the force balance in each step, the default resolved."""
         if self.tolerance is not None:
             return self.tolerance

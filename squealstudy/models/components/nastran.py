@@ -23,7 +23,7 @@ from squealstudy.models.components.bulk_materials import OVER_TEMPERATURE, BulkM
 from squealstudy.models.components.bulk_materials import READ as MATERIALS
 from squealstudy.models.components.bulk_names import MODEL_FILE, P_ELEMENTS, PASSED_OVER
 from squealstudy.models.components.bulk_surfaces import PLATES, BulkSurfaces
-from squealstudy.models.components.bulk_surfaces import READ as SURFACES
+from squealstudy.models.components.bulk_surfaces import READ_CARDS as SURFACES
 from squealstudy.models.components.constraints import Coupling
 from squealstudy.models.components.formulations import FORMULATIONS
 from squealstudy.models.components.inp_lines import Line

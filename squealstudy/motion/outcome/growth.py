@@ -15,10 +15,10 @@ from scipy import special
 LEFT_VECTOR, ENERGY = "left_vector", "energy"
 ONSET_LEVEL_RATIO = 0.1  # of the final amplitude
 LEAST_ROWS = 24  # of a fit
-LEAST_PERIODS = 5.0  # of a fit, of the slowest motion in it: a flank of its ripple has any slope
+LEAST_PERIODS = 5.0  # of the slowest motion in a fit: part of a ripple has any slope
 FINAL_LEVEL_SHARE = 0.2  # of the record: where the final level is read
 WINDOW_END_LEVEL_RATIO = 0.05  # of the final amplitude: the phase ends there
-SHARE_SHORT = 0.075  # where the former leaves less than one e-folding
+SHORT_WINDOW_END_LEVEL_RATIO = 0.075  # in its place where that leaves less than an e-folding
 SEARCH_BLOCKS = 64  # resolution of the window's ends
 # change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
 NOISE_LN_CHANGE = 0.5
@@ -28,8 +28,8 @@ SLOPE_SIGMAS = 4.0  # standard errors that their difference, and a bend, may tak
 LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
 FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
 MAX_CORRELATION = 0.3
-SQUARE_ROUND_OFF = 1e-20  # of a square: an amplitude that hardly changes bends nothing
-MAX_REL_CURVATURE = 0.2  # of the slope: what is bent more is no straight line at all
+SQUARE_ROUND_OFF = 1e-20  # sum of squares of a curve, up to which it is straight
+MAX_REL_CURVATURE = 0.2  # difference of the halves' slopes over the slope, of the least bent line
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,12 @@ def fit_growth(
 
     The window ends before the logarithm first comes within `WINDOW_END_LEVEL_RATIO` of its final
     level: a Stuart-Landau amplitude, d ln|xi|/dt = a (1 - r^2) with r the share of the final
-    amplitude, is then read with a relative bias below r^2 = 0.25 % (`SHARE_SHORT`: 0.6 %). Decay is
-    the mirror image, with the floor as the final level. Within that, a complex amplitude is fitted
-    from its start (a projection on a left vector has no start-up; rows that are mostly noise are
-    skipped) until its logarithm bends or scatters; a real one over the straight stretch whose slope
-    has the least relative error. The bounds use block means, merged while they are correlated, with
-    a heteroscedasticity-consistent variance (HC3) and Student's t.
+    amplitude, is then read with a relative bias below r^2 = 0.25 % (`SHORT_WINDOW_END_LEVEL_RATIO`:
+    0.6 %). Decay is the mirror image. Within that, a complex amplitude is fitted from its start (a
+    projection on a left vector has no start-up; rows that are mostly noise are skipped) until its
+    logarithm bends or scatters; a real one over the straight stretch whose slope has the least
+    relative error. The bounds use block means, merged while they are correlated, with a
+    heteroscedasticity-consistent variance (HC3) and Student's t.
 
     Parameters
     ----------
@@ -102,30 +102,31 @@ def fit_growth(
     time, amplitude, log, first_time = time[:rows], amplitude[:rows], log[:rows], time[0]
     real = not np.iscomplexobj(amplitude)
     step = (time[-1] - time[0]) / (len(time) - 1)
-    each = period / step if real else 0.0  # rows in a period
-    least = max(least_rows(amplitude), int(np.ceil(LEAST_PERIODS * each)))
+    rows_per_period = period / step if real else 0.0  # rows in a period
+    least = max(least_rows(amplitude), int(np.ceil(LEAST_PERIODS * rows_per_period)))
     window = growth_window(RisingLogarithm.of(log, real), least)
     if isinstance(window, str):
         return GrowthFit(status=window)
-    window = window[0], whole_periods(*window, each)
+    window = window[0], whole_periods(*window, rows_per_period)
     time, log, part = (x[slice(*window)] for x in (time, log, amplitude))
     begin, end = float(time[0]), float(time[-1])
-    rate, half, middle, level = slope_interval(log, (end - begin) / (len(time) - 1), real)
-    reach = (float(np.log(ONSET_LEVEL_RATIO)) + end_level - level) / rate if rate > half else np.nan
+    rate, half_width, middle, level = slope_interval(log, (end - begin) / (len(time) - 1), real)
+    onset_level = float(np.log(ONSET_LEVEL_RATIO)) + end_level
+    time_to_onset = (onset_level - level) / rate if rate > half_width else np.nan
     return GrowthFit(
         growth_rate=rate,
-        low=rate - half,
-        high=rate + half,
+        low=rate - half_width,
+        high=rate + half_width,
         start=begin,
         stop=end,
-        onset_time=float(np.maximum(begin + middle + reach, first_time)),
+        onset_time=float(np.maximum(begin + middle + time_to_onset, first_time)),
         frequency=np.nan if real else turn(part) / step,
         status="ok",
     )
 
 
 def whole_periods(first: int, end: int, period: float) -> int:
-    """The row after the last of a stretch that is cut to whole periods [rows], by 0 not at all."""
+    """The row after a stretch that is cut to whole periods [rows]; not cut where these are 0."""
     return first + round(int((end - first) / period) * period) if period else end
 
 
@@ -135,7 +136,7 @@ def final_level(log: np.ndarray) -> float:
 
 
 def median_of(values: np.ndarray) -> float:
-    """Of values (m,), without numpy's treatment of axes; NaN of none, and where there is one."""
+    """Median of values (m,), faster than numpy's; NaN where there are none or one is NaN."""
     if not len(values):
         return np.nan
     middle = len(values) // 2
@@ -177,7 +178,7 @@ def growth_window(rising: RisingLogarithm, least: int) -> tuple[int, int] | str:
         level = _ceiling(rising)
         end = rising.first_above(level + float(np.log(WINDOW_END_LEVEL_RATIO)))
         if end < least or abs(rising.log[end - 1] - rising.log[0]) < 1.0:
-            end = rising.first_above(level + float(np.log(SHARE_SHORT)))
+            end = rising.first_above(level + float(np.log(SHORT_WINDOW_END_LEVEL_RATIO)))
     width = max(3, -(-end // SEARCH_BLOCKS))
     blocks = rising.blocks(width, end)
     skipped = 0 if rising.real else _noisy_blocks(rising.log[:end], width)
@@ -339,9 +340,10 @@ def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, flo
 
     Returns
     -------
-    slope, half : float
-        1/s, and half of its 95 % interval: HC3 variance, Student's t, widened by what correlation
-        of neighbours twelve blocks still have, and how far that of a vanishing amplitude is.
+    slope, half_width : float
+        1/s, and half of its 95 % interval: HC3 variance, Student's t, widened by the correlation
+        that twelve blocks still have, and at least the distance to the slope of a vanishing
+        amplitude.
     time, level : float
         Mean time from the first row [s] and mean of the blocks: a point of the line.
     """
@@ -350,45 +352,49 @@ def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, flo
         y = block_means(log, width, real)
         x = step * width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
         slope = float(x @ y / (x @ x))
-        rest = y - y.mean() - slope * x
-        size = float(rest @ rest)
-        rho = float(rest[1:] @ rest[:-1]) / size + 2.0 / len(y) if size > 0 else 0.0
+        residual = y - y.mean() - slope * x
+        sum_of_squares = float(residual @ residual)
+        products = float(residual[1:] @ residual[:-1])
+        rho = products / sum_of_squares + 2.0 / len(y) if sum_of_squares > 0 else 0.0
         if rho < MAX_CORRELATION:
             break
     leverage = 1.0 / len(y) + x**2 / (x @ x)
-    error = float(np.sqrt(np.sum((x * rest / (1 - leverage)) ** 2))) / float(x @ x)
+    error = float(np.sqrt(np.sum((x * residual / (1 - leverage)) ** 2))) / float(x @ x)
     rho = min(max(rho, 0.0), 0.9)
-    wider = float(np.sqrt((1 + rho) / (1 - rho)))
-    half = float(special.stdtrit(len(y) - 2, 0.975)) * error * wider
-    half = max(half, _beyond_line(x, rest, slope, wider))
-    return slope, half, step * (0.5 * len(y) * width - 0.5), float(y.mean())
+    correlation_factor = float(np.sqrt((1 + rho) / (1 - rho)))
+    half_width = float(special.stdtrit(len(y) - 2, 0.975)) * error * correlation_factor
+    half_width = max(half_width, _beyond_line(x, residual, slope, correlation_factor))
+    return slope, half_width, step * (0.5 * len(y) * width - 0.5), float(y.mean())
 
 
-def _beyond_line(x: np.ndarray, rest: np.ndarray, slope: float, wider: float) -> float:
-    """How far the slope of a vanishing amplitude is from that of a line, 1/s, beyond chance.
+def _beyond_line(
+    x: np.ndarray, residual: np.ndarray, slope: float, correlation_factor: float
+) -> float:
+    """Distance from a line's slope to that of a vanishing amplitude [1/s], less a standard error.
 
-    Growth that depends on the amplitude r as a (1 + b r^m), m = 1 or 2, bends the logarithm by
-    r^m: along the line that is exp(m slope x), the third term of a fit whose straight one is a.
-    m = 1 reaches farther. One standard error is chance.
+    Growth a (1 + b r^m) that depends on the amplitude r, m = 1 or 2, bends the logarithm by a term
+    in r^m = exp(m slope x), which is fitted beside the line. m = 1 gives the larger distance.
 
     Parameters
     ----------
-    x, rest : ndarray (m,)
-        Times from the middle [s], and the logarithm beyond the line through it.
+    x, residual : ndarray (m,)
+        Times from the middle [s], and the logarithm less the line.
     slope : float
         1/s.
-    wider : float
-        Factor on standard errors that correlation makes.
+    correlation_factor : float
+        Factor on standard errors by correlation.
     """
-    grown = slope * x
-    bent = np.exp(grown - grown.max())
-    bent -= bent.mean()
-    lean = float(x @ bent) / float(x @ x)
-    bent -= lean * x
-    size = float(bent @ bent)
-    if not size > SQUARE_ROUND_OFF:
+    log_growth = slope * x
+    curve = np.exp(log_growth - log_growth.max())
+    curve -= curve.mean()
+    linear_part = float(x @ curve) / float(x @ x)
+    curve -= linear_part * x
+    sum_of_squares = float(curve @ curve)
+    if not sum_of_squares > SQUARE_ROUND_OFF:
         return 0.0
-    share = float(bent @ rest) / size
-    residual = rest - share * bent
-    error = float(np.sqrt(residual @ residual / (len(x) - 3) / size)) * wider
-    return abs(lean) * max(abs(share) - error, 0.0)
+    coefficient = float(curve @ residual) / sum_of_squares
+    remainder = residual - coefficient * curve
+    error = (
+        float(np.sqrt(remainder @ remainder / (len(x) - 3) / sum_of_squares)) * correlation_factor
+    )
+    return abs(linear_part) * max(abs(coefficient) - error, 0.0)
