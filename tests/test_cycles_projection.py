@@ -352,11 +352,11 @@ def test_slow_changes_of_a_cycle_are_among_its_deviations(both):
         patch.setattr(projected, "MAX_UNPROJECTED_COORDINATES", 10)
         few = Projection.on_harmonics_of(osc, exact)
         cycle = few.improve(exact, CYCLE_BASIS_ERROR, DAMPING_HELD)[0]
-    ways = np.vstack(few._aside(cycle)) * few.weight
+    ways = np.vstack(few._changes_of_size(cycle)) * few.weight
     off = []
-    for aside in (few._aside, lambda motion: []):
+    for aside in (few._changes_of_size, lambda motion: []):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(few, "_aside", aside)
+            patch.setattr(few, "_changes_of_size", aside)
             known, _ = np.linalg.qr(few.weight[:, None] * few.deviations(cycle, 1.0)[0])
         off.append(np.linalg.norm(ways - ways @ known @ known.T))
     assert off[0] < 0.2 * off[1]

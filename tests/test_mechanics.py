@@ -18,7 +18,7 @@ from own_blocks import write_blocks
 
 import squealstudy as sq
 from squealstudy.errors import ConvergenceError, ModelError, ParameterError, SquealstudyError
-from squealstudy.mechanics.batch import in_batches
+from squealstudy.mechanics.batch import is_point_mass_batch
 
 PACKAGE = Path(sq.__file__).parent
 # from the laws up to the library: what a study has nothing to do with
@@ -474,7 +474,7 @@ def test_batches_of_point_masses_are_solved_at_once_and_fail_row_by_row():
     batch = sq.model("hoffmann", contact_law="exponential").at(
         friction=friction, sliding_speed=speed, damping_ratio=0.01
     )
-    assert in_batches(batch.values)
+    assert is_point_mass_batch(batch.values)
     modes, frame = batch.modes(), batch.modes().to_pandas()
     for number, point in enumerate(batch):
         alone = point.modes()

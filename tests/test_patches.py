@@ -320,7 +320,7 @@ def test_points_that_a_patch_is_not_to_serve(bad, served, alone):
     """Of 300 points some that fill it are looked at first, then the others in batches of 32."""
     windows, theta = Served(bad), np.linspace(-1, 1, 300)[:, None]
     patch = SimpleNamespace(patch=SimpleNamespace(grid=interpolation(5, 1)))
-    given, steps = [], windows._served(patch, theta, np.arange(300))
+    given, steps = [], windows._solve_in_patch(patch, theta, np.arange(300))
     try:
         while True:
             given.append(next(steps))

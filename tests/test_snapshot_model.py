@@ -13,7 +13,7 @@ from study_runs import plan_of
 import squealstudy
 from squealstudy.engine.runner import run_study
 from squealstudy.kinds.complex_modes import inserted_points
-from squealstudy.kinds.complex_modes.inserted_points import TOLERANCE, Bases, far_apart
+from squealstudy.kinds.complex_modes.inserted_points import MAX_UNLIKENESS, Bases, far_apart
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import angular_band, linearised_point, solve_point
 from squealstudy.modes.tracking.refinement import Modes
@@ -62,8 +62,8 @@ def test_a_few_points_have_the_modes_of_others(prepared):
     few, poor = (SnapshotModel(prepared, W, BAND_HZ) for W in (V, snapshot_basis(blocks[:1])))
     for state in (state_at(0.2, 8e5), state_at(0.55, 16e5)):
         exact = exact_modes(prepared, state)
-        assert unlikeness(exact, few.modes(state), BAND, 0.01) <= TOLERANCE
-        assert unlikeness(exact, poor.modes(state), BAND, 0.01) > TOLERANCE
+        assert unlikeness(exact, few.modes(state), BAND, 0.01) <= MAX_UNLIKENESS
+        assert unlikeness(exact, poor.modes(state), BAND, 0.01) > MAX_UNLIKENESS
 
 
 def test_what_one_set_of_modes_lacks_counts_but_at_the_ends_of_the_band():

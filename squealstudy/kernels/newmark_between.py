@@ -67,7 +67,7 @@ def add_damping_forces(modal: ModalArrays, work: WorkArrays, k: int) -> bool:
         multiply(modal.between[damping_row], x[at.V_SEEN], x[at.RESISTED])
         move(x[at.DELTA], -1.0, x[at.RESISTED])
     if gyroscopic_row >= 0:
-        subtract_product(modal.gyroscopic_row[gyroscopic_row], x[at.V_TRIAL], x[at.DELTA])
+        subtract_product(modal.turning[gyroscopic_row], x[at.V_TRIAL], x[at.DELTA])
     return damping_row >= 0 or gyroscopic_row >= 0
 
 

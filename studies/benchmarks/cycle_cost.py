@@ -150,7 +150,7 @@ def cold(own: Scene, harmonics: int | None) -> list[Cycle]:
 
 def warm(contact: ContactOscillator, start: Cycle, search: Search) -> Cycle:
     """The cycle of a design near one of another design."""
-    projection = Projection.about(contact.oscillator, start.motion)
+    projection = Projection.on_harmonics_of(contact.oscillator, start.motion)
     return cycle_near(contact, projection, start.motion, search)
 
 

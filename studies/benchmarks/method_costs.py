@@ -1,14 +1,14 @@
 """What methods of complex modes cost, in exact solves: figures of the rungs' files.
 
 Run:  python studies/benchmarks/method_costs.py [--mesh medium] [--jobs 2] [--varied 1 2 3]
-      --points N  in place of as many as PAYS_FROM says
+      --points N  in place of as many as MIN_POINTS_FOR_WINDOWS says
       --quick     the coarse mesh and a fifth of the points
       --top 8000  of the band, in Hz
 
 For one to three parameters (friction, pressure, sliding speed): processor seconds of an exact
 point, of a sweep basis (BASIS_SOLVES is its ratio to the point), and of a point in windows with its
 patches (ALONE, FALLS); and the number of points from which on a study by windows is over sooner
-(PAYS_FROM), with its basis made by one process and points solved by --jobs. Over two parameters the
+(MIN_POINTS_FOR_WINDOWS), with its basis made by one process and points solved by --jobs. Over two parameters the
 other methods follow. Points are those of a Sobol design.
 """
 
@@ -39,7 +39,7 @@ from squealstudy.kinds.complex_modes.problems import (
 )
 from squealstudy.kinds.complex_modes.solve_tasks import solve_tasks
 from squealstudy.modes.rungs import all_rungs
-from squealstudy.modes.rungs.windows import PAYS_FROM, RUNG
+from squealstudy.modes.rungs.windows import MIN_POINTS_FOR_WINDOWS, RUNG
 from squealstudy.study.definition import load_any
 
 STUDY = """
@@ -128,7 +128,7 @@ def main() -> None:
             f"{'varied':<14}{'points':>7}{'exact s':>9}{'basis':>7}{'served':>8}{'pays from':>11}"
         )
         for varied in arguments.varied:
-            asked = arguments.points or PAYS_FROM[varied]
+            asked = arguments.points or MIN_POINTS_FOR_WINDOWS[varied]
             samples = asked // (5 if arguments.quick else 1)
             plan = scene.plan(varied, samples, RUNG.name)
             if reason := build_structure(build_task(plan, plan.tasks[0], 1))[1]:

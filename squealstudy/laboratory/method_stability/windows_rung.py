@@ -91,7 +91,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
         measured=estimate / tolerance,
         error=error,
         cost=len(theta),
-        explanation=explanation,
+        by=explanation,
         flagged=flagged,
     )
 
