@@ -7,9 +7,9 @@ Run:  python studies/benchmarks/method_costs.py [--mesh medium] [--jobs 2] [--va
 
 For one to three parameters (friction, pressure, sliding speed): processor seconds of an exact
 point, of a sweep basis (BASIS_SOLVES is its ratio to the point), and of a point in windows with its
-patches (ALONE, FALLS); and the number of points from which on a study by windows is over sooner
-(MIN_POINTS_FOR_WINDOWS), with its basis made by one process and points solved by --jobs. Over two parameters the
-other methods follow. Points are those of a Sobol design.
+patches (POINTS_OF_EXACT_COST, COST_EXPONENT); and the number of points from which on a study by
+windows ends sooner (MIN_POINTS_FOR_WINDOWS), with its basis made by one process and points solved
+by --jobs. Over two parameters the other methods follow. Points are those of a Sobol design.
 """
 
 from __future__ import annotations
