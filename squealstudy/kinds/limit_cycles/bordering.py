@@ -20,7 +20,7 @@ from squealstudy.engine.rows import REAL, TEXT
 from squealstudy.engine.rows import WHOLE_NUMBER as COUNT
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.continued import (
-    MAX_REL_FREQUENCY_DIFFERENCE,
+    MAX_FREQUENCY_CHANGE,
     SAME_FOLD_SHARE,
     Mark,
     ended,
@@ -207,7 +207,7 @@ class Plane:
                     < SAME_FOLD_SHARE * self.width
                 )
                 has_same_frequency = (
-                    abs(point.motion.omega / mark.motion.omega - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
+                    abs(point.motion.omega / mark.motion.omega - 1.0) < MAX_FREQUENCY_CHANGE
                 )
                 if point.over == over and is_near and has_same_frequency:
                     return number, k

@@ -41,8 +41,8 @@ from squealstudy.study.design import DesignPoint
 
 TURNED = "turned"  # why a step to a neighbour ends: the cycle folds before it
 MAX_RETRACED_SHARE = 0.2  # share of the way back after which it is given up
-# a branch passes a cycle where its frequency and its level differ by less
-MAX_REL_FREQUENCY_DIFFERENCE, MAX_REL_LEVEL_DIFFERENCE = 1e-3, 0.05
+# relative: a branch passes a cycle where its frequency and its level differ by less
+MAX_FREQUENCY_CHANGE, MAX_LEVEL_CHANGE = 1e-3, 0.05
 SAME_FOLD_SHARE = 1e-4  # distance of folds over the range, within which two branches are one
 
 
@@ -193,9 +193,8 @@ def step_to_neighbour(task: StepTask) -> ContinuedBranches:
 def follow_line(task: LineTask) -> ContinuedBranches:
     """Branches through all cycles of a line, each once, and the cycles on them at its designs."""
     values = task.points.column(task.along)
-    line = DesignLine(
-        task.request, task.points[0], task.points[-1], (float(values[0]), float(values[-1]))
-    )
+    bounds = float(values[0]), float(values[-1])
+    line = DesignLine(task.request, task.points[0], task.points[-1], bounds)
     continuation, branches = ContinuedBranches(), []  # type: ContinuedBranches, list[Branch]
     for start in task.starts:
         level = line.contact(start.value).contact_velocity(start.motion)
@@ -261,8 +260,8 @@ class Branch:
         """Whether it passes a cycle of this frequency [rad/s] and contact velocity."""
         contact = line.contact(value)
         return any(
-            abs(m.omega / omega - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
-            and abs(contact.contact_velocity(m) / level - 1.0) < MAX_REL_LEVEL_DIFFERENCE
+            abs(m.omega / omega - 1.0) < MAX_FREQUENCY_CHANGE
+            and abs(contact.contact_velocity(m) / level - 1.0) < MAX_LEVEL_CHANGE
             for m in self.crossings(value)
         )
 
@@ -274,7 +273,7 @@ class Branch:
             for b in (self, other)
         )
         return any(
-            abs(fold_value - x) < width and abs(omega / w - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
+            abs(fold_value - x) < width and abs(omega / w - 1.0) < MAX_FREQUENCY_CHANGE
             for fold_value, omega in folds
             for x, w in others
         )
@@ -389,8 +388,8 @@ def _cycles_of(
         for motion in one.crossings(parameter_value):
             level = contact.contact_velocity(motion)
             near = any(
-                abs(motion.omega / w - 1.0) < MAX_REL_FREQUENCY_DIFFERENCE
-                and abs(level / v - 1.0) < MAX_REL_LEVEL_DIFFERENCE
+                abs(motion.omega / w - 1.0) < MAX_FREQUENCY_CHANGE
+                and abs(level / v - 1.0) < MAX_LEVEL_CHANGE
                 for w, v in known_cycles
             )
             if near:
