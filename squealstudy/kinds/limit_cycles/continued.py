@@ -1,6 +1,6 @@
 """Cycles continued from one design to others: branches along a parameter, steps to neighbours.
 
-What workers do after all design points are solved by themselves.
+Workers continue them after all design points are solved by themselves.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -273,13 +273,12 @@ class Branch:
             for b in (self, other)
         )
         return any(
-            abs(fold_value - x) < width and abs(omega / w - 1.0) < MAX_FREQUENCY_CHANGE
-            for fold_value, omega in folds
-            for x, w in others
+            abs(a - b) < width and abs(omega / w - 1.0) < MAX_FREQUENCY_CHANGE
+            for (a, omega), (b, w) in product(folds, others)
         )
 
     def rows(self, line: DesignLine, along: str) -> list[dict[str, Any]]:
-        """Of the table of branches."""
+        """Rows of the table of branches."""
         rows = [self._row(line, along, k, p) for k, p in enumerate(self.points)]
         rows[0]["branch_end"], rows[-1]["branch_end"] = self.ends
         return rows
