@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def part_tables(model: FileDefinition, found: Inspection) -> tuple[Rows, Rows]:
+def part_tables(model: FileDefinition, inspection: Inspection) -> tuple[Rows, Rows]:
     """Facts, and the parameters that the file declares."""
     rows = [
         (p.name, f"{p.default:g} {p.unit}".rstrip() + f"  {p.description}")
         for p in model.parameters
         if p.structural
     ]
-    return [("model", model.description), *found.facts], rows
+    return [("model", model.description), *inspection.facts], rows
 
 
 def draw(geometry: Geometry, path: Path) -> None:
@@ -176,27 +176,31 @@ def _length(text: str, option: str) -> float:
     return length_m
 
 
-def correlation_lines(measured: Measured, found: Correlation) -> list[RenderableType]:
+def correlation_lines(measured: Measured, correlation: Correlation) -> list[RenderableType]:
     """The table of pairs, and what was compared."""
-    partner = dict(found.pairs)
-    rows = [_row(measured, found, k, partner.get(k)) for k in range(len(measured.frequency_hz))]
+    partner = dict(correlation.pairs)
+    rows = [
+        _row(measured, correlation, k, partner.get(k)) for k in range(len(measured.frequency_hz))
+    ]
     titles = ["measured", "Hz", "damping %", "computed", "Hz", "difference %", "MAC"]
     if np.isfinite(measured.hysteretic).any():
         titles.insert(N_COLUMNS_TO_DAMPING, "hysteretic %")
         for row, ratio in zip(rows, measured.hysteretic, strict=True):
             row.insert(N_COLUMNS_TO_DAMPING, figure(100 * ratio, ".3f"))
-    used, seen_dof = found.used, measured.measured_directions[found.used]
+    used, seen_dof = correlation.used, measured.measured_directions[correlation.used]
     far = np.flatnonzero(~used)
-    where = "in the assembly" if found.in_assembly else "in its mesh's file"
+    where = "in the assembly" if correlation.in_assembly else "in its mesh's file"
     text = f"{used.sum()} of {plural(len(used), 'point')} have a node of the part as it is {where}"
-    text += f", at most {1e3 * found.distance[used].max():.3g} mm away; {seen_dof.sum()} freedoms"
+    text += (
+        f", at most {1e3 * correlation.distance[used].max():.3g} mm away; {seen_dof.sum()} freedoms"
+    )
     lines: Rows = [("compared", text)]
     if len(far):
-        apart = 1e3 * found.distance[far]
+        apart = 1e3 * correlation.distance[far]
         lines.append(
             ("no node for", f"{plural(len(far), 'point')}, {apart.min():.3g} mm away or more")
         )
-    spare = _unpaired(found)
+    spare = _unpaired(correlation)
     if spare:
         lines.append(("not measured", "; ".join(spare)))
     if measured.left_out:
@@ -206,37 +210,43 @@ def correlation_lines(measured: Measured, found: Correlation) -> list[Renderable
     return [grid(*titles, rows=rows), "", facts(lines)]
 
 
-def _row(measured: Measured, found: Correlation, mode: int, group: int | None) -> list[str]:
+def _row(measured: Measured, correlation: Correlation, mode: int, group: int | None) -> list[str]:
     hz, zeta = measured.frequency_hz[mode], measured.damping_ratio[mode]
     first = [str(mode + 1), f"{hz:.1f}", figure(100 * zeta, ".3f")]
     if group is None:
-        nearest = int(found.mac[mode].argmax())
-        text = f"{found.mac[mode, nearest]:.2f} at most, of {_name(found, nearest)}"
+        nearest = int(correlation.mac[mode].argmax())
+        text = f"{correlation.mac[mode, nearest]:.2f} at most, of {_name(correlation, nearest)}"
         return [*first, "-", "-", "-", text]
-    computed_hz = found.frequency_hz[group]
+    computed_hz = correlation.frequency_hz[group]
     off = f"{100 * (computed_hz / hz - 1):+.2f}" if hz > 0 else "-"
-    return [*first, _name(found, group), f"{computed_hz:.1f}", off, f"{found.mac[mode, group]:.3f}"]
+    return [
+        *first,
+        _name(correlation, group),
+        f"{computed_hz:.1f}",
+        off,
+        f"{correlation.mac[mode, group]:.3f}",
+    ]
 
 
-def _name(found: Correlation, group: int) -> str:
-    group_modes = found.groups[group]
+def _name(correlation: Correlation, group: int) -> str:
+    group_modes = correlation.groups[group]
     return f"{group_modes[0]}-{group_modes[-1]}" if len(group_modes) > 1 else str(group_modes[0])
 
 
-def _unpaired(found: Correlation) -> list[str]:
+def _unpaired(correlation: Correlation) -> list[str]:
     """Computed modes without a measured partner, in words."""
-    taken = [sum(j == g for _, j in found.pairs) for g in range(len(found.groups))]
+    taken = [sum(j == g for _, j in correlation.pairs) for g in range(len(correlation.groups))]
     return [
-        f"{_name(found, g)} at {found.frequency_hz[g]:.1f} Hz"
+        f"{_name(correlation, g)} at {correlation.frequency_hz[g]:.1f} Hz"
         + (f" ({len(group_modes) - count} of {len(group_modes)})" if count > 0 else "")
-        for g, (group_modes, count) in enumerate(zip(found.groups, taken, strict=True))
+        for g, (group_modes, count) in enumerate(zip(correlation.groups, taken, strict=True))
         if count < len(group_modes)
     ]
 
 
-def doubts(measured: Measured, found: Correlation) -> list[str]:
+def doubts(measured: Measured, correlation: Correlation) -> list[str]:
     """What should be looked at before the numbers are trusted."""
-    partner = dict(found.pairs)
+    partner = dict(correlation.pairs)
     lost = [str(k + 1) for k in range(len(measured.frequency_hz)) if k not in partner]
     texts = []
     if lost:
@@ -245,34 +255,34 @@ def doubts(measured: Measured, found: Correlation) -> list[str]:
             f"{', '.join(lost)}: another "
             "part or placement, a support in the test, or directions that differ?"
         )
-    if found.n_rigid != N_RIGID_MODES:
+    if correlation.n_rigid != N_RIGID_MODES:
         texts.append(
-            f"the part has {plural(found.n_rigid, 'rigid mode')} of {N_RIGID_MODES}: it is not free"
+            f"the part has {plural(correlation.n_rigid, 'rigid mode')} of {N_RIGID_MODES}: it is not free"
         )
-    if found.alike:
-        i, j, mac = max(found.alike, key=lambda row: row[2])
+    if correlation.alike:
+        i, j, mac = max(correlation.alike, key=lambda row: row[2])
         texts.append(
-            f"the measured points tell modes {_name(found, j)} and {_name(found, i)} apart badly "
+            f"the measured points tell modes {_name(correlation, j)} and {_name(correlation, i)} apart badly "
             f"(their MAC there is {mac:.2f}): more points or directions are needed"
         )
-    if not found.used.all():
-        far = [str(n) for n in measured.numbers[~found.used]]
+    if not correlation.used.all():
+        far = [str(n) for n in measured.numbers[~correlation.used]]
         texts.append(f"measured points without a node: {listed(far)}")
     return texts
 
 
-def correlation_figure(measured: Measured, found: Correlation, title: str) -> Figure:
+def correlation_figure(measured: Measured, correlation: Correlation, title: str) -> Figure:
     """The matrix of MAC, a row a measured mode; pairs are framed."""
-    m, g = found.mac.shape
+    m, g = correlation.mac.shape
     figure = new_figure(min(2.6 + 0.55 * g, 14.0), min(2.0 + 0.42 * m, 10.0))
     axes = figure.add_subplot()
-    image = axes.imshow(found.mac, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    image = axes.imshow(correlation.mac, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     figure.colorbar(image, ax=axes, label="MAC", pad=0.02)
     if max(m, g) <= MAX_MODES_WITH_FIGURES:
-        for (i, j), mac in np.ndenumerate(found.mac):
+        for (i, j), mac in np.ndenumerate(correlation.mac):
             ink = "white" if mac > 0.6 else "0.3"
             axes.text(j, i, f"{mac:.2f}", ha="center", va="center", fontsize=8, color=ink)
-    for i, j in found.pairs:
+    for i, j in correlation.pairs:
         axes.plot(
             [j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
             [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
@@ -280,7 +290,9 @@ def correlation_figure(measured: Measured, found: Correlation, title: str) -> Fi
             linewidth=1.6,
             clip_on=False,
         )
-    names = [f"{_name(found, k)}\n{hz:.0f} Hz" for k, hz in enumerate(found.frequency_hz)]
+    names = [
+        f"{_name(correlation, k)}\n{hz:.0f} Hz" for k, hz in enumerate(correlation.frequency_hz)
+    ]
     axes.set_xticks(range(g), names, fontsize=8, rotation=0 if g <= MAX_MODES_WITH_FIGURES else 90)
     axes.set_yticks(
         range(m),

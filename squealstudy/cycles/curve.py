@@ -202,12 +202,12 @@ class Path:
         along[self.first[0]] = self.first[1]
         return along
 
-    def _growing(self, found: list[CurveMotion], held: int) -> str:
+    def _growing(self, motions: list[CurveMotion], held: int) -> str:
         """Why the curve on from the first motion ended; what is found on it is added."""
         projection, steps = self.projection, self.steps
         h, tries = steps.first, 0
-        equations, here = self._begun(found, held)
-        while len(found) < steps.count:
+        equations, here = self._begun(motions, held)
+        while len(motions) < steps.count:
             step = next_point(
                 equations,
                 here,
@@ -218,11 +218,11 @@ class Path:
                 watched=self.watched,
             )
             if step is None:  # what the last motion has missing may be what its successor needs
-                way = None if tries else self._grown(equations, here, found[-1].motion)
+                way = None if tries else self._grown(equations, here, motions[-1].motion)
                 if way is None:
                     return LOST
                 tries, h = tries + 1, steps.first
-                equations, here = self._again(found, *way)
+                equations, here = self._again(motions, *way)
                 continue
             there, events, taken, iterations = step
             motion = equations.motion(there.u)
@@ -234,32 +234,32 @@ class Path:
                 if h < steps.least:
                     return BASIS
                 if way := self._grown(equations, here, motion, equations.forces(there.u)):
-                    equations, here = self._again(found, *way)
+                    equations, here = self._again(motions, *way)
                 continue
             h = grown(taken, iterations, steps, float(here.tangent @ there.tangent))
             tries, here = 0, there
             equations.accepted(there.u)
             for p in (*events, there):
                 motion_here = equations.motion(p.u)
-                found.append(CurveMotion(motion_here, p.residual, error, "".join(p.events)))
+                motions.append(CurveMotion(motion_here, p.residual, error, "".join(p.events)))
             projection.remember(motion)
             if reason := self.ended(there.u, motion):
                 return reason
         return "steps"
 
-    def _begun(self, found: list[CurveMotion], held: int) -> tuple[CycleEquations, CurvePoint]:
+    def _begun(self, motions: list[CurveMotion], held: int) -> tuple[CycleEquations, CurvePoint]:
         """The last motion of the curve, from which it goes on.
 
         After others it is balanced on a basis of its own: one that has grown along the curve may
         have lost its way.
         """
-        if len(found) == 1:
-            return self._here(found[0].motion)
+        if len(motions) == 1:
+            return self._here(motions[0].motion)
         for _ in range(MAX_POINTS_BACK):
-            plain = [k for k, m in enumerate(found) if not m.event]
+            plain = [k for k, m in enumerate(motions) if not m.event]
             if len(plain) < 2:
                 break
-            behind, last = (found[k].motion for k in plain[-2:])
+            behind, last = (motions[k].motion for k in plain[-2:])
             try:
                 motion, error, residual = self.projection.improve(last, CURVE_BASIS_ERROR, held)
                 begun = self._here(
@@ -271,9 +271,9 @@ class Path:
                 motion is not None
                 and self.projection.error(last, _change(last, motion)) < MAX_BASIS_CHANGE
             ):
-                found[-1] = CurveMotion(motion, residual, error)
+                motions[-1] = CurveMotion(motion, residual, error)
                 return begun
-            del found[plain[-2] + 1 :]
+            del motions[plain[-2] + 1 :]
         raise ConvergenceError(LOST, "the curve was lost, and not found again")
 
     def _grown(
@@ -299,7 +299,7 @@ class Path:
         return (start, ahead) if projection.size > before else None
 
     def _again(
-        self, found: list[CurveMotion], start: PeriodicMotion, ahead: PeriodicMotion
+        self, motions: list[CurveMotion], start: PeriodicMotion, ahead: PeriodicMotion
     ) -> tuple[CycleEquations, CurvePoint]:
         """The last point in the basis as it is now.
 
@@ -307,15 +307,15 @@ class Path:
         from the curve, which goes on from the one before it.
         """
         for _ in range(MAX_POINTS_BACK):
-            plain = [k for k, m in enumerate(found) if not m.event]
+            plain = [k for k, m in enumerate(motions) if not m.event]
             try:
-                return self._here(start, ahead, found[plain[-2]].motion if plain[1:] else None)
+                return self._here(start, ahead, motions[plain[-2]].motion if plain[1:] else None)
             except ConvergenceError:
                 if len(plain) < 3:
                     raise
-                ahead = found[plain[-1]].motion
-                del found[plain[-2] + 1 :]
-                start = found[-1].motion
+                ahead = motions[plain[-1]].motion
+                del motions[plain[-2] + 1 :]
+                start = motions[-1].motion
         raise ConvergenceError(LOST, "the curve was lost in a larger basis")
 
     def _here(

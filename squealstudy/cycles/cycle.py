@@ -260,13 +260,13 @@ def errors_by_changes(found: Sequence[CycleLevels]) -> SeriesErrors:
 
 
 def errors_by_finer_series(
-    contact: ContactOscillator, projection: Projection, found: CycleLevels
+    contact: ContactOscillator, projection: Projection, cycle_levels: CycleLevels
 ) -> tuple[SeriesErrors, PeriodicMotion] | None:
     """Errors by the same cycle with more harmonics and samples, and that motion.
 
     The largest change of two such cycles, of which one may agree by chance. None where not known.
     """
-    H, motion = found.motion.harmonics, found.motion
+    H, motion = cycle_levels.motion.harmonics, cycle_levels.motion
     of_few = min(MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS // (2 * contact.oscillator.n))
     most = max(MOST_FINER, of_few)
     orders = sorted({min(math.ceil(f * H), most) for f in FINER_HARMONIC_FACTORS})
@@ -280,14 +280,17 @@ def errors_by_finer_series(
         for order in orders:
             motion, _ = finer.cycle_near(motion, order)
             levels = contact.levels(motion, 2 * LEVEL_SAMPLES)
-            errors = errors.larger(change(found, CycleLevels(motion, levels)))
+            errors = errors.larger(change(cycle_levels, CycleLevels(motion, levels)))
     except ConvergenceError:
         return None
     return errors * FINER_SERIES_SAFETY_FACTOR, motion
 
 
 def with_peak_and_tolerance(
-    contact: ContactOscillator, found: CycleLevels, errors: SeriesErrors, other: PeriodicMotion
+    contact: ContactOscillator,
+    cycle_levels: CycleLevels,
+    errors: SeriesErrors,
+    other: PeriodicMotion,
 ) -> SeriesErrors:
     """Errors with those of the balances' tolerance; of peaks also those of samples and corners.
 
@@ -296,14 +299,14 @@ def with_peak_and_tolerance(
     steep slope of the law, and all motions that overshoot there have the law's peak: sliding is
     moved by what it differs by from an `other` finding of the cycle.
     """
-    torque = contact.torque(found.motion)
+    torque = contact.torque(cycle_levels.motion)
     peak = float(np.abs(torque - torque.mean()).max())
     if not peak > 0.0:
         return errors + SeriesErrors(SOLVED, SOLVED, np.nan, SOLVED)
     spectrum = np.abs(np.fft.rfft(torque))[1:] * 2.0 / len(torque)
-    h = np.arange(1, found.motion.harmonics + 1)
+    h = np.arange(1, cycle_levels.motion.harmonics + 1)
     missed = 0.5 * (np.pi / len(torque)) ** 2 * float(h**2 @ spectrum[: len(h)])
-    slip = contact.slip_apart(found.motion, other)
-    shifted_torques = (contact.torque(found.motion, side * slip) for side in (-1.0, 1.0))
+    slip = contact.slip_apart(cycle_levels.motion, other)
+    shifted_torques = (contact.torque(cycle_levels.motion, side * slip) for side in (-1.0, 1.0))
     led = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in shifted_torques)
     return errors + SeriesErrors(SOLVED, SOLVED, (missed + led) / peak + SOLVED, SOLVED)

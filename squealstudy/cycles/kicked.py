@@ -129,7 +129,7 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
 
 
 def decided_in_time(
-    contact: ContactOscillator, found: Followed, band: tuple[float, float], reach: float
+    contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
     """A design that cycles leave open, after runs in time.
 
@@ -142,13 +142,13 @@ def decided_in_time(
     found if nothing but the curve's end was missing; else that is told, and the verdict stays open.
     `band` [rad/s] is that of `run_on`.
     """
-    families = [family for _, family in found.families]
+    families = [family for _, family in followed.families]
     if any(family.verdict == NEUTRAL for family in families):
-        return found  # every run keeps what it begins with of that mode
+        return followed  # every run keeps what it begins with of that mode
     if any(family.verdict == SQUEALS for family in families):
-        return _with_level(contact, found, band, reach)
-    if found.unstable_outside or contact.point.growing.n_outside > 0:
-        return found
+        return _with_level(contact, followed, band, reach)
+    if followed.unstable_outside or contact.point.growing.n_outside > 0:
+        return followed
     starts = [list(_starts(contact, family, reach)) for family in families]
     ends: list[list[Ended]] = [[] for _ in families]
     for some in (slice(0, 1), slice(1, None)):
@@ -167,7 +167,7 @@ def decided_in_time(
         ):
             family_ends.append(with_regularisation(contact, ended(name, motion), motion, band))
     decided = []
-    for (k, family), family_ends, tried in zip(found.families, ends, starts, strict=True):
+    for (k, family), family_ends, tried in zip(followed.families, ends, starts, strict=True):
         if len(family_ends) == len(tried) or _lasting(family_ends):
             family = _decided(family, family_ends)
         else:
@@ -179,11 +179,11 @@ def decided_in_time(
             why = f"{not_lasting} were not tried, as the design squeals if kicked by another mode"
             family = replace(family, reason=f"{family.reason}; {why}")
         decided.append((k, family))
-    return found._replace(families=decided)
+    return followed._replace(families=decided)
 
 
 def _with_level(
-    contact: ContactOscillator, found: Followed, band: tuple[float, float], reach: float
+    contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
     """A design that squeals, with the level of a run where no stable cycle is known to be loudest.
 
@@ -192,7 +192,7 @@ def _with_level(
     Where it does not last the next is tried. Where a mode outside the band grows the level is that
     of the torque within it.
     """
-    families = dict(found.families)
+    families = dict(followed.families)
     levels = [
         followed_family.loudest.levels[LEVEL]
         for followed_family in families.values()
@@ -206,7 +206,7 @@ def _with_level(
         if louder and (start := next(_starts(contact, family, reach), None)):
             tries[mode] = (level, family.lam.real), start
     if not tries:
-        return found
+        return followed
     for number in sorted(tries, key=lambda mode: tries[mode][0], reverse=True)[:MAX_LEVEL_RUNS]:
         family, (name, (q, v)) = families[number], tries[number][1]
         point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
@@ -223,7 +223,7 @@ def _with_level(
         families[number] = replace(family, run=run, reason=reason)
         if run.outcome == LASTS:
             break
-    return found._replace(families=list(families.items()))
+    return followed._replace(families=list(families.items()))
 
 
 def _lasting(runs: Iterable[Ended]) -> list[Ended]:
@@ -278,18 +278,18 @@ def _decided(family: Family, ends: Sequence[Ended]) -> Family:
     return replace(family, run=run, reason=reason)
 
 
-def kicks(contact: ContactOscillator, found: Followed, largest: float) -> dict[int, Kick]:
+def kicks(contact: ContactOscillator, followed: Followed, largest: float) -> dict[int, Kick]:
     """`kick_along_mode` of the families that squeal if kicked, by the numbers of their modes.
 
     None where any mode is unstable: it then squeals without a kick.
     """
-    families = [family for _, family in found.families]
-    unstable = found.unstable_outside or any(f.verdict == SQUEALS for f in families)
+    families = [family for _, family in followed.families]
+    unstable = followed.unstable_outside or any(f.verdict == SQUEALS for f in families)
     if unstable or contact.point.growing.n_outside > 0:
         return {}
     return {
         mode: _kick(contact, family, largest)
-        for mode, family in found.families
+        for mode, family in followed.families
         if family.verdict == IF_KICKED and family.loudest is not None
     }
 

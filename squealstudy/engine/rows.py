@@ -135,7 +135,7 @@ def items(rows: pa.Table, name: str, fields: Fields) -> pa.Table:
     return pa.table([owners, *(parts[field] for field, _ in fields)], schema=schema)
 
 
-def points_table(plan: Plan, found: pa.Table) -> pa.Table:
+def points_table(plan: Plan, points: pa.Table) -> pa.Table:
     """One row a design point: HEAD, its parameters, what was found, what follows tables.
 
     Counts and flags are nullable (Int64, boolean): missing where the point has none.
@@ -143,16 +143,16 @@ def points_table(plan: Plan, found: pa.Table) -> pa.Table:
     Parameters
     ----------
     plan : Plan
-    found : Table
+    points : Table
         HEAD and findings of its design points, in order (`tabled`).
     """
-    columns = [found[name] for name, _ in HEAD]
+    columns = [points[name] for name, _ in HEAD]
     columns += [pa.array(plan.tasks.column(p), REAL) for p in plan.study.shown_parameters]
-    columns += found.columns[len(HEAD) :]
+    columns += points.columns[len(HEAD) :]
     parameters = [pa.field(p, REAL) for p in plan.study.shown_parameters]
     followed = [t.name for t in plan.study.model.tables]
     columns += [pa.array(plan.tasks.column(p), REAL) for p in followed]
-    names = list(found.schema)
+    names = list(points.schema)
     fields = [*names[: len(HEAD)], *parameters, *names[len(HEAD) :]]
     fields += [pa.field(p, REAL) for p in followed]
     return pa.Table.from_arrays(columns, schema=with_dtypes(pa.schema(fields)))

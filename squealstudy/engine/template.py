@@ -278,20 +278,20 @@ def _lines(begun: Begun, kind: str) -> Iterator[str]:
         yield from _of_kind(begun, section, field)
 
 
-def _of_kind(begun: Begun, section: str, found: FieldInfo) -> Iterator[str]:
+def _of_kind(begun: Begun, section: str, field: FieldInfo) -> Iterator[str]:
     """One of the other sections, if it is written."""
     begun_with, shown = begun.tables.get(section), begun.shown(section)
     if not begun.whole and begun_with is None and not shown:
         return
     section_value = getattr(begun.definition, section)
-    yield from comment_lines(found.description or "")
+    yield from comment_lines(field.description or "")
     if isinstance(begun_with, list):
         for number, table in enumerate(begun_with):
             more = begun.whole and number == 0
-            yield from table_lines(f"[[{section}]]", section_fields(found), table, more)
+            yield from table_lines(f"[[{section}]]", section_fields(field), table, more)
     elif section_value is None or section_value == ():
         yield from table_lines(
-            f"[[{section}]]" if section_value == () else f"[{section}]", section_fields(found)
+            f"[[{section}]]" if section_value == () else f"[{section}]", section_fields(field)
         )
     else:
         yield from section_lines(section, section_value, begun_with or {}, shown)

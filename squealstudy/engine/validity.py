@@ -107,10 +107,10 @@ def _beyond_limit(rule: str, values: np.ndarray, most: float) -> Broken:
     return Broken(rule, rows, values[rows])
 
 
-def points_by_rule(found: Sequence[Broken]) -> list[tuple[str, int]]:
+def points_by_rule(broken_rules: Sequence[Broken]) -> list[tuple[str, int]]:
     """How many design points break each rule, the most frequent first."""
     rows: dict[str, list[np.ndarray]] = {}
-    for broken in found:
+    for broken in broken_rules:
         rows.setdefault(broken.rule, []).append(broken.rows)
     counts = [(rule, len(np.unique(np.concatenate(row_sets)))) for rule, row_sets in rows.items()]
     return sorted(counts, key=lambda item: -item[1])
@@ -142,7 +142,7 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def write_points(plan: Plan, store: Store, found: pa.Table) -> pd.DataFrame:
+def write_points(plan: Plan, store: Store, findings: pa.Table) -> pd.DataFrame:
     """Write the points table with its validity; the table.
 
     Parameters
@@ -150,10 +150,10 @@ def write_points(plan: Plan, store: Store, found: pa.Table) -> pd.DataFrame:
     plan : Plan
     store : Store
         Of the results.
-    found : Table
+    findings : Table
         Findings of its design points, in order (`points_table`).
     """
-    table = points_table(plan, found)
+    table = points_table(plan, findings)
     judged = table.select([name for name in JUDGED if name in table.column_names])
     last = with_validity(plan, judged.to_pandas())[[name for name, _ in FIELDS]]
     table = table.select([name for name in table.column_names if name not in dict(FIELDS)])

@@ -173,9 +173,9 @@ class FidelityStudy:
             "without [fidelity] the study runs as its settings say"
         )
 
-    def error(self, found: Measurement, truth: Measurement) -> float:
+    def error(self, measurement: Measurement, truth: Measurement) -> float:
         """Largest error of the judged quantities; MISCOUNT_ERROR where instabilities differ."""
-        return max(self.point_error(f, truth.findings[p]) for p, f in found.findings.items())
+        return max(self.point_error(f, truth.findings[p]) for p, f in measurement.findings.items())
 
     def point_error(self, finding: Mapping[str, Any], truth: Mapping[str, Any]) -> float:
         """The same of one design point; MISCOUNT_ERROR too where either of them failed."""

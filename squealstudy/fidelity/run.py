@@ -156,12 +156,12 @@ def _deciding(choice: Choice) -> dict[str, Any]:
     return {k: v for k, v in choice.chosen.changes.items() if k not in FOLLOWING}
 
 
-def _audited(found: Audit, passed: bool) -> dict[str, Any]:
+def _audited(audit: Audit, passed: bool) -> dict[str, Any]:
     return {
-        "error": found.error,
-        "points": list(found.points),
-        "against": found.against,
-        "passed": passed if found.error is not None else None,
+        "error": audit.error,
+        "points": list(audit.points),
+        "against": audit.against,
+        "passed": passed if audit.error is not None else None,
     }
 
 

@@ -150,12 +150,16 @@ class RunSearch:
                 break
         return [*settings, TriedSetting(finer.label, finer.changes, error / 4, coarse.seconds)]
 
-    def _keep(self, name: str, found: list[TriedSetting]) -> None:
+    def _keep(self, name: str, tried_settings: list[TriedSetting]) -> None:
         """Go on with the cheapest of a ladder that is good enough, else with its best."""
-        found = [t for t in found if np.isfinite(t.cost)]  # where no pilot ran there is none
-        self.tried[name] = found
-        good = [t for t in found if t.error <= self.share]
-        best = min(good, key=lambda t: t.cost) if good else min(found, key=lambda t: t.error)
+        tried_settings = [
+            t for t in tried_settings if np.isfinite(t.cost)
+        ]  # where no pilot ran there is none
+        self.tried[name] = tried_settings
+        good = [t for t in tried_settings if t.error <= self.share]
+        best = (
+            min(good, key=lambda t: t.cost) if good else min(tried_settings, key=lambda t: t.error)
+        )
         self.kept[name] = best
         self.now |= best.changes
 

@@ -17,16 +17,16 @@ NOTHING, PAIR, TRIPLE = types.void, types.UniTuple(NUMBER, 2), types.UniTuple(NU
 PLAIN: dict[float, Callable[..., Any]] = {}  # functions by address where nothing is compiled
 
 
-def _expected(found: types.Type) -> types.Type:
+def _expected(argument_type: types.Type) -> types.Type:
     """The type of an argument as functions have it: of an array its entries alone."""
-    if isinstance(found, types.Array):
-        if (found.dtype, found.ndim, found.layout) == (NUMBER, 1, "C"):
+    if isinstance(argument_type, types.Array):
+        if (argument_type.dtype, argument_type.ndim, argument_type.layout) == (NUMBER, 1, "C"):
             return ROW
-    elif isinstance(found, types.Float):
+    elif isinstance(argument_type, types.Float):
         return NUMBER
-    elif isinstance(found, types.Integer):
+    elif isinstance(argument_type, types.Integer):
         return COUNT
-    raise TypingError(f"no function of a law takes {found}")
+    raise TypingError(f"no function of a law takes {argument_type}")
 
 
 def _caller(result: types.Type, count: int, *attributes: str) -> Callable[..., Any]:

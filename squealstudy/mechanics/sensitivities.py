@@ -117,22 +117,22 @@ class Sensitivities:
         )
 
     @classmethod
-    def _of_batch(cls, found: StackedSensitivities, row: int) -> Sensitivities:
+    def _of_batch(cls, sensitivities: StackedSensitivities, row: int) -> Sensitivities:
         """The arrays of one design point of a batch that is solved at once."""
-        start, end = np.searchsorted(found.owner, [row, row + 1])
-        names = found.names if end > start else ()
+        start, end = np.searchsorted(sensitivities.owner, [row, row + 1])
+        names = sensitivities.names if end > start else ()
         block = slice(start, end), slice(0, len(names))
-        status, message = found.system.failures.get(row, ("ok", ""))
+        status, message = sensitivities.system.failures.get(row, ("ok", ""))
         return cls(
-            lam=found.lam[block[0]],
+            lam=sensitivities.lam[block[0]],
             names=names,
-            derivative=found.derivative[block],
-            change=found.change[block],
-            finite=found.finite[block],
-            match=found.match[block],
-            validity=found.validity[block],
-            condition=found.condition[block[0]],
-            near_coalescence=found.near_coalescence[block],
+            derivative=sensitivities.derivative[block],
+            change=sensitivities.change[block],
+            finite=sensitivities.finite[block],
+            match=sensitivities.match[block],
+            validity=sensitivities.validity[block],
+            condition=sensitivities.condition[block[0]],
+            near_coalescence=sensitivities.near_coalescence[block],
             status=status,
             message=message,
         )
@@ -255,10 +255,10 @@ def all_sensitivities(
     return tuple(one for one in batch if one is not None)
 
 
-def _or_raise(found: Sensitivities | Exception) -> Sensitivities:
-    if not isinstance(found, Exception):
-        return found
-    status, message = reason(found)
+def _or_raise(sensitivities: Sensitivities | Exception) -> Sensitivities:
+    if not isinstance(sensitivities, Exception):
+        return sensitivities
+    status, message = reason(sensitivities)
     return replace(Sensitivities._of_modes(()), status=status, message=message)
 
 

@@ -85,7 +85,7 @@ def default_names(design: ModelPoint) -> Iterator[str]:
 
 
 def state_parameters(
-    asked: Sequence[RequestedParameter], omega: Mapping[ModeKey, float]
+    requested: Sequence[RequestedParameter], omega: Mapping[ModeKey, float]
 ) -> list[StateParameter]:
     """Parameters of the design state, families expanded to the elastic modes of the basis.
 
@@ -100,7 +100,7 @@ def state_parameters(
         A component mode that the basis does not hold.
     """
     by_key: dict[tuple[object, ...], StateParameter] = {}
-    for request in asked:
+    for request in requested:
         for parameter in _expanded(request, omega):
             name = "" if parameter.modes else parameter.name
             key = (name, parameter.component, parameter.modes, parameter.quantity)
@@ -146,6 +146,6 @@ def design_structure(
     )
 
 
-def structural_names(asked: Sequence[RequestedParameter]) -> list[str]:
+def structural_names(requested: Sequence[RequestedParameter]) -> list[str]:
     """Names of the requested parameters that change the assembly."""
-    return [request.name for request in asked if request.structural]
+    return [request.name for request in requested if request.structural]

@@ -132,11 +132,11 @@ class Structures:
         tried = self._tried.pop(_values_key(point), None)
         return tried or point_pairs(point, reduction, self.basis.band_hz, self.basis.tells_error)
 
-    def _error(self, found: Reduction, number: int) -> float:
+    def _error(self, reduction: Reduction, number: int) -> float:
         """Largest relative error of light and growing modes of a design point; 0 without any."""
         point = self.values.point(number)
         try:
-            modes = point_pairs(point, found, self.basis.band_hz, True)
+            modes = point_pairs(point, reduction, self.basis.band_hz, True)
         except FAILURES:
             return 0.0
         self._tried[_values_key(point)] = modes
@@ -238,12 +238,12 @@ def _values_key(point: ModelPoint) -> Hashable:
     return tuple(point.values.values())
 
 
-def _check_modes(point: ModelPoint, found: Reduction) -> None:
+def _check_modes(point: ModelPoint, reduction: Reduction) -> None:
     """Raise ParameterError where a component mode in use is not in the basis."""
-    counts = found.prepared.model.mode_counts
+    counts = reduction.prepared.model.mode_counts
     for parameter in point.mode_parameters():
         if (highest := max(parameter.modes)) > (count := counts[parameter.component]):
-            where = f" up to {found.settings.component_cutoff:g} Hz in this basis"
+            where = f" up to {reduction.settings.component_cutoff:g} Hz in this basis"
             up_to = where if point.model.meshed else ""
             text = f"{parameter.component} has modes 1 to {count}{up_to}, got mode {highest}"
             raise ParameterError(parameter.name, text)

@@ -50,9 +50,9 @@ def checked(
     return int(index), _ordered(outcome, name)
 
 
-def _fault(found: PointModes, problem: Problem) -> str:
+def _fault(modes: PointModes, problem: Problem) -> str:
     """What is wrong with modes, and what was expected; '' of what may stand in tables."""
-    m = np.size(found.lam)
+    m = np.size(modes.lam)
     model, width = problem.prepared.model, problem.prepared.shape_rows.shape[0]
     components = len(model.offsets) if isinstance(model, ReducedModel) else 0
     expected = {
@@ -63,29 +63,29 @@ def _fault(found: PointModes, problem: Problem) -> str:
         "shapes": ((m, width), COMPLEX),
     }
     for name, (shape, kinds) in expected.items():
-        array = getattr(found, name)
+        array = getattr(modes, name)
         if not isinstance(array, np.ndarray) or array.dtype.kind not in kinds:
             what = "real" if kinds == REAL else "complex"
             got = f"of {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
             return f"{name} is {got}, expected a {what} array"
         if array.shape != shape:
             return (
-                f"{name} is of shape {array.shape}, lam of {np.shape(found.lam)}: expected {shape}"
+                f"{name} is of shape {array.shape}, lam of {np.shape(modes.lam)}: expected {shape}"
             )
         if name in ("lam", "energies", "shapes") and not np.isfinite(array).all():
             return f"{name} is not finite"
         if name in ("residual", "error_rung") and (array < 0).any():
             return f"{name} is {array.min():.3g}, expected >= 0, or NaN where it is not known"
-    if (found.lam.imag < 0).any():
+    if (modes.lam.imag < 0).any():
         return "a root has Im lambda < 0, expected one of each conjugate pair, Im lambda >= 0"
-    if components and not isinstance(found.working_point, WorkingPoint):
+    if components and not isinstance(modes.working_point, WorkingPoint):
         return "working_point is missing, expected that of the point"
-    return _outside(found, problem.swept.band)
+    return _outside(modes, problem.swept.band)
 
 
-def _outside(found: PointModes, band: tuple[float, float]) -> str:
-    size = np.abs(found.lam)
-    slack = np.nan_to_num(found.error_rung, posinf=np.inf) + EIGENVALUE_REL_ROUND_OFF * size
+def _outside(modes: PointModes, band: tuple[float, float]) -> str:
+    size = np.abs(modes.lam)
+    slack = np.nan_to_num(modes.error_rung, posinf=np.inf) + EIGENVALUE_REL_ROUND_OFF * size
     outside = size[(size + slack < band[0]) | (size - slack > band[1])]
     if not len(outside):
         return ""
@@ -104,15 +104,15 @@ def _values_text(problem: Problem, point: Point) -> str:
     return f" ({', '.join(named)})" if named else ""
 
 
-def _ordered(found: PointModes, name: str) -> PointModes:
+def _ordered(modes: PointModes, name: str) -> PointModes:
     """Modes under the name of their rung, oscillating ones first, ascending in modulus."""
-    order = by_modulus(found.lam, found.overdamped)
+    order = by_modulus(modes.lam, modes.overdamped)
     return replace(
-        found,
-        lam=found.lam[order],
-        residual=found.residual[order],
-        energies=found.energies[:, order],
-        shapes=found.shapes[order],
-        error_rung=found.error_rung[order],
+        modes,
+        lam=modes.lam[order],
+        residual=modes.residual[order],
+        energies=modes.energies[:, order],
+        shapes=modes.shapes[order],
+        error_rung=modes.error_rung[order],
         method=name,
     )

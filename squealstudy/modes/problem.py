@@ -106,22 +106,22 @@ class Problem:
         """Of vectors in those of the sweep basis."""
         return Reader(self.prepared, self.basis.V)
 
-    def modes(self, found: Outcome) -> PointModes | ConvergenceError:
+    def modes(self, outcome: Outcome) -> PointModes | ConvergenceError:
         """Roots of a rung as modes, oscillating ones first, or why there are none."""
-        if isinstance(found, ConvergenceError):
-            return found
-        order = oscillating_first(found.lam)
-        lam, X = found.lam[order], found.X[:, order]
-        reader = self.full_reader if found.full else self.basis_reader
-        point = found.at.working_point
+        if isinstance(outcome, ConvergenceError):
+            return outcome
+        order = oscillating_first(outcome.lam)
+        lam, X = outcome.lam[order], outcome.X[:, order]
+        reader = self.full_reader if outcome.full else self.basis_reader
+        point = outcome.at.working_point
         return PointModes(
             lam=lam,
-            residual=found.residual[order],
-            energies=reader.energies(found.at, X),
+            residual=outcome.residual[order],
+            energies=reader.energies(outcome.at, X),
             shapes=reader.shapes(X),
             working_point=point,
-            error_rung=found.error[order] + working_point_error(point, lam),
-            method=found.method,
+            error_rung=outcome.error[order] + working_point_error(point, lam),
+            method=outcome.method,
         )
 
 

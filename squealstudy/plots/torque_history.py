@@ -187,9 +187,9 @@ def _force(axes: Axes, run: Run) -> None:
     finish(axes, "Time [ms]", f"Normal force [{unit}]")
 
 
-def _shade(axes: Axes, found: list[Phase], named: bool) -> None:
+def _shade(axes: Axes, phases: list[Phase], named: bool) -> None:
     """Coloured spans of the phases, named once, above the torque."""
-    for phase in found:
+    for phase in phases:
         style: dict[str, Any] = {"alpha": 0.16, "linewidth": 0, "zorder": 0}
         style |= {"color": SHADES[phase.kind], "label": phase.name if named else None}
         axes.axvspan(MS_PER_S * phase.start, MS_PER_S * phase.stop, **style)

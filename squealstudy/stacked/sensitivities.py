@@ -111,16 +111,16 @@ def stacked_sensitivities(
     options: Mapping[str, str | int],
     columns: Columns,
     count: int,
-    asked: RequestedSensitivities,
+    requested: RequestedSensitivities,
 ) -> StackedSensitivities:
     """Sensitivities of `count` design points; arguments and errors as of `stacked_system`."""
     whole = stacked_system(model, options, columns, count)
     solved = np.ones(count, dtype=bool)
     solved[list(whole.failures)] = False
-    band = angular_band(asked.band_hz)
+    band = angular_band(requested.band_hz)
     pairs = right_pairs(*_matrices(whole))
     is_left = solved & drowned_rows(pairs[0], band[1])
-    owner, place = chosen_modes(pairs[0], band, asked.choice)
+    owner, place = chosen_modes(pairs[0], band, requested.choice)
     is_served = (solved & ~is_left)[owner]
     owner, place = owner[is_served], place[is_served]
     rows = np.unique(owner)  # of the others no changed design is solved
@@ -133,12 +133,12 @@ def stacked_sensitivities(
             part = stacked_system(model, options, part_columns, len(rows))
     batch = _SensitivityBatch(part, families(*_matrices(part), pairs, owner, place), len(rows))
     slopes = StateSlopes(part)
-    for parameter in asked.state if len(rows) else ():
-        batch.by_state(slopes, parameter, asked)
+    for parameter in requested.state if len(rows) else ():
+        batch.by_state(slopes, parameter, requested)
     structure = StructureSlopes(model, options, part_columns, slopes)
-    for name in asked.structural if len(rows) else ():
-        batch.by_structure(structure, name, asked.change)
-    names = (*(p.name for p in asked.state), *asked.structural)
+    for name in requested.structural if len(rows) else ():
+        batch.by_structure(structure, name, requested.change)
+    names = (*(p.name for p in requested.state), *requested.structural)
     return batch.told(whole, names, rows, is_left)
 
 
@@ -155,18 +155,18 @@ def _matrices(system: StackedSystem) -> tuple[np.ndarray, np.ndarray]:
 class _SensitivityBatch:
     """Chosen modes of design points, and what is found of them parameter by parameter."""
 
-    def __init__(self, system: StackedSystem, found: StackedFamilies, count: int) -> None:
-        self._system, self._modes = system, found
+    def __init__(self, system: StackedSystem, families: StackedFamilies, count: int) -> None:
+        self._system, self._modes = system, families
         self._C = _matrices(system)[0]
         self._left = np.zeros(count, dtype=bool)
-        self._left[found.owner[~found.told]] = True
+        self._left[families.owner[~families.told]] = True
         self._columns: dict[str, list[np.ndarray]] = {name: [] for name in PER_PARAMETER}
 
     def by_state(
-        self, slopes: StateSlopes, parameter: StateParameter, asked: RequestedSensitivities
+        self, slopes: StateSlopes, parameter: StateParameter, requested: RequestedSensitivities
     ) -> None:
         """Add a parameter of the design state."""
-        step = slopes.step(parameter, asked.change, asked.band_hz[1])
+        step = slopes.step(parameter, requested.change, requested.band_hz[1])
         self._left |= ~slopes.value(parameter)[1]
 
         def changed() -> tuple[StackedSystem, None]:

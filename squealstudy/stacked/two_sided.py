@@ -155,17 +155,22 @@ def _residual(C: np.ndarray, K: np.ndarray, lam: np.ndarray, x: np.ndarray) -> n
     return residual
 
 
-def biorthogonality(C: np.ndarray, found: StackedFamilies) -> np.ndarray:
+def biorthogonality(C: np.ndarray, families: StackedFamilies) -> np.ndarray:
     """Largest product (N,) of each mode's left vector with another mode of its design point."""
-    largest = np.zeros(len(found.owner))
-    first = np.searchsorted(found.owner, found.owner)
-    count = np.bincount(found.owner, minlength=1)
-    lam, norm, x, y = found.lam[:, 0], found.norm[:, 0], found.X[:, :, 0], found.Y[:, :, 0]
+    largest = np.zeros(len(families.owner))
+    first = np.searchsorted(families.owner, families.owner)
+    count = np.bincount(families.owner, minlength=1)
+    lam, norm, x, y = (
+        families.lam[:, 0],
+        families.norm[:, 0],
+        families.X[:, :, 0],
+        families.Y[:, :, 0],
+    )
     for shift in range(int(count.max(initial=0))):  # the other modes of its point, one by one
-        rows = np.flatnonzero(shift < count[found.owner])
+        rows = np.flatnonzero(shift < count[families.owner])
         other = first[rows] + shift
         rows, other = rows[other != rows], other[other != rows]
-        damping = np.einsum("Ni,Nij,Nj->N", y[rows].conj(), C[found.owner[rows]], x[other])
+        damping = np.einsum("Ni,Nij,Nj->N", y[rows].conj(), C[families.owner[rows]], x[other])
         mass = np.einsum("Ni,Ni->N", y[rows].conj(), x[other])
         products = np.abs((lam[rows] + lam[other]) * mass + damping)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -176,7 +181,7 @@ def biorthogonality(C: np.ndarray, found: StackedFamilies) -> np.ndarray:
 
 def followed(
     C: np.ndarray,
-    found: StackedFamilies,
+    families: StackedFamilies,
     changed: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Change (N,) [rad/s] of each mode's root in a changed batch, and its match (N,).
@@ -185,17 +190,17 @@ def followed(
     ----------
     C : ndarray (m, n, n)
         Of the unchanged design points.
-    found : StackedFamilies
+    families : StackedFamilies
     changed : (roots (m, 2n), right vectors (m, n, 2n))
         The vectors in coordinates of the unchanged design points.
     """
-    lam, y = found.lam[:, 0], found.Y[:, :, 0].conj()
-    roots, X = changed[0][found.owner], changed[1][found.owner]
+    lam, y = families.lam[:, 0], families.Y[:, :, 0].conj()
+    roots, X = changed[0][families.owner], changed[1][families.owner]
     X = X / np.maximum(np.linalg.norm(X, axis=1), 1e-300)[:, None, :]
-    by_damping = np.einsum("Ni,Nij->Nj", y, C[found.owner])
+    by_damping = np.einsum("Ni,Nij->Nj", y, C[families.owner])
     product = (lam[:, None] + roots) * np.einsum("Ni,Nij->Nj", y, X)
     product += np.einsum("Ni,Nij->Nj", by_damping, X)
-    match = np.abs(product) / np.maximum(np.abs(found.norm[:, 0]), 1e-300)[:, None]
+    match = np.abs(product) / np.maximum(np.abs(families.norm[:, 0]), 1e-300)[:, None]
     distance = np.abs(roots - (lam * (1.0 + OFFSET))[:, None])
     order = np.argsort(distance, axis=1)[:, :CANDIDATES]
     best = np.take_along_axis(match, order, 1).argmax(axis=1)

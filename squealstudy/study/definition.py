@@ -229,7 +229,7 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelStudyKind:
 
 
 def _model_with_units(
-    tables: Mapping[str, Any], source: SourceText, found: Sequence[GivenTable]
+    tables: Mapping[str, Any], source: SourceText, given_tables: Sequence[GivenTable]
 ) -> ModelDefinition | None:
     """The model that a file names, whose parameters have units; None for matrices and no model."""
     from squealstudy.models.catalogue import MODELS
@@ -241,9 +241,9 @@ def _model_with_units(
     if isinstance(file, str) and name in (None, LUMPED) and (source.path.parent / file).is_file():
         from squealstudy.study.model_files import read_model_file
 
-        return with_temperature(read_model_file(source.path.parent / file), found)
+        return with_temperature(read_model_file(source.path.parent / file), given_tables)
     registered = MODELS.get(name) if isinstance(name, str) else None
-    return registered if registered is None else with_temperature(registered, found)
+    return registered if registered is None else with_temperature(registered, given_tables)
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:

@@ -42,7 +42,7 @@ from squealstudy.tables.stability import BROKEN, FIRST_SEEN, INTO
 MIN_RELIABLE_TIMING_S = 5.0
 
 
-def measure_modes(plan: Plan, measured: Sequence[int], asked: MeasurementRequest) -> Measurement:
+def measure_modes(plan: Plan, measured: Sequence[int], request: MeasurementRequest) -> Measurement:
     """Solve chosen points of a complex-mode study by its method, in a scratch directory.
 
     Parameters
@@ -51,12 +51,12 @@ def measure_modes(plan: Plan, measured: Sequence[int], asked: MeasurementRequest
         The structures of those points are in the cache; where points share work, all are.
     measured : sequence of int
         Positions of the points among the plan's.
-    asked : Asked
+    request : Asked
         Lines on which onsets are sought.
     """
     kind = ComplexModes()
     chosen = [plan.tasks[i] for i in measured]
-    lines = asked.lines
+    lines = request.lines
     on_lines = [i for line in lines.values() for i in line]
     measured_points = plan.tasks.at(np.array(list(dict.fromkeys([*measured, *on_lines]))))
     solved = plan.tasks if plan.method.rung.shares_work else measured_points

@@ -36,7 +36,7 @@ TURN = 2 * np.pi
 
 
 def runs_in_time(
-    point: DesignPoint, today: Mapping[str, DesignPoint], asked: CyclesRequest, gaps: NewGaps
+    point: DesignPoint, today: Mapping[str, DesignPoint], request: CyclesRequest, gaps: NewGaps
 ) -> tuple[WorkingPoint, list[Ended]]:
     """A design at an operating point, from every start.
 
@@ -56,47 +56,49 @@ def runs_in_time(
         No steady sliding, a mode above the band that grows, or a model too large; ParameterError
         for a value that cannot be used.
     """
-    steady, contact = asked.contact(point, gaps)
+    steady, contact = request.contact(point, gaps)
     growing = contact.point.growing
     if growing.n_outside:  # every run comes to it, whatever is asked about
         hz = growing.frequency_outside
-        where = "above" if hz > asked.band[1] / TURN else "below"
+        where = "above" if hz > request.band[1] / TURN else "below"
         text = f"a mode {where} the band grows by itself in time, at {hz:.4g} Hz"
         raise ConvergenceError("unstable_above_band", text)
     starts: list[tuple[str, MotionPoint]] = []
     near: list[float] = []
     for name, design in today.items():
-        vibrating = vibrations(_Today.of(design), asked)
+        vibrating = vibrations(_Today.of(design), request)
         near += vibrating.near
         for how, q, v in vibrating.lasting:
             words, other = f"{name}{how}", design.structure != point.structure
             if other:
                 whole = v @ v
-                q, v = carried(np.column_stack([q, v]), design.structure, point.structure, asked).T
+                q, v = carried(
+                    np.column_stack([q, v]), design.structure, point.structure, request
+                ).T
                 share = 100 * float(v @ v / whole)
                 words += f", brought to this structure with {share:.0f} % of its kinetic energy"
             starts.append((words, replace(contact.point, q0=q, v0=v, continued=not other)))
-    starts += _kicks(contact, near, asked)
-    return steady, [ended for ended, _ in _runs(contact, starts, asked)]
+    starts += _kicks(contact, near, request)
+    return steady, [ended for ended, _ in _runs(contact, starts, request)]
 
 
 def _runs(
-    contact: ContactOscillator, starts: Sequence[tuple[str, MotionPoint]], asked: CyclesRequest
+    contact: ContactOscillator, starts: Sequence[tuple[str, MotionPoint]], request: CyclesRequest
 ) -> list[tuple[Ended, Motion]]:
     """What starts, by their names, come to."""
     names = [name for name, _ in starts]
-    motions = run_on(contact, [start for _, start in starts], asked.band)
+    motions = run_on(contact, [start for _, start in starts], request.band)
     # a start whose displacement presses more than can be integrated: its velocity alone
     closed = [k for k, m in enumerate(motions) if m.outcome != "ok" and not starts[k][1].continued]
     pushed = [replace(starts[k][1], q0=np.zeros(contact.system.n)) for k in closed]
     for k, motion in zip(
-        closed, run_on(contact, pushed, asked.band) if closed else [], strict=True
+        closed, run_on(contact, pushed, request.band) if closed else [], strict=True
     ):
         names[k], motions[k] = f"{names[k]}, by its velocity alone", motion
     return [(ended(name, motion), motion) for name, motion in zip(names, motions, strict=True)]
 
 
-def carried(x: np.ndarray, old: str, new: str, asked: CyclesRequest) -> np.ndarray:
+def carried(x: np.ndarray, old: str, new: str, request: CyclesRequest) -> np.ndarray:
     """Vibrations of one structure as those of another: nearest at the places that correspond.
 
     Parameters
@@ -111,9 +113,9 @@ def carried(x: np.ndarray, old: str, new: str, asked: CyclesRequest) -> np.ndarr
     ndarray (n', k)
         Modal coordinates of the new one, by least squares over `PreparedModel.sensor_shapes`.
     """
-    phi, prepared = asked.reference(old).phi, prepared_model(old)
+    phi, prepared = request.reference(old).phi, prepared_model(old)
     sensor_motion = prepared.sensor_shapes @ (prepared.shape_rows @ (phi @ x))
-    phi, prepared = asked.reference(new).phi, prepared_model(new)
+    phi, prepared = request.reference(new).phi, prepared_model(new)
     coefficients, *_ = la.lstsq(prepared.sensor_shapes, sensor_motion)
     coordinates: np.ndarray = phi.T @ (prepared.shape_basis @ coefficients)
     return coordinates
@@ -138,30 +140,30 @@ class _Vibrations(NamedTuple):
 
 
 @lru_cache(maxsize=RUN_CACHE_SIZE)  # many candidates begin with them
-def vibrations(today: _Today, asked: CyclesRequest) -> _Vibrations:
+def vibrations(today: _Today, request: CyclesRequest) -> _Vibrations:
     """Where a small start, or kicks where it decays from that, have led today's design.
 
     A kick that starts squeal in one design need not in one of a little more damping in which the
     cycle is still there: only a run from the cycle itself tells whether it is.
     """
-    _, was = asked.contact(today.point, NewGaps())
+    _, was = request.contact(today.point, NewGaps())
     growing = was.point.growing
     near = (np.abs(growing.lam[: growing.n_unstable]) / TURN).tolist()
-    starts = [(f" after a {name}", start) for name, start in _kicks(was, (), asked)]
+    starts = [(f" after a {name}", start) for name, start in _kicks(was, (), request)]
     if growing.n_unstable:
         starts = [
             ("", perturbed(was.system, was.point, START_VELOCITY_RATIO * abs(was.point.speed)))
         ]
-    lasting_runs = [run for run in _runs(was, starts, asked) if run[0].goes_on]
+    lasting_runs = [run for run in _runs(was, starts, request) if run[0].goes_on]
     by_mode = {f"{ended.mode_hz:.3g}": (ended, motion) for ended, motion in reversed(lasting_runs)}
     near += [ended.mode_hz for ended, _ in by_mode.values() if np.isfinite(ended.mode_hz)]
     return _Vibrations(near, [(ended.start, m.q, m.v) for ended, m in by_mode.values()])
 
 
 def _kicks(
-    contact: ContactOscillator, near: Sequence[float], asked: CyclesRequest
+    contact: ContactOscillator, near: Sequence[float], request: CyclesRequest
 ) -> Iterator[tuple[str, MotionPoint]]:
-    low, high = asked.band
+    low, high = request.band
     lam, psi = contact.oscillator.steady_modes(high)
     inside = np.flatnonzero((np.abs(lam) >= low) & (np.abs(lam) <= high) & (lam.imag > 0))
     if not len(inside):
@@ -169,7 +171,7 @@ def _kicks(
     zeta, hz = -lam.real / np.abs(lam), np.abs(lam) / TURN
     mode_rows = [int(inside[np.argmin(np.abs(hz[inside] - f))]) for f in near]
     mode_rows += [int(k) for k in inside[np.argsort(zeta[inside], kind="stable")]]
-    largest = asked.section.reach * abs(contact.point.speed)
+    largest = request.section.reach * abs(contact.point.speed)
     for k in list(dict.fromkeys(mode_rows))[:MAX_KICKED_MODES]:
         # the phase at which the velocity is largest: the displacement is then small
         x = psi[:, k] * np.exp(-0.5j * np.angle(np.sum((lam[k] * psi[:, k]) ** 2)))

@@ -200,10 +200,10 @@ def _solved(search: DesignSearch, design: np.ndarray) -> list[Solved]:
     return [(p, r) for p, r in with_rows if r["status"] == "ok"]
 
 
-def least_damped(found: Sequence[Solved]) -> Solved | None:
+def least_damped(solved: Sequence[Solved]) -> Solved | None:
     """The point of least damping among those that have a mode in the band."""
-    some = [solved for solved in found if np.isfinite(solved[1]["min_damping_ratio"])]
-    return min(some, key=lambda solved: solved[1]["min_damping_ratio"], default=None)
+    with_modes = [point for point in solved if np.isfinite(point[1]["min_damping_ratio"])]
+    return min(with_modes, key=lambda point: point[1]["min_damping_ratio"], default=None)
 
 
 def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> str:

@@ -361,12 +361,12 @@ def _branch(line: DesignLine, start: Start) -> Branch:
 
 
 def _cycle_at(
-    contact: ContactOscillator, motion: PeriodicMotion, asked: CyclesRequest
+    contact: ContactOscillator, motion: PeriodicMotion, request: CyclesRequest
 ) -> Cycle | None:
     """The cycle of a design near one that was continued to it; None where it is not confirmed."""
     projection = Projection.on_harmonics_of(contact.oscillator, motion)
     try:
-        return cycle_near(contact, projection, motion, asked.search(contact))
+        return cycle_near(contact, projection, motion, request.search(contact))
     except FAILURES:
         return None
 

@@ -335,15 +335,15 @@ def _is_same_row(one: dict[str, Any], other: dict[str, Any]) -> bool:
     return are_one_cycle(a, b, sum(errors))
 
 
-def _family(row: dict[str, Any], origin: dict[str, Any], found: Continued) -> int:
+def _family(row: dict[str, Any], origin: dict[str, Any], continued: Continued) -> int:
     """Mode of a design to whose verdict a cycle from elsewhere belongs: nearest in frequency.
 
     To the mode whose family it was at its own design; it is connected to that one, not to this.
     """
     hz_of_mode = {v["mode"]: v["frequency_hz"] for v in origin["verdicts"]}
-    hz = hz_of_mode.get(found.origin.mode, found.origin.omega / (2 * np.pi))
+    hz = hz_of_mode.get(continued.origin.mode, continued.origin.omega / (2 * np.pi))
     nearest = min(row["verdicts"], key=lambda v: abs(v["frequency_hz"] - hz), default=None)
-    return found.origin.mode if nearest is None else int(nearest["mode"])
+    return continued.origin.mode if nearest is None else int(nearest["mode"])
 
 
 def _judge_again(

@@ -264,28 +264,28 @@ def _not_bordered(study: ResolvedStudy) -> str:
 
 
 def cycles_row(
-    point: DesignPoint, asked: CyclesRequest, gaps: NewGaps, near: Followed | None = None
+    point: DesignPoint, request: CyclesRequest, gaps: NewGaps, near: Followed | None = None
 ) -> tuple[dict[str, Any], dict[str, Any], Followed | None]:
     """Row of a design point: its families followed, or why not; its cycles as series, as a file.
 
     And what was followed, before runs in time. `near` is that of a design nearby.
     """
-    started, section = time.perf_counter(), asked.section
+    started, section = time.perf_counter(), request.section
     try:
-        steady, contact = asked.contact(point, gaps)
+        steady, contact = request.contact(point, gaps)
         followed_families = families(
             contact,
-            asked.band,
+            request.band,
             None if section.families in (ALL, SCREENED) else section.families,  # type: ignore[arg-type]
-            asked.tolerance,
-            asked.search(contact),
+            request.tolerance,
+            request.search(contact),
             section.screen if section.families == SCREENED else np.inf,
             near if section.share_curves else None,
         )
         followed = followed_families._replace(name=point.point_id)
-        reach = asked.search(contact).reach
+        reach = request.search(contact).reach
         if section.undecided_in_time:
-            followed_families = decided_in_time(contact, followed_families, asked.band, reach)
+            followed_families = decided_in_time(contact, followed_families, request.band, reach)
         kicked = kicks(contact, followed_families, reach) if section.kick_along_mode else {}
     except ParameterError as error:
         why = f"{error.key}: {error.message}"
@@ -296,7 +296,7 @@ def cycles_row(
     wall_s = time.perf_counter() - started
     row = solved_row(point.point_id, wall_s, steady, point.law_kind, followed_families, kicked)
     motions = (cycle.motion for _, family in followed_families.families for cycle in family.cycles)
-    phi = asked.reference(point.structure).phi
+    phi = request.reference(point.structure).phi
     cycle_series = {
         cycle["cycle_id"]: (motion.Q @ phi.T, motion.omega)
         for cycle, motion in zip(row["cycles"], motions, strict=True)

@@ -43,8 +43,8 @@ def onset_near(
         lam, psi = designs.oscillator(value).steady_modes(2.0 * motion.omega)
         return Modes(lam[lam.imag > 0], psi[:, lam.imag > 0].T)
 
-    def place(found: Modes) -> int:
-        return int(np.argmin(np.abs(np.abs(found.lam) - motion.omega)))
+    def place(modes: Modes) -> int:
+        return int(np.argmin(np.abs(np.abs(modes.lam) - motion.omega)))
 
     width = abs(designs.bounds[1] - designs.bounds[0])
     half = max(half, MIN_BRACKET_HALF_WIDTH * width)

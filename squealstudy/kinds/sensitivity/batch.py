@@ -89,10 +89,14 @@ def seconds_a_point(plan: Plan, request: SensitivityRequest) -> float | None:
 
 
 def _table(
-    points: DesignPoints, found: StackedSensitivities, count: int, all_points: int, started: float
+    points: DesignPoints,
+    sensitivities: StackedSensitivities,
+    count: int,
+    all_points: int,
+    started: float,
 ) -> pa.Table:
     """Rows of `count` design points; those that are left have no modes."""
-    system, sliding = found.system, found.system.sliding
+    system, sliding = sensitivities.system, sensitivities.system.sliding
     solved = np.ones(count, dtype=bool)
     solved[list(system.failures)] = False
     outcomes = [system.failures.get(i, ("ok", "")) for i in range(count)]
@@ -109,45 +113,47 @@ def _table(
         "message": pa.array([message for _, message in outcomes]),
         "wall_s": pa.array(np.full(count, (time.perf_counter() - started) / all_points)),
         **{name: pa.array(np.where(solved, values, np.nan)) for name, values in named},
-        "modes": _lists(_modes(found), np.bincount(found.owner, minlength=count)),
+        "modes": _lists(_modes(sensitivities), np.bincount(sensitivities.owner, minlength=count)),
     }
     return pa.Table.from_arrays([columns[name] for name in SCHEMA.names], schema=SCHEMA)
 
 
-def _modes(found: StackedSensitivities) -> pa.StructArray:
+def _modes(sensitivities: StackedSensitivities) -> pa.StructArray:
     """Modes one after the other, with the fields of MODE_FIELDS."""
-    n, parts = found.energies.shape
+    n, parts = sensitivities.energies.shape
     columns = {
-        "re": pa.array(found.lam.real),
-        "im": pa.array(found.lam.imag),
-        "condition": pa.array(found.condition),
-        "residual": pa.array(found.residual),
-        "biorthogonality": pa.array(found.biorthogonality),
-        "energies": _lists(pa.array(found.energies.ravel()), np.full(n, parts)),
-        "sensitivities": _lists(_sensitivities(found), np.full(n, len(found.names))),
+        "re": pa.array(sensitivities.lam.real),
+        "im": pa.array(sensitivities.lam.imag),
+        "condition": pa.array(sensitivities.condition),
+        "residual": pa.array(sensitivities.residual),
+        "biorthogonality": pa.array(sensitivities.biorthogonality),
+        "energies": _lists(pa.array(sensitivities.energies.ravel()), np.full(n, parts)),
+        "sensitivities": _lists(
+            _sensitivities(sensitivities), np.full(n, len(sensitivities.names))
+        ),
     }
     return _structs(columns, MODE_FIELDS)
 
 
-def _sensitivities(found: StackedSensitivities) -> pa.StructArray:
+def _sensitivities(sensitivities: StackedSensitivities) -> pa.StructArray:
     """Sensitivities one after the other, with the fields of SENSITIVITY_FIELDS."""
-    names = pa.array(found.names, pa.string())
+    names = pa.array(sensitivities.names, pa.string())
     values = {
-        "value": found.value,
-        "reference": found.reference,
-        "change": found.change,
-        "component_frequency_hz": found.component_hz,
-        "slope_re": found.derivative.real,
-        "slope_im": found.derivative.imag,
-        "finite_re": found.finite.real,
-        "finite_im": found.finite.imag,
-        "match": found.match,
-        "validity_range": found.validity,
-        "near_coalescence": found.near_coalescence,
+        "value": sensitivities.value,
+        "reference": sensitivities.reference,
+        "change": sensitivities.change,
+        "component_frequency_hz": sensitivities.component_hz,
+        "slope_re": sensitivities.derivative.real,
+        "slope_im": sensitivities.derivative.imag,
+        "finite_re": sensitivities.finite.real,
+        "finite_im": sensitivities.finite.imag,
+        "match": sensitivities.match,
+        "validity_range": sensitivities.validity,
+        "near_coalescence": sensitivities.near_coalescence,
     }
     columns = {name: pa.array(np.ravel(column)) for name, column in values.items()}
-    columns["parameter"] = names.take(np.tile(np.arange(len(names)), len(found.lam)))
-    columns["reason"] = pa.array(found.reason.ravel(), pa.string())
+    columns["parameter"] = names.take(np.tile(np.arange(len(names)), len(sensitivities.lam)))
+    columns["reason"] = pa.array(sensitivities.reason.ravel(), pa.string())
     return _structs(columns, SENSITIVITY_FIELDS)
 
 

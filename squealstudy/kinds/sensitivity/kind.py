@@ -145,10 +145,10 @@ def _prepared(plan: Plan) -> Iterator[tuple[ReducedModel, DesignPoint]]:
 
 
 def _check_state(
-    point: DesignPoint, model: ReducedModel, asked: Sequence[RequestedParameter]
+    point: DesignPoint, model: ReducedModel, requested: Sequence[RequestedParameter]
 ) -> None:
     """Raise ParameterError for modes that a basis does not hold, or that differ in one name."""
-    for parameter in state_parameters(asked, component_frequencies(model)):
+    for parameter in state_parameters(requested, component_frequencies(model)):
         parameter.value(point.state())
         if not parameter.component and max(parameter.modes, default=1) > model.n:
             raise ParameterError(parameter.name, f"the assembly has modes 1 to {model.n} here")

@@ -170,7 +170,7 @@ class _Interfaces:
         over_freedoms = expand_rows(parts, self._g.spans, self._g.n_dof).tocsr() @ self._turns
         return over_freedoms.tocsr()
 
-    def _pair_rows(self, number: int, kind: str, found: Pair, names: Sequence[str]) -> ContactRows:
+    def _pair_rows(self, number: int, kind: str, pair: Pair, names: Sequence[str]) -> ContactRows:
         """Rows of a pair, held freedoms among them."""
         slave, master = (name.partition(".")[0] for name in names)
         rotor = self._g.file.rotor
@@ -185,7 +185,7 @@ class _Interfaces:
                     '"stuck" or "frictionless"',
                 )
         return contact_rows(
-            found,
+            pair,
             slave,
             master,
             self._g.spans,

@@ -64,7 +64,7 @@ def _rigid_turns(n: int) -> np.ndarray:
 
 
 def component_facts(
-    found: Inspection, geometry: Geometry, body: Body, given: Mapping[KeyPath, float]
+    inspection: Inspection, geometry: Geometry, body: Body, given: Mapping[KeyPath, float]
 ) -> None:
     """What a component is, with the values `given` of the file's numbers, SI, by their keys.
 
@@ -77,11 +77,11 @@ def component_facts(
     kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
     source = f"{mesh.origin.name}: {len(mesh.nodes):,} nodes"
     if body.matrices is None:
-        found.tell(name, f"{source}, {kinds}; materials {listed(sorted(set(mesh.material)))}")
+        inspection.tell(name, f"{source}, {kinds}; materials {listed(sorted(set(mesh.material)))}")
         other = {b.formulation: b.kind.verified for b in mesh.blocks}
         for formulation, verified in other.items():
             if "K and M" not in verified:
-                found.tell("", f"{formulation}: confirmed by CalculiX: {verified}")
+                inspection.tell("", f"{formulation}: confirmed by CalculiX: {verified}")
     else:
         lacking = int(body.expansion.lacking.sum())
         turns = int((np.diff(body.expansion.turns.indptr) > 0).sum())
@@ -91,23 +91,23 @@ def component_facts(
             details = f", {plural(modal, 'modal coordinate')}{details or ', all nodes recovered'}"
         if turns:
             details = f", {plural(turns, 'turn')} of nodes{details}"
-        found.tell(name, f"{source} of matrices{details}")
+        inspection.tell(name, f"{source} of matrices{details}")
     relations = [c for c in mesh.constraints if isinstance(c, Relation)]
     if len(relations) == 1:
-        found.tell("", relations[0].told)
+        inspection.tell("", relations[0].told)
     elif relations:
-        found.tell("", f"{len(relations)} displacements follow others by equations")
+        inspection.tell("", f"{len(relations)} displacements follow others by equations")
     for constraint in mesh.constraints:
         if isinstance(constraint, Relation):
             continue
-        found.tell("", constraint.told)
+        inspection.tell("", constraint.told)
         if isinstance(constraint, Tie) and constraint.beside:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name}: {constraint.name}: {constraint.beside} nodes of the slave are not on the "
                 f"master and free, {len(constraint.nodes)} are tied: meant so?"
             )
         if isinstance(constraint, Tie) and constraint.coarse:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name}: {constraint.name}: the slave has the coarser mesh, and the master "
                 "is free between its nodes: make the finer face the slave"
             )
@@ -117,22 +117,22 @@ def component_facts(
             weight = UNITS[geometry.file.units][1]
             mass = numbers.at("point_mass", i, "mass") / MASS.factor(geometry.file.units)
             text = f"mass {point_mass.name}: {mass:g} {weight}, {where} {point_mass.on}"
-            found.tell("", text)
+            inspection.tell("", text)
     if mesh.discrete:
         masses = len(mesh.weighed)
         many = [plural(len(mesh.discrete) - masses, "spring")] * (len(mesh.discrete) > masses)
         many += [plural(masses, "mass", "masses")] * (masses > 0)
-        found.tell("", f"{' and '.join(many)} of the deck")
-    _damping(found, numbers, name)
+        inspection.tell("", f"{' and '.join(many)} of the deck")
+    _damping(inspection, numbers, name)
     for text in _passed_over(mesh):
-        found.tell("", text)
+        inspection.tell("", text)
     K, M = component_matrices(geometry, name, given)
-    _weight(found, geometry.brake, body, M)
-    _location(found, geometry.brake, body)
+    _weight(inspection, geometry.brake, body, M)
+    _location(inspection, geometry.brake, body)
     if body.matrices is None:
-        _waves(found, mesh, name, geometry.file.units)
-    _rigid(found, body, K, M)
-    _measured(found, geometry, name, K, M)
+        _waves(inspection, mesh, name, geometry.file.units)
+    _rigid(inspection, body, K, M)
+    _measured(inspection, geometry, name, K, M)
 
 
 def _passed_over(mesh: SolidMesh) -> list[str]:
@@ -149,7 +149,7 @@ def _passed_over(mesh: SolidMesh) -> list[str]:
 
 
 def _measured(
-    found: Inspection, geometry: Geometry, name: str, K: sp.csr_matrix, M: sp.csr_matrix
+    inspection: Inspection, geometry: Geometry, name: str, K: sp.csr_matrix, M: sp.csr_matrix
 ) -> None:
     """What a table imposes on free modes, and where it is far from what is computed."""
     table = geometry.file.components[name].measured
@@ -167,20 +167,20 @@ def _measured(
             change = 100 * (mode.frequency_scale - 1)
             texts.append(f"measured {mode.frequency_hz:.1f} Hz ({change:+.2f} %)")
             if abs(mode.frequency_scale - 1) > DOUBTFUL:
-                found.doubts.append(
+                inspection.doubts.append(
                     f"{name}: mode {mode.number} is measured at {mode.frequency_hz:.1f} Hz and "
                     f"computed at {mode.computed_hz:.1f} Hz: is it this mode?"
                 )
         if mode.damping_ratio is not None:
             texts.append(f"damping ratio {mode.damping_ratio:.3g}")
-        found.tell("", f"{table}: mode {mode.number}: {', '.join(texts)}")
+        inspection.tell("", f"{table}: mode {mode.number}: {', '.join(texts)}")
     if len(modes) < lines:
-        found.doubts.append(
+        inspection.doubts.append(
             f"{name}: {plural(lines - len(modes), 'line')} of {table} above {cutoff:g} Hz"
         )
 
 
-def _damping(found: Inspection, numbers: Numbers, name: str) -> None:
+def _damping(inspection: Inspection, numbers: Numbers, name: str) -> None:
     """Damping of its own, in SI units."""
     table = numbers.file.components[name]
     keys: KeyPath = ("components", name)
@@ -193,10 +193,10 @@ def _damping(found: Inspection, numbers: Numbers, name: str) -> None:
     texts += [f"of {material} {beta:.4g} s" for material, beta in by_material.items()]
     texts += [f"C of {table.file_of('C')}"] * (table.C is not None)
     if texts:
-        found.tell("", f"damping: {', '.join(texts)}")
+        inspection.tell("", f"damping: {', '.join(texts)}")
 
 
-def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> None:
+def _weight(inspection: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> None:
     """Mass, sides and inertia, and whether they are a brake's."""
     R = body.expansion.freedoms(rigid_shapes(body.nodes), _rigid_turns(len(body.nodes)))
     about = R.T @ (M @ R)
@@ -211,29 +211,29 @@ def _weight(found: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> No
     extent = " x ".join(f"{s / one:.4g}" for s in sides)
     moments = ", ".join(f"{p / three:.3g}" for p in principal)
     shown = "" if weight == "kg" else f" ({mass:.4g} kg)"
-    found.tell(
+    inspection.tell(
         "", f"{extent} {length}, {mass / two:.4g} {weight}{shown}, inertia {moments} {moment}"
     )
     if not MASSES[0] <= mass <= MASSES[1] or not SIZES[0] <= sides.max() <= SIZES[1]:
-        found.doubts.append(
+        inspection.doubts.append(
             f"{body.name} weighs {mass:.3g} kg and is {1e3 * sides.max():.3g} mm long, which no "
             f"part of a brake is: are its numbers in {brake.file.units}?"
         )
 
 
-def _location(found: Inspection, brake: Brake, body: Body) -> None:
+def _location(inspection: Inspection, brake: Brake, body: Body) -> None:
     """Where a part is: in its file, as `sets` need it, and where it was moved to."""
     units = brake.file.units
     turn, shift = placement(body.name, brake.file.components[body.name], units)
     size, unit = LENGTH.factor(units), UNITS[units][0]
     text = between_corners((body.nodes - shift) @ turn / size, unit)
     is_moved = shift.any() or (turn != np.eye(3)).any()
-    found.tell(
+    inspection.tell(
         "", f"{text}; moved {between_corners(body.nodes / size, unit)}" if is_moved else text
     )
 
 
-def _waves(found: Inspection, mesh: SolidMesh, name: str, units: str) -> None:
+def _waves(inspection: Inspection, mesh: SolidMesh, name: str, units: str) -> None:
     """Doubts about materials, in SI, in which waves of no material run."""
     doubtful = []
     for label in sorted(set(mesh.material)):
@@ -243,12 +243,12 @@ def _waves(found: Inspection, mesh: SolidMesh, name: str, units: str) -> None:
         if not SPEEDS[0] <= speed <= SPEEDS[1]:
             doubtful.append(f"{label} at {speed:.2g} m/s")
     if doubtful:
-        found.doubts.append(
+        inspection.doubts.append(
             f"{name}: waves would run in {listed(doubtful)}: are moduli and densities in {units}?"
         )
 
 
-def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
+def _rigid(inspection: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
     """Rigid modes, six of a free body, and the first elastic frequencies."""
     R = rigid_shapes(body.nodes)
     size = np.linalg.norm(R, axis=0)
@@ -262,9 +262,9 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
         elastic, cutoff = omega[rigid:] / (2 * np.pi), 2 * cutoff
     hz = ", ".join(f"{f:.1f}" if f >= 1.0 else f"{f:.2g}" for f in elastic[:N_LISTED_FREQUENCIES])
     first = f"first free modes {hz} Hz" if hz else f"no other mode up to {cutoff / 2:g} Hz"
-    found.tell("", f"{plural(rigid, 'rigid mode')}, {first}")
+    inspection.tell("", f"{plural(rigid, 'rigid mode')}, {first}")
     if costly:
-        found.doubts.append(
+        inspection.doubts.append(
             f"{body.name}: {plural(rigid, 'rigid mode')} of six, for motions {listed(costly)} "
             f"strain it (K R = {forces.max():.1e}): is a support still in the matrix, or "
             "are its rows those of other nodes?"
@@ -275,4 +275,4 @@ def _rigid(found: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) ->
         text += " a line or a point"
         if bodies:
             text += f'; its bodies are {listed(bodies)}: part = "{bodies[0]}" reads one'
-        found.doubts.append(text)
+        inspection.doubts.append(text)

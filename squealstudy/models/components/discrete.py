@@ -98,23 +98,23 @@ def spring(name: str, ends: Sequence[tuple[int, np.ndarray]], stiffness: float) 
 INERTIA_REL_ROUND_OFF = 1e-9  # of the largest moment of inertia
 
 
-def matrices(found: Sequence[Discrete], n: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+def matrices(parts: Sequence[Discrete], n: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """K and M of springs and masses over all displacements and all turns of n nodes.
 
     Rows 3 * node + axis are displacements, those from 3 n on turns: (6 n, 6 n).
     """
     empty = sp.csr_matrix((6 * n, 6 * n))
-    if not found:
+    if not parts:
         return empty, empty
     at = []
-    for d in found:
+    for d in parts:
         freedoms = 3 * d.nodes[:, None] + np.arange(3)
         at.append((np.hstack([freedoms, 3 * n + freedoms]) if d.turns else freedoms).ravel())
     rows = np.concatenate([np.repeat(freedoms, len(freedoms)) for freedoms in at])
     columns = np.concatenate([np.tile(freedoms, len(freedoms)) for freedoms in at])
     K, M = (
         sp.csr_matrix(
-            (np.concatenate([getattr(d, name).ravel() for d in found]), (rows, columns)),
+            (np.concatenate([getattr(d, name).ravel() for d in parts]), (rows, columns)),
             shape=empty.shape,
         )
         for name in ("K", "M")

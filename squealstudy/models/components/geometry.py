@@ -239,7 +239,7 @@ class Geometry:
             return facing
         return replace(facing, gap0=self.measured(number, facing, "initial_gap", measured.file))
 
-    def measured(self, number: int, found: Pair, key: str, file_name: str) -> np.ndarray:
+    def measured(self, number: int, pair: Pair, key: str, file_name: str) -> np.ndarray:
         """Values (n,) of a file, SI units, at contact points where the slave's file has them.
 
         `key` of the contact names the file: `initial_gap` or `friction_factor`.
@@ -253,7 +253,7 @@ class Geometry:
             column = GAP if key == "initial_gap" else FACTOR
             size = LENGTH.factor(self.file.units)
             places = FaceMap(self.brake.located(file_name), size, column)
-            return places.at((found.slave.points - shift) @ turn)
+            return places.at((pair.slave.points - shift) @ turn)
         except ModelError as error:
             raise PlacedError(("contact", number, key, "file"), str(error)) from error
 

@@ -81,7 +81,7 @@ def inspect(
 
 
 # -- what is between -----------------------------------------------------------------------------
-def unheld(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
+def unheld(inspection: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     """Tell what holds components, or doubt where rigid motions are left."""
     columns, names = [], []
     for component in assembly.components:
@@ -99,11 +99,11 @@ def unheld(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     w2, shapes = la.eigh(stiffness, mass)
     free = shapes[:, w2 < FREE * max(float(w2[-1]), 1e-300)]
     if not free.shape[1]:
-        found.tell("held", f"every component, by {listed(_holders(geometry.file))}")
+        inspection.tell("held", f"every component, by {listed(_holders(geometry.file))}")
         return
     size = np.sqrt(np.einsum("ij,ij->i", free, free) * np.diag(mass))
     loose = [f"{n} {m}" for (n, m), s in zip(names, size, strict=True) if s > 0.1 * size.max()]
-    found.doubts.append(
+    inspection.doubts.append(
         f"{plural(free.shape[1], 'motion')} of components that nothing holds, of {listed(loose)}: "
         "a spring, a layer or a held set is missing (there is no working point without)"
     )
@@ -121,7 +121,7 @@ def _holders(file: ModelFile) -> list[str]:
 
 
 def _contact(
-    found: Inspection,
+    inspection: Inspection,
     geometry: Geometry,
     assembly: Assembly,
     pressure: float,
@@ -144,37 +144,37 @@ def _contact(
         elif not isinstance(table.initial_gap, str):
             gap = given.get(("contact", i, "initial_gap"), table.initial_gap * size)
             taken = f"{gap / size:g} {unit}"
-        found.tell(
+        inspection.tell(
             name,
             f"{table.kind}: {table.slave} on {table.master}, {len(pair.gap0):,} points, "
             f"{pair.slave.area.sum() / size**2:.4g} {unit}2, "
             f"{100 * pair.in_reach:.1f} % of the slave{friction_of(geometry, numbers, i)}",
         )
-        found.tell(
+        inspection.tell(
             "",
             f"{_normals(normal)}; gap {low:.3g} to {high:.3g} {unit} in the "
             f"files, scatter {spread:.2g} of the law's length ({1e6 * length:.2g} um at {mean:.2g} "
             f"Pa); taken as {taken}",
         )
         if pair.in_reach < PARTLY:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name}: {100 * pair.in_reach:.0f} % of {table.slave} lies within "
                 f"{table.search:g} {unit} of {table.master}: meant so?"
             )
         least = float(pair.gap0.min()) / length
         if least > MAX_GAP_OVER_LAW_LENGTH:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name} is open without pressure, by {least:.2g} lengths of the law or more: "
                 "unless the brake pressure closes it, nothing rubs; see open_share in results"
             )
         if (pull := _pull(geometry, i)) > 0:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name}: the pressure pulls {table.slave} and {table.master} apart, with "
                 f"{100 * pull:.0f} % of its force on them: the other face of the pad, or normals "
                 "that point inwards?"
             )
         if table.initial_gap == "geometric" and spread > SPREAD:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name}: the gaps of the meshes scatter by {spread:.2g} lengths of the law, more "
                 f'than {SPREAD:g}: chords of facets decide where it touches; initial_gap = "zero" '
                 "leaves them out"
@@ -216,21 +216,21 @@ def same_mesh(one: SolidMesh, other: SolidMesh) -> bool:
     return True
 
 
-def _ties(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
+def _ties(inspection: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     size = LENGTH.factor(geometry.file.units)
     unit = UNITS[geometry.file.units][0]
     for table, pair in zip(geometry.file.tie, geometry.ties, strict=True):
         spring = next(s for s in assembly.springs if s.name == table.name)
         assert isinstance(spring, SpringInterface)
         bedding = float(spring.stiffness[: len(pair.gap0)].sum() / pair.slave.area.sum())
-        found.tell(
+        inspection.tell(
             table.name,
             f"tie: {table.slave} on {table.master}, {len(pair.gap0):,} points, "
             f"{100 * pair.in_reach:.1f} % of the slave, {bedding:.3g} N/m3, gap up to "
             f"{np.abs(pair.geometric_gap).max() / size:.2g} {unit}",
         )
         if pair.in_reach < PARTLY:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{table.name}: {100 * pair.in_reach:.0f} % of {table.slave} is tied to "
                 f"{table.master}: meant so?"
             )
@@ -252,10 +252,10 @@ def _along(force: np.ndarray) -> str:
     return f"along {_vector(force)}" if np.linalg.norm(force) >= BALANCE else "from all round"
 
 
-def _rotation(found: Inspection, geometry: Geometry, assembly: Assembly) -> None:
+def _rotation(inspection: Inspection, geometry: Geometry, assembly: Assembly) -> None:
     rotation, contact = geometry.rotation, assembly.contact
     if rotation is None or geometry.file.rotation is None:
-        found.tell("rotation", "none: nothing slides")
+        inspection.tell("rotation", "none: nothing slides")
         return
     size = LENGTH.factor(geometry.file.units)
     unit = UNITS[geometry.file.units][0]
@@ -272,17 +272,17 @@ def _rotation(found: Inspection, geometry: Geometry, assembly: Assembly) -> None
         if middle is None
         else f"; sliding_speed is that at {middle / size:.4g} {unit}"
     )
-    found.tell("rotation", text)
+    inspection.tell("rotation", text)
     for name in geometry.turned:
         again = same_mesh(geometry.bodies[name].mesh, body_of(geometry.brake, name).mesh)
-        found.tell(
+        inspection.tell(
             "angle",
             f"{name} stands turned by {geometry.angle:g} deg; its mesh "
             + ("is the same there" if again else "is another there, of a symmetric part too"),
         )
 
 
-def _stresses(found: Inspection, geometry: Geometry) -> None:
+def _stresses(inspection: Inspection, geometry: Geometry) -> None:
     table, bodies = geometry.file.stress_stiffening, geometry.bodies.values()
     if table is None:
         return
@@ -290,11 +290,11 @@ def _stresses(found: Inspection, geometry: Geometry) -> None:
     names = ", ".join(b.name for b in bodies if b.matrices is None) or "nothing"
     text = f"stresses of {megapascal:g} MPa and a friction of {table.friction:g} stiffen {names}"
     without = ", ".join(b.name for b in bodies if b.matrices is not None)
-    found.tell("stresses", text + (f"; not {without}, of matrices" if without else ""))
+    inspection.tell("stresses", text + (f"; not {without}, of matrices" if without else ""))
 
 
 def _wear(
-    found: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
+    inspection: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
 ) -> None:
     """How deep sliding has worn each contact with friction."""
     file = geometry.file
@@ -305,7 +305,7 @@ def _wear(
     at = f"{megapascal:g} MPa and a friction of {file.wear.friction:g}"
     distance = numbers.at(WEAR, "distance")
     if not distance:
-        found.tell("wear", "the faces are new: the distance of [wear] is 0")
+        inspection.tell("wear", "the faces are new: the distance of [wear] is 0")
         return
     unworn = new_gaps(geometry, numbers) + hot_gaps(assembly, geometry, given)
     depth = assembly.contact.gap0 - unworn
@@ -319,11 +319,11 @@ def _wear(
             name = file.name_of("contact", i)
             depths.append(f"{name} {worn.min():.3g} to {worn.max():.3g} {unit} (mean {mean:.3g})")
     text = "; ".join(depths) or "nothing: no contact has friction"
-    found.tell("wear", f"{distance / size:g} {unit} of sliding at {at} wore off {text}")
+    inspection.tell("wear", f"{distance / size:g} {unit} of sliding at {at} wore off {text}")
 
 
 def _heat(
-    found: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
+    inspection: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
 ) -> None:
     """Temperatures of hot components, and the gaps that all of them open."""
     numbers = Numbers(geometry.file, given)
@@ -341,7 +341,7 @@ def _heat(
     for name in dict.fromkeys(assembly.contact.pairs):
         least, most = (f(opened[pairs == name]) for f in (np.min, np.max))
         texts.append(f"{name} opens by {least:.3g} to {most:.3g} {unit}")
-    found.tell("heat", f"{'; '.join(texts)}, but for motions that nothing holds")
+    inspection.tell("heat", f"{'; '.join(texts)}, but for motions that nothing holds")
 
 
 def new_gaps(geometry: Geometry, numbers: Numbers) -> np.ndarray:
@@ -355,7 +355,7 @@ def new_gaps(geometry: Geometry, numbers: Numbers) -> np.ndarray:
     return all_gaps
 
 
-def _load(found: Inspection, geometry: Geometry) -> None:
+def _load(inspection: Inspection, geometry: Geometry) -> None:
     """Sums of the forces of a unit pressure, and whether they are in balance."""
     for i, table in enumerate(geometry.file.load):
         sums = []
@@ -365,7 +365,7 @@ def _load(found: Inspection, geometry: Geometry) -> None:
                 sums.append(-(share[:, None] * surface.normal).sum(axis=0))
         name = geometry.file.name_of("load", i)
         if np.linalg.norm(sums[0]) < BALANCE:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name}: the forces of the pressure on {table.pressure_on} cancel: is this the "
                 "face that is pressed?"
             )
@@ -375,12 +375,12 @@ def _load(found: Inspection, geometry: Geometry) -> None:
             unit = UNITS[geometry.file.units][0]
             text += f", over its own {geometry.loads[i][0].area.sum() / size:.4g} {unit}2"
         if len(sums) == 1:
-            found.tell(name, f"{text}; no reaction")
+            inspection.tell(name, f"{text}; no reaction")
             continue
         unbalanced = float(np.linalg.norm(sums[0] + sums[1]))
-        found.tell(name, f"{text}, {table.reaction_on} {_along(sums[1])}")
+        inspection.tell(name, f"{text}, {table.reaction_on} {_along(sums[1])}")
         if unbalanced > BALANCE:
-            found.doubts.append(
+            inspection.doubts.append(
                 f"{name}: pressure and reaction leave {100 * unbalanced:.2g} % of the force: "
                 "their faces do not face each other"
             )

@@ -137,11 +137,11 @@ def pair(
     )
 
 
-def _initial(initial_gap: float | str, found: Opposite) -> np.ndarray:
+def _initial(initial_gap: float | str, opposite: Opposite) -> np.ndarray:
     """Initial gap (n,) [m]."""
     if initial_gap == "geometric":
-        return found.gap.copy()
-    return np.full(len(found.gap), 0.0 if initial_gap == "zero" else float(initial_gap))
+        return opposite.gap.copy()
+    return np.full(len(opposite.gap), 0.0 if initial_gap == "zero" else float(initial_gap))
 
 
 def _where(covered: float, gaps: np.ndarray) -> str:

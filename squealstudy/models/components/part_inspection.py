@@ -115,7 +115,7 @@ def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
     return geometry_of(replace(brake, file=file, identity=f"{brake.identity} {usable}"))
 
 
-def _sets(found: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
+def _sets(inspection: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
     """Sets with what they have; lengths of the mesh are `size` units."""
     surfaces = []
     for name, faces in mesh.surfaces.items():
@@ -131,6 +131,8 @@ def _sets(found: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
     for what, names in names_by_kind:
         more = [f"and {len(names) - MAX_LISTED_SETS} more"] if len(names) > MAX_LISTED_SETS else []
         if names:
-            found.tell("", f"{what}: {', '.join([*names[:MAX_LISTED_SETS], *more])}")
+            inspection.tell("", f"{what}: {', '.join([*names[:MAX_LISTED_SETS], *more])}")
     if not mesh.surfaces and not mesh.node_sets:
-        found.tell("", "no surfaces and no node sets: [components.NAME.sets] names faces by place")
+        inspection.tell(
+            "", "no surfaces and no node sets: [components.NAME.sets] names faces by place"
+        )

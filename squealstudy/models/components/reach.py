@@ -12,18 +12,18 @@ ALL_MET = 0.9  # of the other face, by area: it is the first that is larger
 
 
 def expect_reach(
-    found: Pair, keys: KeyPath, slave: Facets, master: Facets, search: float, units: str
+    pair: Pair, keys: KeyPath, slave: Facets, master: Facets, search: float, units: str
 ) -> None:
     """Raise PlacedError where two faces hardly meet within `search`, in the unit of the file."""
-    if found.in_reach >= LEAST_IN_REACH:
+    if pair.in_reach >= LEAST_IN_REACH:
         return
     size = LENGTH.factor(units)
     unit = "m" if units == "SI" else "mm"
-    low, high = (g / size for g in found.gap_range)
-    met = found.in_reach * slave.areas.sum() / master.areas.sum()
+    low, high = (g / size for g in pair.gap_range)
+    met = pair.in_reach * slave.areas.sum() / master.areas.sum()
     raise PlacedError(
         keys,
-        f"{100 * found.in_reach:.0f} % of {slave.name} lies within {search:g} {unit} of "
+        f"{100 * pair.in_reach:.0f} % of {slave.name} lies within {search:g} {unit} of "
         f"{master.name} (gap {low:.4g} to {high:.4g} {unit}): "
         + (
             f"{slave.name} is the larger face: exchange the two, or name the part of it that "

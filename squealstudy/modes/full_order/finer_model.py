@@ -243,11 +243,11 @@ def reduction_errors(
 
 
 def relative_errors(
-    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float], found: PointModes
+    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float], modes: PointModes
 ) -> np.ndarray:
     """Errors of reduced roots (m,) against the unreduced model, relative to their moduli.
 
-    `found` are the modes of the design point in the reduced model; what the finer one lacks itself
+    `modes` are the modes of the design point in the reduced model; what the finer one lacks itself
     is allowed for.
 
     Raises
@@ -255,18 +255,18 @@ def relative_errors(
     ConvergenceError
         Where there is no finer model.
     """
-    apart = _from_finer(prepared, state, band_hz, found) / np.abs(found.lam)
+    apart = _from_finer(prepared, state, band_hz, modes) / np.abs(modes.lam)
     return np.maximum(FINER_MODEL_SAFETY_FACTOR * (apart + prepared.basis_error), SAME_ROOT)
 
 
 def _from_finer(
-    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float], found: PointModes
+    prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float], modes: PointModes
 ) -> np.ndarray:
     low, high = band_hz
     margin = (low * (1.0 - BAND_WIDENING), high * (1.0 + BAND_WIDENING))
-    assert found.working_point is not None
-    finer = finer_modes(prepared, state, margin, found.working_point.gap)
-    return partner_distances(found.lam, finer.lam)
+    assert modes.working_point is not None
+    finer = finer_modes(prepared, state, margin, modes.working_point.gap)
+    return partner_distances(modes.lam, finer.lam)
 
 
 def root_distances(

@@ -110,14 +110,14 @@ class InBasis:
     basis: SweepBasis
     tolerance: float
 
-    def within_tolerance(self, found: Outcome) -> bool:
+    def within_tolerance(self, outcome: Outcome) -> bool:
         """Whether the light roots of a point are within the tolerance; failed points are."""
-        if isinstance(found, ConvergenceError):
+        if isinstance(outcome, ConvergenceError):
             return True
-        if not found.complete:
+        if not outcome.complete:
             return False
-        judged = lightly_damped(found.lam)
-        error = found.error[judged] / np.abs(found.lam[judged])
+        judged = lightly_damped(outcome.lam)
+        error = outcome.error[judged] / np.abs(outcome.lam[judged])
         return bool((error <= self.tolerance).all())
 
     def alone(self, theta: np.ndarray) -> Outcome:

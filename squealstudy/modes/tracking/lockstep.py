@@ -171,7 +171,7 @@ def _excess(lam: np.ndarray, tolerance: float) -> np.ndarray:
     return excess
 
 
-def _followed(a: _Ends, b: _Ends, rows: np.ndarray, found: ManyModes) -> np.ndarray:
+def _followed(a: _Ends, b: _Ends, rows: np.ndarray, modes_between: ManyModes) -> np.ndarray:
     """Place (r,) of the modes of brackets among those found between; -1 where one is lost.
 
     Both ends are asked, and where they disagree the pairing of more trust counts.
@@ -180,7 +180,9 @@ def _followed(a: _Ends, b: _Ends, rows: np.ndarray, found: ManyModes) -> np.ndar
     each = np.arange(len(rows))
     for end in (a, b):
         there = end.modes.at(rows)
-        pairs = pair_many(there.lam, there.shapes, found.lam, found.shapes, there.lam)
+        pairs = pair_many(
+            there.lam, there.shapes, modes_between.lam, modes_between.shapes, there.lam
+        )
         end_partner, trust = (
             pairs.partner[each, end.place[rows]],
             pairs.trust[each, end.place[rows]],

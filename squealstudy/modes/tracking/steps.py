@@ -58,16 +58,16 @@ class Pairings:
         parts = (self.partner, self.mac, self.ambiguous, self.trust)
         return Pairing(*(part[point] for part in parts))
 
-    def enter(self, points: np.ndarray, found: Pairing, count: int) -> np.ndarray:
+    def enter(self, points: np.ndarray, pairing: Pairing, count: int) -> np.ndarray:
         """Write pairings (r, ma) of steps to points with `count` modes; which partners changed."""
-        rows = self.partner.block(points, found.partner.shape[1])
-        changed: np.ndarray = (self.partner.flat[rows] != found.partner).any(axis=1)
+        rows = self.partner.block(points, pairing.partner.shape[1])
+        changed: np.ndarray = (self.partner.flat[rows] != pairing.partner).any(axis=1)
         parts = (self.partner, self.mac, self.ambiguous, self.trust)
-        for part, values in zip(parts, found, strict=True):
+        for part, values in zip(parts, pairing, strict=True):
             part.flat[rows] = values
         self.source[self._first[points][:, None] + np.arange(count)] = -1
-        i, a = np.nonzero(found.partner >= 0)
-        self.source[self._first[points[i]] + found.partner[i, a]] = a
+        i, a = np.nonzero(pairing.partner >= 0)
+        self.source[self._first[points[i]] + pairing.partner[i, a]] = a
         return changed
 
     def unresolved(self, known: np.ndarray) -> None:
@@ -134,27 +134,27 @@ class Stepper:
         self.pair(pairings, steps, np.zeros(0, dtype=int))
         return pairings
 
-    def again(self, found: Pairings, changed: np.ndarray, known: np.ndarray) -> None:
+    def again(self, pairings: Pairings, changed: np.ndarray, known: np.ndarray) -> None:
         """Pair again what follows points whose pairings have changed; not the `known` ones."""
-        self.pair(found, np.setdiff1d(self._followers(changed), known), known)
+        self.pair(pairings, np.setdiff1d(self._followers(changed), known), known)
 
-    def pair(self, found: Pairings, points: np.ndarray, known: np.ndarray) -> None:
+    def pair(self, pairings: Pairings, points: np.ndarray, known: np.ndarray) -> None:
         """Pair the steps to points, and those after them again where the pairing has changed."""
         while len(points):
-            batches = self._paired(found, points)
+            batches = self._paired(pairings, points)
             changed = [
-                batch[found.enter(batch, pairing, count)] for batch, pairing, count in batches
+                batch[pairings.enter(batch, pairing, count)] for batch, pairing, count in batches
             ]
             points = np.setdiff1d(self._followers(np.concatenate(changed)), known)
 
-    def expected(self, found: Pairings, points: np.ndarray) -> np.ndarray:
+    def expected(self, pairings: Pairings, points: np.ndarray) -> np.ndarray:
         """Where the roots of the parents are expected at points (r, ma), rad/s.
 
         Points of equal counts at their parents.
         """
         p = self._parents[points]
         rows = self._lams.block(p, int(self._lams.counts[p[0]]))
-        lam, source = self._lams.flat[rows], found.source[rows]
+        lam, source = self._lams.flat[rows], pairings.source[rows]
         follows = (source >= 0) & (self._step[points] != 0)[:, None]
         i, b = np.nonzero(follows)
         earlier = self._lams.flat[self._lams.starts[self._parents[p[i]]] + source[i, b]]
@@ -170,7 +170,7 @@ class Stepper:
         return np.sort(self._after[place])
 
     def _paired(
-        self, found: Pairings, points: np.ndarray
+        self, pairings: Pairings, points: np.ndarray
     ) -> Iterator[tuple[np.ndarray, Pairing, int]]:
         """Batches of steps of equal counts of modes, their pairings, and the count at the end."""
         parents = self._parents[points]
@@ -186,7 +186,7 @@ class Stepper:
                 batch = points[step_rows[start : start + together]]
                 p = self._parents[batch]
                 at_a, at_b = self._shapes.of(p, batch)
-                expected = self.expected(found, batch)
+                expected = self.expected(pairings, batch)
                 lams = (
                     self._lams.flat[self._lams.block(*x)] for x in ((p, before), (batch, after))
                 )
