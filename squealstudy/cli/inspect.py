@@ -257,13 +257,14 @@ def doubts(measured: Measured, correlation: Correlation) -> list[str]:
         )
     if correlation.n_rigid != N_RIGID_MODES:
         texts.append(
-            f"the part has {plural(correlation.n_rigid, 'rigid mode')} of {N_RIGID_MODES}: it is not free"
+            f"the part has {plural(correlation.n_rigid, 'rigid mode')} of {N_RIGID_MODES}: it is "
+            "not free"
         )
     if correlation.alike:
         i, j, mac = max(correlation.alike, key=lambda row: row[2])
         texts.append(
-            f"the measured points tell modes {_name(correlation, j)} and {_name(correlation, i)} apart badly "
-            f"(their MAC there is {mac:.2f}): more points or directions are needed"
+            f"the measured points tell modes {_name(correlation, j)} and {_name(correlation, i)} "
+            f"apart badly (their MAC there is {mac:.2f}): more points or directions are needed"
         )
     if not correlation.used.all():
         far = [str(n) for n in measured.numbers[~correlation.used]]
