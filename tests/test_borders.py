@@ -264,12 +264,12 @@ def test_criticality_is_that_of_the_mode_that_turns_unstable(monkeypatch):
 
     taken = []
     monkeypatch.setattr(onset, "criticality", lambda _, lam, phi: taken.append((lam, phi)) or "")
-    asked = SimpleNamespace(tolerance=1e-9)
+    request = SimpleNamespace(tolerance=1e-9)
     way = SimpleNamespace(
         contact=lambda value: value,
         oscillator=lambda value: SimpleNamespace(steady_modes=lambda highest: modes(value)),
         bounds=(-1.0, 1.0),
-        asked=asked,
+        request=request,
     )
     guess = PeriodicMotion(np.zeros((3, 2)), 100.0, 0.01)
     value, hz, _ = onset.onset_near(way, guess, 0.1)
