@@ -235,7 +235,9 @@ def test_another_cycle_beside_the_start_is_not_the_start(size, back):
 def test_a_line_has_a_closed_branch_once(isola, monkeypatch):
     _, outer, _ = isola
     monkeypatch.setattr(continued, "ended", lambda *_: "")
-    way = SimpleNamespace(bounds=ISOLA, oscillator=on_isola, request=SimpleNamespace(band=(0.0, 9.0)))
+    way = SimpleNamespace(
+        bounds=ISOLA, oscillator=on_isola, request=SimpleNamespace(band=(0.0, 9.0))
+    )
     found = continued._branch(way, continued.Start("a-1-1", 1, 0.0, outer.Q, outer.omega))
     assert found.ends == (CLOSED, CLOSED)
     assert [p.event for p in found.points].count(FOLD) == 2
