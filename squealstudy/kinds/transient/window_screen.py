@@ -68,7 +68,7 @@ def in_words(results: ResultTables, unit: str) -> str:
     table = results.table("windows")
     if not len(table) or table["point_id"].nunique() > 1:
         return ""
-    slow = bool(table["time_stop"].max() >= SLOW_RUN_S)
+    slow = bool(table["time_stop"].max() >= MIN_SLOW_RUN_S)
     factor, time_unit = (1.0, "s") if slow else (1e3, "ms")
     words = table["class"].astype(str)
     alike = [rows for _, rows in table.groupby((words != words.shift()).cumsum().to_numpy())]
