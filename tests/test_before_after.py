@@ -113,9 +113,28 @@ def side(*rows):
     names = ("mode", "frequency_hz", "main_component", "growth_rate")
     table = pd.DataFrame([dict(zip(names, row, strict=True)) for row in rows])
     more = {"onset": 0.3, "onset_kind": "refined", "onset_error": 1e-4, "growth_rate_error": 0.0}
-    return UnstableModes(
-        table.assign(second_component="", unstable_points=1, **more), len(rows), 0, 0
+    roots = table["growth_rate"] + 2j * np.pi * table["frequency_hz"].fillna(0.0)
+    table = table.assign(second_component="", unstable_points=1, **more)
+    return UnstableModes(table, roots.to_numpy()[:, None], len(rows), 0, 0)
+
+
+def test_a_mode_is_the_one_that_is_near_at_all_points_not_where_each_grows_fastest():
+    """T1 and T8 cross in frequency where they grow fastest."""
+    one, two = (
+        side(("T1", 3200.0, "disc", 170.0)),
+        side(("T8", 3144.0, "disc", 280.0), ("T9", 3245.0, "disc", 33.0)),
     )
+    path = {
+        "T1": [3136.0, 3142.0, 3200.0],
+        "T8": [3130.0, 3140.0, 3150.0],
+        "T9": [3255.0, 3253.0, 3245.0],
+    }
+    one, two = (
+        s._replace(roots=1.0 + 2j * np.pi * np.array([path[name] for name in s.table["mode"]]))
+        for s in (one, two)
+    )
+    table = paired(one, two)
+    assert table.loc[table["mode_before"] == "T1", "mode_after"].tolist() == ["T8"]
 
 
 def test_modes_are_paired_by_frequency_and_where_their_energy_is():
@@ -162,7 +181,8 @@ def test_tracks_that_are_one_mode_are_one_row():
         index=[0],
     )
     everywhere = np.ones(4, dtype=bool)
-    own = unstable_modes(points, modes, onsets, "friction", everywhere, everywhere)
+    own = unstable_modes(points, modes, onsets, "friction", everywhere, np.arange(4))
+    assert own.roots.real.tolist() == [[-5.0, 20.0, 60.0, 90.0]]
     assert own.table["mode"].tolist() == ["T1, T2"]
     row = own.table.iloc[0]
     assert (row["onset"], row["growth_rate"], row["unstable_points"]) == (0.12, 90.0, 3)

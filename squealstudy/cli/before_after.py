@@ -13,7 +13,7 @@ from rich.text import Text
 from squealstudy.engine.results import Results
 from squealstudy.kinds.complex_modes.outside_text import grows_outside
 from squealstudy.screen import grid, notes, plain
-from squealstudy.tables.before_after import FREQUENCY_TOLERANCE, SIDES, first_of
+from squealstudy.tables.before_after import REL_TOLERANCE, SIDES, first_of
 from squealstudy.tables.stability import BELOW_RANGE, INEXACT
 from squealstudy.wording import amount, in_digits, plural
 
@@ -45,8 +45,8 @@ def before_after(table: pd.DataFrame, before: Results, after: Results) -> list[R
     kinds = {k for side in SIDES for k in table[f"onset_kind_{side}"]}
     marks = {INEXACT[kind] for kind in kinds if kind in INEXACT}
     legend = notes(
-        f"modes of one line: paired by frequency, within {100 * FREQUENCY_TOLERANCE:g} %, and by "
-        "components of most energy; numbers of tracks belong to one study",
+        f"modes of one line: nearest in frequency where they grow, within {100 * REL_TOLERANCE:g} "
+        "%, a component of most energy in common; numbers of tracks belong to one study",
         "a -> b: before and after; growth, Hz: where growth is fastest; unstable: share of the "
         f"{plural(points, 'point')} that both studies have solved",
         *([f"onset: least {along} at which the mode turns unstable"] if along else []),

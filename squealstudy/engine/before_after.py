@@ -57,10 +57,10 @@ def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
     facts: dict[Hashable, Any] = {}
     for results, side, of in zip(both, SIDES, (0, 1), strict=True):
         points = results.points
-        common = _marked([pair[of] for pair in solved], len(points))
-        lines = common
+        common = np.array([pair[of] for pair in solved])
+        lines = _marked(common, len(points))
         if along is not None:
-            joined = _marked([pair[of] for pair in pairs], len(points))
+            joined = _marked(np.array([pair[of] for pair in pairs]), len(points))
             line, x = line_codes(points, along), points[along].to_numpy(float)
             within = (x >= x[joined].min()) & (x <= x[joined].max())
             lines = np.isin(line, line[joined]) & within
@@ -86,7 +86,7 @@ def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
     return table
 
 
-def _marked(rows: list[int], count: int) -> np.ndarray:
+def _marked(rows: np.ndarray, count: int) -> np.ndarray:
     is_named = np.zeros(count, dtype=bool)
     is_named[rows] = True
     return is_named

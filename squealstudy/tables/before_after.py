@@ -9,12 +9,17 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.root_pairs import partners
-from squealstudy.tables.mode_ranking import OVERDAMPED_GROUP, group_kind, rank_modes
+from squealstudy.tables.mode_ranking import (
+    OVERDAMPED_GROUP,
+    group_kind,
+    rank_modes,
+    unstable_groups,
+)
 from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.stability import BELOW_RANGE, INTO, uncertain_points
 from squealstudy.wording import track_number
 
-FREQUENCY_TOLERANCE = 0.05  # relative, of one mode before and after: a choice, told on screens
+REL_TOLERANCE = 0.05  # between frequencies of one mode before and after: a choice, told on screens
 SAME_ONSET_REL_DISTANCE = 1e-9  # values of an onset in a ranking and in the table of onsets
 SIDES = ("before", "after")
 COLUMNS = {  # of each side, with their types
@@ -38,6 +43,8 @@ class UnstableModes(NamedTuple):
     ----------
     table : DataFrame
         COLUMNS without the side, and the COMPONENTS of most energy, a row a mode.
+    roots : ndarray (n_modes, n) complex
+        Root of each mode at the common points, rad/s; NaN where it is not known.
     unstable, uncertain : int
         Common points at which a mode is unstable, and those at which stability is uncertain.
     failed : int
@@ -45,6 +52,7 @@ class UnstableModes(NamedTuple):
     """
 
     table: pd.DataFrame
+    roots: np.ndarray
     unstable: int
     uncertain: int
     failed: int
@@ -68,13 +76,16 @@ def unstable_modes(
         Tables of the study.
     along : str or None
         Parameter of the onsets; None without them.
-    lines, common : ndarray (n_points,) of bool
-        Points on lines of both studies, for onsets; solved points of both, for growth.
+    lines : ndarray (n_points,) of bool
+        Points on lines of both studies, for onsets.
+    common : ndarray (n,) of int
+        Solved points of both studies, for growth, in one order for both.
     """
     code = point_codes(points, modes)
+    is_common = np.isin(np.arange(len(points)), common)
     at_lines, at_common = (
         rank_modes(points[of], modes[of[code]], along, "growth", onsets=onsets)
-        for of in (lines, common)
+        for of in (lines, is_common)
     )
     with_onset = at_common[at_common["track"].isin(at_lines["track"])].set_index("track")
     rows = [
@@ -83,7 +94,13 @@ def unstable_modes(
     ]
     names = [name.replace("_{}", "") for name in COLUMNS]
     table = pd.DataFrame(rows, columns=[*names, "tracks", *COMPONENTS])
-    shown = modes[common[code]]
+    shown = modes[is_common[code]]
+    place = np.full(len(points), -1)
+    place[common] = np.arange(len(common))
+    group = np.where(shown["track"] > 0, shown["track"], unstable_groups(shown))
+    of_modes = [np.isin(group, row["tracks"]) for row in rows]
+    at = place[code[is_common[code]]]
+    roots = [_roots(shown[of], at[of], len(common)) for of in of_modes]
     table["growth_rate_error"] = [
         shown.loc[(shown["growth_rate"] == row["growth_rate"]).to_numpy(), "error_estimate"].max()
         for row in rows
@@ -91,8 +108,9 @@ def unstable_modes(
     table["onset_error"] = [_onset_error(row["tracks"], row["onset"], onsets) for row in rows]
     return UnstableModes(
         table=table,
-        unstable=int((points["n_unstable"][common] > 0).sum()),
-        uncertain=uncertain_points(modes, code, common[code]),
+        roots=np.reshape(roots, (len(rows), len(common))),
+        unstable=int((points["n_unstable"][is_common] > 0).sum()),
+        uncertain=uncertain_points(modes, code, is_common[code]),
         failed=int((points["status"][lines] != "ok").sum()),
     )
 
@@ -100,8 +118,8 @@ def unstable_modes(
 def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
     """A row a mode that is unstable before or after, the fastest first.
 
-    Modes are paired by frequency, where both grow fastest, within FREQUENCY_TOLERANCE, if they
-    have a component of most energy in common.
+    Modes are paired by frequency over the common points at which both grow, or one where never
+    both do: in the mean within REL_TOLERANCE, if they have a component of most energy in common.
 
     Returns
     -------
@@ -112,15 +130,14 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
         (`onset_kind`: `threshold_kind` of `rank_modes`), its error NaN where none is known.
     """
     one, two = before.table, after.table
-    hz = one["frequency_hz"].to_numpy(float)[:, None] / two["frequency_hz"].to_numpy(float)
-    distance = np.nan_to_num(np.abs(hz - 1.0), nan=np.inf)
+    distance = _distances(before.roots, after.roots)
     overdamped = [t["mode"].eq(group_kind(OVERDAMPED_GROUP)).to_numpy(bool) for t in (one, two)]
     distance[np.ix_(*overdamped)] = 0.0
     for row, one_has in enumerate(one[COMPONENTS].to_numpy()):
         for column, two_has in enumerate(two[COMPONENTS].to_numpy()):
             if any(one_has) and any(two_has) and not set(filter(None, one_has)) & set(two_has):
                 distance[row, column] = np.inf
-    partner = partners(distance, FREQUENCY_TOLERANCE)
+    partner = partners(distance, REL_TOLERANCE)
     alone = np.setdiff1d(np.arange(len(two)), partner)
     rows = ([*range(len(one)), *[-1] * len(alone)], [*partner.tolist(), *alone.tolist()])
     table = pd.DataFrame(index=range(len(rows[0])))
@@ -133,6 +150,34 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
     table = table.astype({n.format(s): k for n, k in COLUMNS.items() for s in SIDES})
     fastest = table[[f"growth_rate_{side}" for side in SIDES]].max(axis=1).fillna(-np.inf)
     return table.iloc[np.argsort(-fastest.to_numpy(), kind="stable")].reset_index(drop=True)
+
+
+def _roots(rows: pd.DataFrame, place: np.ndarray, count: int) -> np.ndarray:
+    """Roots (count,) of a mode, rad/s, whose rows stand at these places; of several the fastest."""
+    order = np.argsort(rows["growth_rate"].to_numpy(float), kind="stable")
+    size = 2.0 * np.pi * rows["frequency_hz"].to_numpy(float)
+    real = rows["growth_rate"].to_numpy(float)
+    roots = np.full(count, np.nan, dtype=complex)
+    roots[place[order]] = (real + 1j * np.sqrt(np.maximum(size**2 - real**2, 0.0)))[order]
+    return roots
+
+
+def _distances(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Relative distance (n, m) of frequencies, of roots (n, k) and others (m, k), over k points.
+
+    The mean of points where both grow, or, without any, where one does: a mode that will grow may
+    be either of two before they lock in. Infinite where there is no such point.
+    """
+    one, two = one[:, None], two[None]
+    each = np.abs(np.abs(two) / np.abs(one) - 1.0)
+    both, either = (
+        np.isfinite(each) & of
+        for of in ((one.real > 0) & (two.real > 0), (one.real > 0) | (two.real > 0))
+    )
+    known = np.where(both.any(axis=-1, keepdims=True), both, either)
+    count = known.sum(axis=-1)
+    mean = np.where(known, each, 0.0).sum(axis=-1) / np.maximum(count, 1)
+    return np.where(count > 0, mean, np.inf)
 
 
 def first_of(table: pd.DataFrame, side: str) -> pd.Series | None:
