@@ -174,9 +174,9 @@ def _distances(one: np.ndarray, two: np.ndarray) -> np.ndarray:
         np.isfinite(each) & of
         for of in ((one.real > 0) & (two.real > 0), (one.real > 0) | (two.real > 0))
     )
-    known = np.where(both.any(axis=-1, keepdims=True), both, either)
-    count = known.sum(axis=-1)
-    mean = np.where(known, each, 0.0).sum(axis=-1) / np.maximum(count, 1)
+    is_compared = np.where(both.any(axis=-1, keepdims=True), both, either)
+    count = is_compared.sum(axis=-1)
+    mean = np.where(is_compared, each, 0.0).sum(axis=-1) / np.maximum(count, 1)
     return np.where(count > 0, mean, np.inf)
 
 
