@@ -334,6 +334,8 @@ def test_a_variant_changes_a_speed_whose_name_the_file_quotes():
 
 def test_a_forecast_is_of_steps_and_not_of_kernels_that_are_compiled(monkeypatch):
     """What a process does once, 2 s by this clock, is in no step: the run has 5,000 of them."""
+    plan = belt([1.0])
+    build_structures(plan, Workers())
     clock, run = {"s": 0.0}, preparation.simulate
     monkeypatch.setattr(preparation.time, "perf_counter", lambda: clock["s"])
 
@@ -342,6 +344,5 @@ def test_a_forecast_is_of_steps_and_not_of_kernels_that_are_compiled(monkeypatch
         return run(*arguments)
 
     monkeypatch.setattr(preparation, "simulate", compiled_first)
-    plan = belt([1.0])
     seconds = plan.kind.time_point(plan, plan.tasks[0])
     assert seconds == pytest.approx(1e-3 * 5000 / preparation.TIMED_STEPS)
