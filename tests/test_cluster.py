@@ -526,7 +526,7 @@ def test_a_worker_with_threads_does_one_task_at_a_time():
         at_work.remove(n)
 
     call = pickle.dumps((len, "four"))
-    assert answer(Setting(versions(), []), [], frozenset(), call).found == 4
+    assert answer(Setting(versions(), []), [], frozenset(), call).task_result == 4
     _REMEMBERED["work"] = work
     call = pickle.dumps((_remembered, 1))
     threads = [
