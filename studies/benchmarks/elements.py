@@ -24,6 +24,7 @@ from time import process_time
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "components"))
 
 from calculix import AXES, CCX, apart, judged, ragged
 from component_meshes import LINING, STEEL, box

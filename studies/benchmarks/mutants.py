@@ -47,7 +47,7 @@ TESTS = (
     *("wear", "lumped_springs", "friction_map", "friction_table", "stribeck", "shared_basis"),
     *("free_motions", "stress_stiffness", "coupled_pair", "friction_by_contact", "row_blocks"),
     *("stacked", "stacked_sensitivity", "followed_root", "family_roots", "contact_factor"),
-    *("extension/contact_law", "extension/friction_curve", "extension/rung"),
+    *("contact_law", "friction_curve", "rung"),
 )
 MOST_SECONDS = 300  # of a file of tests
 LOADED_ONCE = (
@@ -67,7 +67,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of tests, for each mutant")
     parser.add_argument("--keep", type=Path, help="folder that keeps which tests run which line")
     parser.add_argument("--folders", nargs="+", default=FOLDERS, help="of the package, to change")
-    parser.add_argument("--tests", nargs="+", default=TESTS, help="files tests/test_NAME.py")
+    parser.add_argument("--tests", nargs="+", default=TESTS, help="files test_NAME.py of tests")
     parser.add_argument("--only", type=int, nargs="+", help="of the sample, by number")
     arguments = parser.parse_args()
     os.environ |= {"NUMBA_DISABLE_JIT": "1", "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
@@ -167,7 +167,8 @@ def _recorded(slots: list[Path], kept: Path, changed: Sequence[str], tests: Sequ
     def into(path: Path) -> Path:
         return kept / f"{'_'.join(path.with_suffix('').parts)}.json"
 
-    paths = [Path("tests", test).with_name(f"test_{Path(test).name}.py") for test in tests]
+    files = {path.stem: path.relative_to(ROOT) for path in (ROOT / "tests").rglob("test_*.py")}
+    paths = [files[f"test_{name}"] for name in tests]
     missing = [path for path in paths if not into(path).exists()]
     for path, _, status in _forked(slots, missing, start, lambda _: MOST_SECONDS):
         if status:

@@ -39,7 +39,7 @@ class Formulation:
         plain; mean_dilatation: the change of volume is the element's mean (B-bar; Hughes 1980);
         incompatible: nine inner displacements, condensed (Taylor, Beresford, Wilson 1976).
     verified : str
-        What CalculiX 2.20 confirms to 1e-10 (tests/test_component_judge.py); else "published".
+        What CalculiX 2.20 confirms to 1e-10 (test_component_judge.py); else "published".
     """
 
     name: str

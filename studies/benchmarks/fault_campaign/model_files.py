@@ -161,7 +161,7 @@ def _by_command(path: Path, verdict: str, text: str) -> Judged:
 # -- whole models -------------------------------------------------------------------------------
 def _seeds(folder: Path) -> list[Seed]:
     """Models of each format, as the tests write them."""
-    sys.path.insert(0, str(ROOT / "tests"))
+    sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "components")]
     import own_blocks
     import test_component_matrices as matrices
     import test_component_nastran as nastran

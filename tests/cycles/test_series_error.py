@@ -1,0 +1,107 @@
+"""Numbers of limit cycles are within their own bounds of the independent judge's.
+
+Each design was outside: rungs that agree by chance, samples that miss a kink of friction, peaks of
+torque where all rungs overshoot.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from event_reference import design
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies" / "benchmarks"))
+
+from column_cases import Case
+from column_truth import compared
+
+from squealstudy.cycles.cycle import (
+    MAX_CHANGE_RATIO,
+    SERIES_SAFETY_FACTOR,
+    CycleLevels,
+    errors_by_changes,
+)
+from squealstudy.cycles.equations import PeriodicMotion
+
+BOUNDED = {"torque_rms", "contact_velocity", "frequency_hz", "torque_peak"}
+WIDEST = 60.0  # bounds over true errors
+LAW = "friction_law."
+CORNER = "contact.regularisation_speed"
+DESIGNS = {
+    "friction of a contact that pulls": design(
+        "hulten",
+        **{
+            "damping_ratio": 0.00872858,
+            "sliding_speed": 2.93444,
+            "friction": 0.304091,
+            CORNER: 0.02469,
+        },
+    ),
+    "slow harmonics": design(
+        "hoffmann",
+        **{
+            "damping_ratio": 0.00360769,
+            "sliding_speed": -2.17108,
+            LAW + "static_ratio": 1.3,
+            "friction": 0.72426,
+            CORNER: 0.1105,
+        },
+    ),
+    "a contact that opens": design(
+        "hoffmann",
+        "power",
+        **{
+            "damping_ratio": 0.025642,
+            "sliding_speed": 0.144039,
+            LAW + "static_ratio": 1.3,
+            "friction": 0.777333,
+            "contact.exponent": 1.0,
+            "contact.stiffness": 293766000000.0,
+            CORNER: 0.003118,
+        },
+    ),
+    "sliding that turns for a moment": design(
+        "belt",
+        smooth=True,
+        **{
+            "damping_ratio": 0.00318012,
+            "sliding_speed": 1.48927,
+            "friction": 0.259724,
+            LAW + "static_ratio": 2.08303,
+            LAW + "decay_speed": 0.597436,
+            CORNER: 0.002569,
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_numbers_are_within_their_bounds_of_the_judges(name):
+    d = DESIGNS[name]
+    law = "smooth" if d.smooth else "regularised"
+    case = Case("limit_cycles", 0, d, {"reach": 4.0, "friction": law, "kick_along_mode": False})
+    told = {t.column: t for t in compared(case) if t.table == "cycles" and t.bounded}
+    assert set(told) >= BOUNDED
+    for column in BOUNDED:
+        t = told[column]
+        assert t.inside, t
+        # errors below those of the judge tell nothing of the width
+        assert t.width < WIDEST or abs(t.told / t.truth - 1) < 1e-5, t
+
+
+def test_rungs_that_agree_by_chance_have_the_error_of_the_change_before():
+    def found(rms):
+        levels = {"torque_rms": rms, "contact_velocity": 1.0, "torque_peak": 3.0}
+        return CycleLevels(PeriodicMotion(np.zeros((3, 1)), 10.0), levels)
+
+    by_chance = errors_by_changes([found(x) for x in (1.3, 1.1, 1.0, 1.0)])
+    assert by_chance.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1 / MAX_CHANGE_RATIO)
+    falling = errors_by_changes([found(x) for x in (1.3, 1.0, 1.1, 1.0)])
+    assert falling.level == pytest.approx(SERIES_SAFETY_FACTOR * 0.1)
+    assert errors_by_changes([found(1.1), found(1.0)]).level == pytest.approx(
+        SERIES_SAFETY_FACTOR * 0.1
+    )
+    assert (by_chance.velocity, by_chance.peak, by_chance.frequency) == (0.0, 0.0, 0.0)
