@@ -245,18 +245,18 @@ class Watch:
 def run_here(path: Path, directory: Path, jobs: int) -> dict[str, float]:
     """What `squealstudy run` does, in this process; its figures."""
     from squealstudy import face, screen
-    from squealstudy.cli.run import outside, summary
+    from squealstudy.cli.run import blocks
     from squealstudy.engine.model_kind import ModelKind
 
     watch = Watch()
-    ModelKind.patience = lambda self, plan: 0.0  # type: ignore[method-assign]
+    ModelKind.seconds_without_workers = lambda self, plan: 0.0  # type: ignore[method-assign]
     face.progress = lambda: contextlib.nullcontext(watch)
     results = face.run(path, directory, jobs, True, screen.warning)
     watch.tables_cpu_s = time.process_time() - watch.cpu_s
     watch.next("screen")
-    screen.show(*results.screen.findings(results), *outside(results), "")
+    screen.show(*results.screen.findings(results))
     watch.next("pictures")
-    screen.show(screen.facts(summary(results, results.drawn or results.draw())))
+    screen.show(*blocks(results, results.drawn or results.draw()))
     watch.next("end")
     whole, points = watch.ends["pictures"], results.manifest["n_points"]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 import re
 import shlex
 import sys
@@ -241,3 +243,32 @@ def test_a_study_runs(name, tiny_brake, tmp_path, monkeypatch, capsys):
     if name == "brake_families":
         run = Run("cycle_screen", str(tmp_path / "results"), "of 1 families followed")
         assert run.prints in printed(run, tmp_path, monkeypatch, capsys)
+
+
+def is_of(module, name):
+    if hasattr(module, name):
+        return True
+    is_package = hasattr(module, "__path__")
+    return is_package and importlib.util.find_spec(f"{module.__name__}.{name}") is not None
+
+
+def test_what_they_take_from_the_package_is_there():
+    """The longest ones run once in ten days; what states of the past lack is tried for."""
+    taken = {}
+    for path in sorted(BENCHMARKS.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tried = {
+            inner
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Try)
+            for inner in ast.walk(node)
+        }
+        for node in set(ast.walk(tree)) - tried:
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("squealstudy"):
+                taken |= {(node.module, name.name): path.name for name in node.names}
+    assert len(taken) > 100
+    assert not [
+        f"{script}: {name} of {module}"
+        for (module, name), script in taken.items()
+        if not is_of(importlib.import_module(module), name)
+    ]
