@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -34,6 +34,7 @@ from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
 from squealstudy.laws.registry import LawDefinition
 from squealstudy.machine.resources import available_memory_mb
 from squealstudy.models.components.definition import FileDefinition
+from squealstudy.models.lumped.definition import LumpedDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -285,7 +286,7 @@ def _constant(study: ResolvedStudy) -> Rows:
         if option.name in study.options:
             law = laws[str(study.options[option.name])]
             tabled = any(_without_slope(table) for table in study.model.tables)
-            switched_off = "" if tabled else _plain(law, study.values, constant)
+            switched_off = "" if tabled else _plain(law, study, constant)
             texts.append(f"{option.name} = {law.name}{switched_off}")
     rows = [("  constant", ", ".join(texts))] if texts else []
     rows += [("  follows", _followed(table)) for table in study.model.tables]
@@ -311,11 +312,14 @@ def _without_slope(table: ParameterTable) -> bool:
     )
 
 
-def _plain(law: LawDefinition, values: Mapping[str, float], constant: Collection[str]) -> str:
+def _plain(law: LawDefinition, study: ResolvedStudy, constant: Collection[str]) -> str:
     """In brackets, what a law has become by parameters that switch it off; else empty."""
-    if law.plain is None or any(p.name not in constant for p in law.parameters):
+    names = [parameter.name for parameter in law.parameters]
+    if law.plain is None or any(name not in constant for name in names):
         return ""
-    text = law.plain(*(values[p.name] for p in law.parameters))
+    if isinstance(study.model, LumpedDefinition) and study.model.own_of_law.intersection(names):
+        return ""
+    text = law.plain(*(study.values[name] for name in names))
     return f" ({text})" if text else ""
 
 

@@ -134,7 +134,8 @@ MODES_OF_POINT = (
 CONTACT = (
     number(
         "stick_share",
-        "Share of contact area and time in which contact sticks: friction is below its bound.",
+        "Share of contact area and time in which contact sticks: friction is below its bound. "
+        "Contacts without friction, and with a state, count in no share.",
         leaves_out=STEPPED,
     ),
     number("stick_share_max", "Largest share of the area that sticks at once.", leaves_out=STEPPED),

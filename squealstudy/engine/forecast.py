@@ -18,7 +18,7 @@ from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.machine.resources import peak_memory_mb
-from squealstudy.mechanics.failures import FAILURES
+from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.modes.tracking.pairing import pair_modes
@@ -88,16 +88,21 @@ def run_seconds(
     return build + least + RUN_OVERHEAD_S[0], build + longest + RUN_OVERHEAD_S[1]
 
 
-def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[float]:
-    """Seconds of a few design points; where the first is brief it is timed once more."""
+def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> tuple[list[float], str]:
+    """Seconds of a few design points, and why there are none.
+
+    Where the first is brief it is timed once more.
+    """
     seconds: list[float] = []
+    why: list[str] = []
 
     def time_point(task: DesignPoint) -> float | None:
         try:
             return kind.time_point(plan, task)
         except StudyFileError:
             raise
-        except FAILURES:  # a run tells of it in the point's row
+        except FAILURES as error:  # a run tells of it in the point's row
+            why.append(reason(error)[1])
             return None
 
     for number, task in enumerate(tasks):
@@ -107,21 +112,23 @@ def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> list[fl
         seconds += [spent] if spent else []
         if sum(seconds) > MOST_TIMING:
             break
-    return seconds
+    if seconds:
+        return seconds, ""
+    return [], f"no timed design point can be solved{': ' if why else ''}{''.join(why[:1])}"
 
 
 def estimate(plan: Plan) -> Estimate:
     """Time a few design points, spread over the design, of structures that are in the cache."""
     kind = as_model_kind(plan.kind)
     if plan.stacked:
-        seconds = _timed(kind, plan, [plan.tasks[0]])
+        seconds, why = _timed(kind, plan, [plan.tasks[0]])
         return Estimate(
             0,
             structure_s=0.0,
             point_s=seconds[0] if seconds else None,
             memory_mb=peak_memory_mb(),
             n_coordinates=plan.first.assembly().n_dof,
-            reason="" if seconds else "the timed design points have no working point",
+            reason=why,
         )
     ready = [key for key in plan.structures if is_prepared(key)]
     missing = len(plan.structures) - len(ready)
@@ -134,7 +141,7 @@ def estimate(plan: Plan) -> Estimate:
     usable = np.isin(plan.tasks.structures, ready)[plan.tasks.structure_index]
     rows = np.flatnonzero(usable)
     step = max(1, (len(rows) - 1) // max(1, TIMED_POINTS - 1))
-    seconds = _timed(kind, plan, [plan.tasks[int(i)] for i in rows[::step][:TIMED_POINTS]])
+    seconds, why = _timed(kind, plan, [plan.tasks[int(i)] for i in rows[::step][:TIMED_POINTS]])
     prepared = load_any(ready[0])
     return Estimate(
         n_missing_structures=missing,
@@ -142,7 +149,7 @@ def estimate(plan: Plan) -> Estimate:
         point_s=sum(seconds) / len(seconds) if seconds else None,
         memory_mb=peak_memory_mb(),
         n_coordinates=prepared.model.n,
-        reason="" if seconds else "none of the timed design points has a working point",
+        reason=why,
     )
 
 

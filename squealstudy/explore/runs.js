@@ -24,7 +24,8 @@ detail.point = row => {
   shown = kept ? {x: numbers(kept.time), y: numbers(kept.torque), ...kept} : null;
   source("points").data = shown ? {x: shown.x, y: shown.y} : {x: [], y: []};
   $("sound").hidden = $("slower-label").hidden = !shown || kept.rows_a_part > 1;
-  $("sound-note").textContent = shown && kept.rows_a_part > 1 ? "No sound: not every row is in this page." : "";
+  $("sound-note").textContent = shown && kept.rows_a_part > 1 ? "No sound: not every row is in this page."
+    : shown ? `Plays ${own.what}, at full loudness however large it is.` : "";
   if (!shown) {
     $("history-note").textContent = "No history of this run is kept: [transient] save_every above 0 keeps them.";
     return;

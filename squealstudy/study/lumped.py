@@ -134,6 +134,7 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
             for a in ASSUMPTIONS
         ),
         idle=_idle(rubbing, law),
+        own_of_law=frozenset(f"{LAW_PREFIX}{key}" for t in rubbing for key in t.friction_law),
         torque_unit="N" if all(t.radius is None for t in file.contact) else "N m",
         path=str(source.path.resolve()),
         files=(

@@ -257,6 +257,7 @@ def test_a_run_is_heard(opened, tmp_path):
     results = solved(RUNS, tmp_path / "runs")
     page = opened(results)
     history = results.history(1)
+    assert page.text("sound-note").startswith("Plays ")  # before it does
     page.tab.locator("#sound").click()  # the browser's own audio
     assert "from 0 to 0.1 s, as fast as the run." in page.text("sound-note")
     page.tab.evaluate(f"() => {{ {RECORDER} }}")

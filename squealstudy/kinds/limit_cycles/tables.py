@@ -213,7 +213,7 @@ def summary(
     kicked = [v for v in verdicts if np.isfinite(v["threshold_velocity"])]
     weakest = min(kicked, key=lambda v: v["threshold_velocity"], default=first)
     shown = weakest if first["verdict"] == IF_KICKED else first
-    level = f"; its level, of mode {loudest['mode']}: {loudest['reason']}"
+    level = f"; the level shown is of mode {loudest['mode']}: {loudest['reason']}"
     is_first_or_silent = loudest is first or not np.isfinite(loudest["torque_rms"])
     return {
         "verdict": first["verdict"],

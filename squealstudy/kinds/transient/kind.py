@@ -218,8 +218,6 @@ class Transient(ModelKind):
         started = time.perf_counter()
         with threadpool_limits(1):
             timed = preparation.time_steps(batch_task(plan, (task,), truncated_choice(plan)))
-        if timed is None:
-            return None
         rest = time.perf_counter() - started - timed.loading_s - timed.seconds
         return rest + timed.seconds * timed.total / timed.steps
 

@@ -200,11 +200,11 @@ class TimedSteps(NamedTuple):
     loading_s: float
 
 
-def time_steps(task: BatchTask) -> TimedSteps | None:
-    """Seconds of the first steps of a point; None of one that does not slide."""
+def time_steps(task: BatchTask) -> TimedSteps:
+    """Seconds of the first steps of a point; SquealstudyError of one that cannot be run."""
     design = set_up(task, task.points[0], NewGaps())
     if not isinstance(design, MotionPoint):
-        return None
+        raise SquealstudyError(design[1])
     loading = time.perf_counter()
     warm(task.section)
     whole = settings_of(task.section, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from squealstudy.models.components.definition import FileDefinition
 
@@ -15,7 +15,15 @@ DESCRIPTION = (
 
 @dataclass(frozen=True)
 class LumpedDefinition(FileDefinition):
-    """A lumped model file, read and checked."""
+    """A lumped model file, read and checked.
+
+    Attributes
+    ----------
+    own_of_law : frozenset of str
+        Parameters of the friction law that contacts have own values of.
+    """
+
+    own_of_law: frozenset[str] = field(default=frozenset(), kw_only=True)
 
     @property
     def meshed(self) -> bool:
