@@ -121,6 +121,8 @@ def test_the_onset_of_a_mode_is_seen_where_another_is_first():
     title, *rows = [" ".join(line.split()) for line in both.splitlines()[:3]]
     assert title == "onset of T23, T33 4972 Hz T7 700 Hz"  # tracks that are one mode, one column
     assert rows == ["0 g <= 0.25 -", "100 g <= 0.25 below range"]
+    assert "-: at this design" in text
+    assert "-: at" not in as_text(_onsets_by_mode(["0 g"], [today]))  # no dash, no word of it
     one = line((23, 3144.0, 0.25, 90.0))
     assert _onsets_by_mode(["0 g", "100 g"], [one, one]) == []  # the row of a design has it
 

@@ -272,17 +272,18 @@ def _onsets_by_mode(
     chosen = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))[:MOST_ONSETS]
     if len(fastest) < 2:
         return []
+    onsets = [[_onset_text(modes.get(track)) for track in chosen] for modes in by_line]
     shown = grid(
         "text:onset of",
         *(f"value:{_mode_text(fastest[track])}" for track in chosen),
-        rows=(
-            [design, *(_onset_text(modes.get(track)) for track in chosen)]
-            for design, modes in zip(designs, by_line, strict=True)
-        ),
+        rows=([design, *texts] for design, texts in zip(designs, onsets, strict=True)),
     )
-    rest = f"; {plural(len(fastest) - len(chosen), 'slower mode')} left out"
-    more = rest if len(fastest) > len(chosen) else ""
-    return [shown, notes(f"-: at this design no onset is known of a mode of this number{more}\n")]
+    legend = []
+    if any("-" in texts for texts in onsets):
+        legend += ["-: at this design no onset is known of a mode of this number"]
+    if len(fastest) > len(chosen):
+        legend += [f"{plural(len(fastest) - len(chosen), 'slower mode')} left out"]
+    return [shown, notes("; ".join(legend) + "\n")]
 
 
 def _onset_text(row: Row | None) -> str:
