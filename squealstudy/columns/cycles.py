@@ -164,7 +164,8 @@ OF_A_CYCLE = (
     ),
     number(
         "stick_share",
-        "Share of contact area and period in which contact sticks.",
+        "Share of contact area and period in which contact sticks. "
+        "Contacts without friction, and with a state, count in no share.",
         leaves_out=NOT_BOUNDED,
     ),
     number(

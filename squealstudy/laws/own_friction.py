@@ -30,7 +30,7 @@ NOT_LINEAR = (
 )
 NOT_IN_TIME = (
     "in time a contact with a state sticks and slips by itself, rigidly, from no friction: "
-    "expected state 'stuck' and no 'tangential'"
+    "expected state 'stuck' (1) and no 'tangential' (0)"
 )
 
 
