@@ -211,7 +211,7 @@ def test_the_first_timed_point_is_timed_without_imports(tmp_path):
             return 0.5 if self.calls == 1 else 1e-3
 
     plan = plan_of(HULTEN)
-    assert _timed(Slow(), plan, plan.tasks[:3]) == [1e-3, 1e-3, 1e-3]
+    assert _timed(Slow(), plan, plan.tasks[:3]) == ([1e-3, 1e-3, 1e-3], "")
 
 
 DAMPED = "\n[parameters]\n{name} = 0.02\n"
