@@ -264,7 +264,9 @@ BAD_KEYS = [
     (MAP + "friction_spread = -1.0\n", "friction_spread': expected at least 0, got -1"),
     ("friction_factor = -0.8\n", "friction_factor': expected at least 0, got -0.8"),
     ('friction_factor = { file = "other.csv" }\n', "there is no file other.csv"),
-    ('friction_factor = { fil = "mu.csv" }\n', "{ std = 0.1, length = 20 }, got"),
+    ('friction_factor = { fil = "mu.csv" }\n', "{ std = 0.1, length = 20 }, got a table of fil"),
+    ('initial_gap = { fil = "film.csv" }\n', '{ file = "film.csv" }, got a table of fil'),
+    ('initial_gap = "none"\n', """{ file = "film.csv" }, got 'none'"""),
     ('friction_factor = "high"\n', """{ std = 0.1, length = 20 }, got 'high'"""),
     ("friction_factor = nan\n", "{ std = 0.1, length = 20 }, got nan"),
 ]

@@ -65,6 +65,29 @@ class FrictionTable(Table):
     )
 
 
+def _gap(written: object) -> object:
+    """As it is, with one sentence where it is none: pydantic has one for each of a union."""
+    of_file = isinstance(written, GapTable) or (
+        isinstance(written, dict)
+        and written.keys() == {"file"}
+        and isinstance(written["file"], str)
+    )
+    number = (
+        isinstance(written, float | int) and not isinstance(written, bool) and isfinite(written)
+    )
+    if of_file or number or written in ("zero", "geometric"):
+        return written
+    raise ValueError(
+        'expected "zero", "geometric", a number or { file = "film.csv" }, '
+        f"got {shown(written)}{_keys(written)}"
+    )
+
+
+def _keys(written: object) -> str:
+    """What a table has, which `shown` does not say."""
+    return f" of {', '.join(written) or 'nothing'}" if isinstance(written, dict) else ""
+
+
 def _number_or_file(written: object) -> object:
     """As it is, with one sentence where it is neither: pydantic has one for each of a union."""
     if isinstance(written, FrictionTable):
@@ -83,13 +106,14 @@ def _number_or_file(written: object) -> object:
     if isinstance(written, bool) or not isinstance(written, float | int) or not isfinite(written):
         raise ValueError(
             'expected a number, { file = "mu.csv" } or { std = 0.1, length = 20 }, '
-            f"got {shown(written)}"
+            f"got {shown(written)}{_keys(written)}"
         )
     if written < 0:
         raise ValueError(f"expected at least 0, got {written:g}")
     return written
 
 
+Gap = Annotated[Literal["zero", "geometric"] | float | GapTable, BeforeValidator(_gap)]
 Factor = Annotated[Annotated[float, Field(ge=0)] | FrictionTable, BeforeValidator(_number_or_file)]
 
 
@@ -103,7 +127,7 @@ class ContactTable(Table):
     quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
     points: int = Field(default=3, ge=1, le=32, description="contact points a side of a facet")
     search: float = Field(gt=0, description="greatest distance of the faces, to either side")
-    initial_gap: Literal["zero", "geometric"] | float | GapTable = Field(
+    initial_gap: Gap = Field(
         default="zero", description="at rest: none, that of the meshes, a number, or measured"
     )
     gap_scale: float | None = Field(
