@@ -106,7 +106,7 @@ def test_a_range_that_no_basis_serves_is_reduced_value_by_value(tmp_path, monkey
     assert prepared.basis_error == 0.0
     assert all(np.array_equal(a, b) for a, b in zip(V, own_V, strict=True))
     warnings = []
-    monkeypatch.setattr(plan.kind, "build", lambda plan, workers: {})
+    monkeypatch.setattr(plan.kind, "make_missing_models", lambda plan, workers: {})
     monkeypatch.setattr(plan.kind, "accurate", lambda plan, failures, workers: plan)
     plan.kind.make_models(plan, None, warnings.append)
     assert "no basis of 3 reductions serves lining.E3 from 1.51e+09 to 2.5e+09" in warnings[0]

@@ -44,10 +44,10 @@ STUDIES = {
 KINDS = "squealstudy.kinds"
 OF_POINTS = [  # stages without which a point has no row that is ok
     ("complex_modes", f"{KINDS}.complex_modes.problems", "solve_point"),
-    ("transient", f"{KINDS}.transient.worker", "steady_motion"),
+    ("transient", f"{KINDS}.transient.starts", "_started"),
     ("transient", f"{KINDS}.transient.worker", "integrate"),
     ("transient", f"{KINDS}.transient.worker", "_row"),
-    ("transient", f"{KINDS}.transient.worker", "_files"),
+    ("transient", f"{KINDS}.transient.worker", "_states"),
     ("limit_cycles", f"{KINDS}.limit_cycles.kind", "cycles_row"),
     ("sensitivity", f"{KINDS}.sensitivity.points", "design_sensitivities"),
 ]
@@ -95,8 +95,8 @@ def test_a_mistake_in_a_point_is_that_points_row(
     kind, module, name, undisturbed, tmp_path, monkeypatch
 ):
     true = undisturbed(kind).points
-    # the first call, and that in which the point is tried by itself
-    calls = {"_row": {1, 4}, "_files": {1, 4}, "steady_motion": {1, 2, 3}}.get(name, {0, 1})
+    # a call in the batch (of `_started` two come before it), and that of the point by itself
+    calls = {"_row": {1, 4}, "_started": {2, 3}}.get(name, {0, 1})
     made = with_mistake(monkeypatch, module, name, calls)
     run_study(plan_of(STUDIES[kind]), tmp_path / "out", 1)
     found = Results.open(tmp_path / "out")

@@ -27,6 +27,7 @@ from squealstudy.wording import IRREGULAR, LIMIT_CYCLE, STABLE, UNDECIDED
 NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
 JUDGED_ROWS = 40  # of a history whose modes are watched
 MIN_ENERGY_SHARE = 0.05  # share of the energy from which on a mode is in the motion
+MAX_RISING_SHARE = 0.3  # of the energy: choice; what rises with more is the motion that leads
 ENERGY_SHARE_ROUND_OFF = 1e-10  # of the energy: what is smaller may be round-off of contact forces
 RISE_LINES = 8  # the same, where a rise behind another motion is looked for
 RISE_PERIODS = 4.0  # of the mode in each of them, at least
@@ -151,7 +152,7 @@ def rises_until(run: Motion) -> float:
 def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scale: float) -> float:
     """When an amplitude that rises at a constant pace would have all the energy, s, or infinity.
 
-    What has a twentieth of the energy is part of the motion, whose level tells how it goes on.
+    What has a third of the energy is the motion itself, whose level tells how it goes on.
     """
     time, frequency = run.times[window], omega / (2 * np.pi)
     length = float(time[-1] - time[0])
@@ -159,7 +160,7 @@ def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scal
         return np.inf
     size = line_sizes(time, amplitude[window], frequency, RISE_LINES)
     share = scale * float(size[-1]) ** 2
-    if not ENERGY_SHARE_ROUND_OFF < share < MIN_ENERGY_SHARE:
+    if not ENERGY_SHARE_ROUND_OFF < share < MAX_RISING_SHARE:
         return np.inf
     rate, error = _growth(length / RISE_LINES, size)
     if rate <= GROWTH_SIGMAS * error or rate * length < MIN_LN_GROWTH:
