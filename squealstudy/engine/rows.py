@@ -53,7 +53,6 @@ def failed_row(
     return nothing | head(point_id, wall_s, status, message)
 
 
-@lru_cache(maxsize=16)
 def _missing_values(schema: pa.Schema) -> tuple[dict[str, Any], list[str]]:
     """What stands for a missing cell, by column, and the columns of lists."""
     lists = [field.name for field in schema if pa.types.is_list(field.type)]
