@@ -45,7 +45,7 @@ def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
     first, second = before.swept, after.swept
     nominal = {n: value_elsewhere(after, n) for n in first if n not in second}
     nominal |= {n: value_elsewhere(before, n) for n in second if n not in first}
-    pairs = join_points(before.points, after.points, first, second, nominal)
+    pairs = join_points(before.points, after.points, first, second, nominal, SIDES)
     status = [r.points["status"].to_numpy() for r in both]
     solved = [(i, k) for i, k in pairs if status[0][i] == status[1][k] == "ok"]
     if not solved:
@@ -118,11 +118,16 @@ def _changes(before: ResultTables, after: ResultTables) -> list[str]:
 
 
 def _settings(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> list[tuple[Any, Any]]:
-    """Keys of a TOML table with their values, of tables within it those of theirs."""
+    """Keys of a TOML table with their values, of tables within it those of theirs.
+
+    What a parameter follows is one setting, `{table = ..}`.
+    """
     settings: list[tuple[Any, Any]] = []
     for name, setting in table.items():
-        here = (*path, name)
-        settings += _settings(setting, here) if isinstance(setting, dict) else [(here, setting)]
+        key = (*path, name)
+        is_followed = key[0] == PARAMETERS and isinstance(setting, dict) and "table" in setting
+        of_keys = isinstance(setting, dict) and not is_followed
+        settings += _settings(setting, key) if of_keys else [(key, setting)]
     return settings
 
 

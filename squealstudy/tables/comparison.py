@@ -137,10 +137,11 @@ def join_points(
     freq_parameters: Sequence[str],
     time_parameters: Sequence[str],
     nominal: Mapping[str, float],
+    names: tuple[str, str] = ("frequency study", "time study"),
 ) -> list[tuple[int, int]]:
     """Rows of both points tables that are one design, in the order of the time study.
 
-    Arguments are those of `compare`; ResultsError where there is none.
+    Arguments are those of `compare`, and what messages call both; ResultsError where there is none.
     """
     at_nominal = {n: nominal[n] for n in time_parameters if n not in freq_parameters}
     pairs = []
@@ -150,8 +151,8 @@ def join_points(
         pairs += [(int(f), int(t)) for f in _rows_at(freq_points, values)[:1]]
     if not pairs:
         raise ResultsError(
-            "the two studies have no design point in common; frequency study: "
-            f"{_values(freq_points, freq_parameters)}; time study: "
+            f"the two studies have no design point in common; {names[0]}: "
+            f"{_values(freq_points, freq_parameters)}; {names[1]}: "
             f"{_values(time_points, time_parameters)}"
             + _nominal_text(freq_parameters, time_parameters, nominal)
         )

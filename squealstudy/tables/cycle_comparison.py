@@ -56,7 +56,9 @@ def compare_cycles(
         (cycles["same_as"] == "").to_numpy(bool) & cycles["stable"].fillna(False)
     ]
     rows = []
-    for k, t in join_points(points, time_points, parameters, time_parameters, nominal):
+    for k, t in join_points(
+        points, time_points, parameters, time_parameters, nominal, ("limit cycles", "time study")
+    ):
         design, run = points.iloc[k], time_points.iloc[t]
         stable = distinct_cycles[(distinct_cycles["point_id"] == design["point_id"]).to_numpy()]
         values = {n: float((run if n in time_parameters else design)[n]) for n in names}

@@ -187,3 +187,18 @@ def test_tracks_that_are_one_mode_are_one_row():
     row = own.table.iloc[0]
     assert (row["onset"], row["growth_rate"], row["unstable_points"]) == (0.12, 90.0, 3)
     assert (row["onset_error"], row["growth_rate_error"]) == (1e-4, 0.1)
+
+
+def test_a_parameter_that_follows_another_is_one_change(nominal, tmp_path):
+    table = "[parameters.damping_ratio.table]\nnormal_force = [50.0, 200.0]\nvalue = [0.01, 0.02]\n"
+    follows = hulten(tmp_path, "follows", table)
+    assert nominal.compare(follows).attrs["changes"] == ["parameters.damping_ratio 0 -> a table"]
+    assert follows.compare(nominal).attrs["changes"] == ["parameters.damping_ratio a table -> 0"]
+
+
+def test_points_that_are_not_in_common_are_told_by_their_side(nominal, tmp_path):
+    beyond = hulten(tmp_path, "beyond", start=0.7, stop=0.9, num=2)
+    with pytest.raises(
+        ResultsError, match=r"before: friction = 0.1, .*; after: friction = 0.7, 0.9"
+    ):
+        nominal.compare(beyond)
