@@ -61,7 +61,7 @@ def inspect(
         return
     from squealstudy import face_model, screen
     from squealstudy.errors import ModelError
-    from squealstudy.study.lumped import is_lumped
+    from squealstudy.study.model_files import is_lumped
 
     if not model.exists() and str(model) in face_model.list_models():
         raise ModelError(

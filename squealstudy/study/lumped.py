@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,7 +17,12 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.lumped.build import LargestFriction, LumpedBuild
 from squealstudy.models.lumped.checks import check_tables, check_used, texts_of
 from squealstudy.models.lumped.contact_friction import has_own_numbers, law_keys
-from squealstudy.models.lumped.definition import DESCRIPTION, NAME, LumpedDefinition
+from squealstudy.models.lumped.definition import (
+    DESCRIPTION,
+    NAME,
+    TABLES_OF_FILE,
+    LumpedDefinition,
+)
 from squealstudy.models.lumped.held import check_held, check_pressed
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrices import MatrixSpace
@@ -53,7 +57,6 @@ from squealstudy.wording import did_you_mean
 
 LINEAR = "bilateral"  # contact law by default: it opens never, as springs do
 ANGLES = ("deg", "°")  # units of parameters that are not of SI
-FILE_TABLES = {"mass": LumpedFile, "term": MatrixFile}  # tables that a file has one of
 POSITIVE = ("mass", "inertia", "area", "speed_factor", "radius")  # keys above zero
 NOT_NEGATIVE = (
     "stiffness",
@@ -65,15 +68,6 @@ NOT_NEGATIVE = (
 )  # of springs and dampers; of contact above zero
 
 
-def is_lumped(path: Path) -> bool:
-    """Whether a file has [[mass]] or [[term]]; one that cannot be read has none."""
-    try:
-        tables = tomllib.loads(path.read_text("utf-8-sig"))
-    except (OSError, ValueError, RecursionError):
-        return False
-    return bool(tables.keys() & FILE_TABLES.keys()) and "components" not in tables
-
-
 def read_lumped(path: Path) -> LumpedDefinition:
     """The model of a file with [[mass]] or [[term]]; StudyFileError about what is wrong."""
     return lumped_of(SourceText.read(path))
@@ -81,7 +75,7 @@ def read_lumped(path: Path) -> LumpedDefinition:
 
 def lumped_of(source: SourceText) -> LumpedDefinition:
     """As `read_lumped`, of a text that has been read."""
-    if all(name in source.tables for name in FILE_TABLES):
+    if all(name in source.tables for name in TABLES_OF_FILE):
         text = "expected either [[mass]] or [[term]], whose matrices hold all masses: not both"
         raise source.error(("term",), text)
     file: AnyFile

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,14 +11,23 @@ from squealstudy.errors import StudyFileError
 from squealstudy.models.components.definition import NAME as OF_MESHES
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.lumped.definition import NAME as LUMPED
-from squealstudy.study.lumped import is_lumped, read_lumped
+from squealstudy.models.lumped.definition import TABLES_OF_FILE
 from squealstudy.study.source import SourceText
 
 if TYPE_CHECKING:
     from squealstudy.study.added_parts import AddedPart
     from squealstudy.study.sections import StudyDefinition
 
-TABLES = "[[mass]] or [[term]]"  # of a lumped model's file
+TABLES = " or ".join(f"[[{name}]]" for name in TABLES_OF_FILE)  # of a lumped model's file
+
+
+def is_lumped(path: Path) -> bool:
+    """Whether a file has [[mass]] or [[term]]; one that cannot be read has none."""
+    try:
+        tables = tomllib.loads(path.read_text("utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return not tables.keys().isdisjoint(TABLES_OF_FILE) and "components" not in tables
 
 
 def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefinition:
@@ -46,6 +56,8 @@ def read_model_file(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefiniti
     if is_lumped(path):
         if parts:
             raise parts[0].error("a lumped model has no sets to add to")
+        from squealstudy.study.lumped import read_lumped  # its tables take a while to import
+
         return read_lumped(path)
     from squealstudy.study.components import read_model  # imports scikit-fem
 

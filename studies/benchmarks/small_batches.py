@@ -1,7 +1,7 @@
 """What small models cost in batches, in studies and in the library.
 
     python studies/benchmarks/small_batches.py [--samples 128 16384] [--points 100001]
-        [--sensitivities 10000] [--cycles 200] [--runs 10000]
+        [--sensitivities 10000] [--cycles 200] [--runs 10000] [--then COMMIT]
 
 Studies are run by the command in a process of its own, without pictures, from an empty cache. For
 each number of Sobol samples complex modes over the scatter of friction and of two parameters of the
@@ -10,6 +10,9 @@ sensitivities of Hoffmann's model, limit cycles of Hulten's with a contact that 
 mass on a belt. Processor seconds, those beyond a study of two points of the same sort, the same a
 point, peak memory, and files in the cache afterwards; kernels are compiled before. Last modes of a
 batch of frictions by the library, without a study.
+
+With `--then` each study is solved by an earlier state of the project, too, right before: a commit,
+of which a git worktree is made and removed, or its folder. Its seconds, and the ratio, follow.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import one_thread  # noqa: F401
@@ -27,6 +31,7 @@ import one_thread  # noqa: F401
 # isort: split
 
 import numpy as np
+from other_state import ROOT, tree_of
 
 import squealstudy as sq
 
@@ -103,10 +108,10 @@ def line(kind: str, points: int) -> str:
     return head + sweep + SECTIONS.get(kind, "")
 
 
-def run(folder: Path, text: str) -> tuple[float, float, int, int]:
+def run(folder: Path, text: str, tree: Path = ROOT) -> tuple[float, float, int, int]:
     """Processor seconds, peak memory [MB], points, and files in the cache of a study.
 
-    Compiled kernels are kept beside its folder.
+    Solved by the code in `tree`, whose compiled kernels are kept beside the study's folder.
     """
     import pandas as pd
 
@@ -115,7 +120,7 @@ def run(folder: Path, text: str) -> tuple[float, float, int, int]:
     path.write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "squealstudy", "run", str(path), "-o", str(folder / "out")]
     kernels = {"NUMBA_CACHE_DIR": str(folder.parent / "kernels")}
-    environment = kernels | os.environ | {"SQUEALSTUDY_CACHE": str(cache)}
+    environment = kernels | os.environ | {"SQUEALSTUDY_CACHE": str(cache), "PYTHONPATH": str(tree)}
     process = subprocess.Popen(
         [*command, "--no-pictures", "--yes"],
         stdout=subprocess.DEVNULL,
@@ -131,31 +136,42 @@ def run(folder: Path, text: str) -> tuple[float, float, int, int]:
     return seconds, usage.ru_maxrss / 1024, points, files
 
 
-def rows(name: str, texts: list[str]) -> None:
-    """Print a row a study; what the others take beyond the first."""
-    least = None
+def rows(name: str, texts: list[str], then: Path | None) -> None:
+    """Print a row a study: what others take beyond the first, and took by the code in `then`."""
+    trees = [ROOT] if then is None else [then, ROOT]
     with tempfile.TemporaryDirectory() as folder:
-        run(Path(folder) / "first", texts[0])  # compiles what is not there
-        runs = [run(Path(folder) / str(k), text) for k, text in enumerate(texts)]
-    for seconds, memory, points, files in runs:
-        least = seconds if least is None else least
-        beyond = seconds - least
-        each = f"{1e6 * beyond / points:.0f}" if points > 2 else ""
-        row = f"| {name} | {points:,} | {seconds:.2f} | {beyond:.2f} | {each} "
-        print(f"{row}| {memory:.0f} | {files} |", flush=True)
+        for tree in trees:
+            run(Path(folder) / f"compiling_{trees.index(tree)}", texts[0], tree)
+        seconds_of_two: list[float] = []
+        for k, text in enumerate(texts):
+            runs = [run(Path(folder) / f"{k}_{i}", text, tree) for i, tree in enumerate(trees)]
+            seconds_of_two = seconds_of_two or [spent[0] for spent in runs]
+            beyond = [spent[0] - two for spent, two in zip(runs, seconds_of_two, strict=True)]
+            seconds, memory, points, files = runs[-1]
+            each = f"{1e6 * beyond[-1] / points:.0f}" if points > 2 else ""
+            row = f"| {name} | {points:,} | {seconds:.2f} | {beyond[-1]:.2f} | {each} "
+            if then is None:
+                earlier = ""
+            elif points > 2:
+                earlier = f" {beyond[0]:.2f} | {beyond[-1] / beyond[0]:.3f} |"
+            else:
+                earlier = f" {runs[0][0]:.2f} in all | {seconds / runs[0][0]:.3f} |"
+            print(f"{row}| {memory:.0f} | {files} |{earlier}", flush=True)
 
 
-def studies(asked: argparse.Namespace) -> None:
+def studies(asked: argparse.Namespace, then: Path | None) -> None:
     """Print the table of studies."""
-    print("| study | points | CPU-s | beyond two points | us a point | MB | files in the cache |")
-    print("|---|---|---|---|---|---|---|")
+    earlier = "" if then is None else " then beyond | ratio |"
+    heads = "study | points | CPU-s | beyond two points | us a point | MB | files in the cache"
+    print(f"| {heads} |{earlier}")
+    print("|---" * (7 if then is None else 9) + "|")
     for model in MODELS if asked.samples else ():
         texts = [scatter(model, samples) for samples in (0, *asked.samples)]
-        rows(f"complex modes of {model}", texts)
+        rows(f"complex modes of {model}", texts, then)
     counts = (asked.sensitivities, asked.cycles, asked.runs)
     for kind, count in zip(LINES, counts, strict=True):
         if count:
-            rows(f"{kind} of {LINES[kind][0]}", [line(kind, n) for n in (0, count)])
+            rows(f"{kind} of {LINES[kind][0]}", [line(kind, n) for n in (0, count)], then)
 
 
 def main() -> None:
@@ -166,8 +182,10 @@ def main() -> None:
     parser.add_argument("--sensitivities", type=int, default=10_000)
     parser.add_argument("--cycles", type=int, default=200)
     parser.add_argument("--runs", type=int, default=10_000)
+    parser.add_argument("--then", metavar="COMMIT")
     asked = parser.parse_args()
-    studies(asked)
+    with nullcontext() if asked.then is None else tree_of(asked.then) as then:
+        studies(asked, then)
     model = sq.model("hulten")
     model.at(friction=np.linspace(0.0, 1.0, 3)).modes()  # imports
     started = time.process_time()

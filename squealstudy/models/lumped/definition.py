@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from squealstudy.models.components.definition import FileDefinition
 
 NAME = "lumped"
+TABLES_OF_FILE = ("mass", "term")  # a lumped model's file has one of them
 DESCRIPTION = (
     "point masses, or own matrices, with springs, dampers and contact points: a model file with "
     "[[mass]] or [[term]]"
