@@ -34,7 +34,6 @@ from squealstudy.laws import CONTACT_LAWS, FRICTION_CURVES
 from squealstudy.laws.registry import LawDefinition
 from squealstudy.machine.resources import available_memory_mb
 from squealstudy.models.components.definition import FileDefinition
-from squealstudy.models.lumped.definition import LumpedDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
 from squealstudy.models.operating import (
     CONTACT_OPTION,
@@ -317,7 +316,7 @@ def _plain(law: LawDefinition, study: ResolvedStudy, constant: Collection[str]) 
     names = [parameter.name for parameter in law.parameters]
     if law.plain is None or any(name not in constant for name in names):
         return ""
-    if isinstance(study.model, LumpedDefinition) and study.model.own_of_law.intersection(names):
+    if isinstance(study.model, FileDefinition) and study.model.own_of_law.intersection(names):
         return ""
     text = law.plain(*(study.values[name] for name in names))
     return f" ({text})" if text else ""

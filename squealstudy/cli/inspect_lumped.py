@@ -9,12 +9,13 @@ import numpy as np
 import scipy.linalg
 from rich.console import RenderableType
 
+from squealstudy.laws.own_friction import STATES
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.lumped.build import LumpedBuild
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrix_tables import ContactOn, DamperOn, LoadOn, Motion, SpringOn
-from squealstudy.models.lumped.number_types import STATES, Direction, Number
+from squealstudy.models.lumped.number_types import Direction, Number
 from squealstudy.models.lumped.parts import PER_AREA
 from squealstudy.models.lumped.tables import (
     TRANSLATIONS,

@@ -21,12 +21,14 @@ from squealstudy.laws.registry import at_points
 
 NO_OWN_FRICTION = np.zeros((0, 0))
 STATE, COEFFICIENT = 0, 1  # columns; those of the curve's parameters follow
-# states: as in time and as it slides; stuck without a stiffness, and with one among the springs
+# a contact's state in files, and as a parameter: sliding along its direction, or stuck
+STATES = {"sliding": 0.0, "stuck": 1.0}
+# states of points: as in time and as it slides; stuck without a stiffness, with one among springs
 SLIDING, STUCK, STUCK_BY_SPRING = 0.0, 1.0, 2.0
 
 NOT_LINEAR = (
-    "a contact that is stuck has no tangential stiffness in complex modes: expected 'tangential', "
-    "in N/m, above 0"
+    "a contact that is stuck has no tangential stiffness in complex modes: expected 'tangential' "
+    "above 0"
 )
 NOT_IN_TIME = (
     "in time a contact with a state sticks and slips by itself, rigidly, from no friction: "
@@ -39,10 +41,23 @@ def has_own(own: np.ndarray) -> bool:
     return own.shape[-1] > 0
 
 
+def coefficients_alone(own: np.ndarray) -> np.ndarray:
+    """The columns of states and coefficients, without numbers of a friction curve."""
+    return own[..., : COEFFICIENT + 1]
+
+
 def is_unmoved(own: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
     """Whether no sliding is imposed on points (.., nc)."""
     unmoved: np.ndarray = (speed_factor == 0.0) & has_own(own)
     return unmoved
+
+
+def sticks_in_time(own: np.ndarray) -> np.ndarray:
+    """Whether points (.., nc) stick and slip by themselves: stuck without a stiffness."""
+    if not has_own(own):
+        return np.zeros(own.shape[:-1], dtype=bool)
+    stuck: np.ndarray = own[..., STATE] == STUCK
+    return stuck
 
 
 def is_linear(own: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from squealstudy.linalg.factor import RefinedFactor, factorise, side_by_side
 from squealstudy.linalg.real_modes import real_modes, shifted
 from squealstudy.models.matrix_checks import is_skew
 from squealstudy.models.operating import ModeKey
+from squealstudy.reduction.enrichment import load_responses, sticking_modes
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.projected import AnyAssembly, AnyComponent
 from squealstudy.reduction.working_point import WorkingPoint
@@ -287,11 +288,13 @@ def reduce_cmt(
     factor = factorise(shifted(assembly.M, K, cutoff), definite=True)
     omega, phi = real_modes(assembly.M, K, cutoff, factor)
     loaded = phi[:, omega <= 2 * np.pi * settings.load_cutoff]
-    extra = _load_responses(assembly, factor.lean(), nominal, others, loaded)
+    sticking = sticking_modes(assembly, K, nominal.tangent, cutoff)
+    extra = load_responses(assembly, factor.lean(), nominal, others, loaded)
 
     def complete(component: AnyComponent) -> tuple[np.ndarray, np.ndarray]:
         span = assembly.slices[component.name]
-        shapes = [(phi[span], MODE_TOLERANCE), (extra[span], settings.tolerance)]
+        shapes = [(phi[span], MODE_TOLERANCE), (sticking[span], MODE_TOLERANCE)]
+        shapes.append((extra[span], settings.tolerance))
         return complete_basis(component.M, component.K, modes[component.name].phi, shapes)
 
     components: Sequence[AnyComponent] = assembly.components
@@ -299,39 +302,6 @@ def reduce_cmt(
         blocks, diagonals = zip(*pool.map(complete, components), strict=True)
     basis = ComponentBasis(blocks=blocks, omega=omega, phi=phi, factor=factor)
     return project(assembly, basis, diagonals, modes), basis
-
-
-def _load_responses(
-    assembly: AnyAssembly,
-    solve: Callable[[np.ndarray], np.ndarray],
-    nominal: WorkingPoint,
-    others: Sequence[WorkingPoint],
-    phi: np.ndarray,
-) -> np.ndarray:
-    """Responses to the friction, friction-damping and contact-change loads of the modes `phi`.
-
-    Without the first two the basis has an error floor for complex modes (THEORY.md eq. (26));
-    the contact-change loads serve design points at other pressures than the nominal one.
-    """
-    if not phi.shape[1]:
-        return np.zeros((assembly.n_dof, 0))
-    c = assembly.contact
-    k_n = c.area * nominal.tangent
-    drag = c.area * c.frictional * nominal.contact_pressure
-    drag = drag / np.where(c.speed_factor == 0.0, 1.0, c.speed_factor)
-    normal = c.N @ phi
-    loads = [
-        c.T_perp.T @ (drag[:, None] * (c.T_perp @ phi)),
-        c.T.T @ ((c.frictional * k_n)[:, None] * normal),
-        *(c.N.T @ ((c.area * w.tangent - k_n)[:, None] * normal) for w in others),
-    ]
-    return np.hstack([_match_size(solve(load), phi) for load in loads])
-
-
-def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Scale load responses as a block to the size of the modes; zero columns are dropped."""
-    size = np.linalg.norm(X)
-    return X * (np.linalg.norm(phi) / size) if size > 0 else X[:, :0]
 
 
 def project(

@@ -6,13 +6,14 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from squealstudy.errors import ConvergenceError, ModelError, StudyFileError
-from squealstudy.laws import ContactLaw
+from squealstudy.laws import ContactLaw, FrictionCurve, FrictionCurveDefinition
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import (
     Body,
@@ -20,6 +21,7 @@ from squealstudy.models.components.bodies import (
     placement,
     read_files,
 )
+from squealstudy.models.components.contact_friction import check_friction
 from squealstudy.models.components.definition import DESCRIPTION, NAME, FileDefinition
 from squealstudy.models.components.dimensions import UNITS
 from squealstudy.models.components.file_names import check_names
@@ -38,6 +40,8 @@ from squealstudy.models.operating import (
     PRESSURE,
     OperatingPoint,
 )
+from squealstudy.models.own_law import LAW_PREFIX, law_first, parameters_of
+from squealstudy.models.parameter import ModelOption
 from squealstudy.parameter import Parameter
 from squealstudy.study.added_parts import AddedPart, with_parts
 from squealstudy.study.file_parameters import file_parameters, file_places
@@ -83,12 +87,21 @@ def read_model(
     declared = file_parameters(file, source, places)
     stressed, laws = stressed_point(file), law_defaults(declared)
     defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
+    try:
+        curve = check_friction(file, {keys for where in places.values() for keys in where})
+    except PlacedError as error:
+        raise placed(error, source) from error
     build = _Build(source, brake, digests, places, stressed, defaults, laws, added)
     largest = largest_friction(file, places, build.factors_over)
     return FileDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
-        options=(CONTACT_OPTION, FRICTION_OPTION),
+        options=(
+            CONTACT_OPTION,
+            ModelOption(
+                FRICTION_OPTION.name, partial(law_first, curve.name), FRICTION_OPTION.description
+            ),
+        ),
         declared=declared,
         components=tuple(file.components),
         build=build,
@@ -97,7 +110,8 @@ def read_model(
             *stress_assumptions(build.stressed),
         ),
         torque_unit="N m",
-        idle=_idle(file),
+        idle=_idle(file, curve),
+        own_of_law=frozenset(f"{LAW_PREFIX}{k}" for t in file.contact for k in t.friction_law),
         in_place=_InPlace(tuple(n for n, keys in places.items() if ROTOR_ANGLE in keys)),
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
@@ -105,12 +119,17 @@ def read_model(
     )
 
 
-def _idle(file: ModelFile) -> dict[str, str]:
+def _idle(file: ModelFile, law: FrictionCurveDefinition) -> dict[str, str]:
     """Parameters of the operating point that no contact follows, and why."""
     sliding = [table for table in file.contact if table.kind == "sliding"]
-    if not sliding or any(table.friction is None for table in sliding):
+    if not sliding:
         return {}
-    return {FRICTION.name: "every sliding contact has its own"}
+    why = "every sliding contact has its own"
+    idle = {} if any(table.friction is None for table in sliding) else {FRICTION.name: why}
+    for key, parameter in parameters_of(law).items():
+        if all(key in table.friction_law for table in sliding):
+            idle[parameter.name] = why
+    return idle
 
 
 @dataclass(frozen=True)
@@ -280,7 +299,8 @@ class _Build:
         in_file = self.given(values)
         law = ContactLaw.from_values(str(options[CONTACT_OPTION.name]), values)
         with self.told(values):
-            assembly = build_assembly(self.brake, law, in_file)
+            curve = FrictionCurve.from_values(str(options[FRICTION_OPTION.name]), values)
+            assembly = build_assembly(self.brake, law, in_file, curve)
         with self.told(values), self._slides(values, "wear", "that wears the faces"):
             assembly = with_worn_gaps(assembly, self.brake.file, self._law(options), in_file)
         if self.stressed is None:

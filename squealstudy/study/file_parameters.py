@@ -27,6 +27,7 @@ from squealstudy.models.operating import (
     contact_parameters,
     friction_parameters,
 )
+from squealstudy.models.own_law import OF_CONTACT, law_parameter_named
 from squealstudy.models.parameter import Declared
 from squealstudy.models.units import Unit, in_unit_of
 from squealstudy.parameter import Parameter
@@ -149,6 +150,10 @@ def _parameter(
     kind = kind_of(places[0])
     what = table.description or " and ".join(table.paths)
     ratio = kind == "nu" and not isinstance(places[0][-1], int)
+    if OF_CONTACT in places[0]:
+        of_law = law_parameter_named(kind)
+        parameter = replace(of_law, name=name, default=default, description=what, structural=True)
+        return _checked(parameter, source, keys)
     parameter = Parameter(
         name,
         default,
@@ -158,10 +163,16 @@ def _parameter(
         minimum=0.0 if kind in NOT_NEGATIVE else -float("inf"),
         above=-1.0 if ratio else -float("inf"),
         below=0.5 if ratio else float("inf"),
+        maximum=1.0 if kind == "state" else float("inf"),
         structural=True,
     )
+    return _checked(parameter, source, keys)
+
+
+def _checked(parameter: Parameter, source: SourceText, keys: KeyPath) -> Parameter:
+    """The parameter; StudyFileError where its default is beyond its bounds."""
     try:
-        parameter.check(default)
+        parameter.check(parameter.default)
     except Exception as error:
         raise source.error((*keys, "default"), getattr(error, "message", str(error))) from None
     return parameter

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from squealstudy.models.components.contact_friction import has_own
 from squealstudy.models.components.file_tables import FrictionTable
-from squealstudy.models.components.model_file import ModelFile
+from squealstudy.models.components.model_file import ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
-from squealstudy.models.operating import FRICTION_RANGE
+from squealstudy.models.operating import FRICTION, FRICTION_RANGE, friction_parameters
+from squealstudy.models.own_law import LAW_PREFIX, OF_CONTACT
 
 NumberOrParameter = float | str
 FactorsOver = Callable[[int, int], tuple[float, float]]
@@ -47,34 +49,62 @@ class OverFace:
 
 
 @dataclass(frozen=True)
+class OwnFriction:
+    """A contact with friction or numbers of a friction law of its own.
+
+    Attributes
+    ----------
+    coefficient : float, str or None
+        Its `friction`, or the parameter that it is; None for the study's.
+    factor : float, str or OverFace
+        Its `friction_factor`.
+    law : mapping of parameter -> float or str
+        Its values of parameters of the friction law.
+    """
+
+    coefficient: NumberOrParameter | None
+    factor: NumberOrParameter | OverFace
+    law: Mapping[str, NumberOrParameter]
+
+    def at(self, values: Mapping[str, Any]) -> Any:
+        """Its static friction at values of all parameters, numbers or arrays (m,)."""
+        of_study = self.coefficient is None
+        friction = values[FRICTION.name] if of_study else _of_parameter(self.coefficient, values)
+        law = {name: _of_parameter(number, values) for name, number in self.law.items()}
+        mu = friction * _factor(self.factor, values)
+        return FRICTION_RANGE.group({**values, **law, FRICTION.name: mu})
+
+
+@dataclass(frozen=True)
 class LargestFriction:
-    """Static friction of the sliding contact point with most of it: the group of `FRICTION_RANGE`.
+    """Static friction of the contact point with most of it: the group of `FRICTION_RANGE`.
 
     Attributes
     ----------
     factors : tuple of float, str or OverFace
-        `friction_factor` of each contact, or the parameter that it is.
-    own : tuple of float or str
-        `friction` of each contact that has its own.
+        `friction_factor` of each sliding contact with the study's friction, or the parameter that
+        it is.
+    own : tuple of OwnFriction
+        The other contacts with friction.
     """
 
     factors: tuple[NumberOrParameter | OverFace, ...]
-    own: tuple[NumberOrParameter, ...] = ()
+    own: tuple[OwnFriction, ...] = ()
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
         """At values of all parameters, numbers or arrays (m,)."""
-        factors = [
-            f.at(values) if isinstance(f, OverFace) else _of_parameter(f, values)
-            for f in self.factors
-        ]
+        factors = [_factor(factor, values) for factor in self.factors]
         largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
         groups = [FRICTION_RANGE.group(values) * largest] if self.factors or not self.own else []
-        coefficients = [_of_parameter(number, values) for number in self.own]
-        groups += [FRICTION_RANGE.group({**values, "friction": mu}) for mu in coefficients]
+        groups += [contact.at(values) for contact in self.own]
         return np.maximum.reduce(np.broadcast_arrays(*groups))
 
 
-def _of_parameter(number: NumberOrParameter, values: Mapping[str, Any]) -> Any:
+def _factor(factor: NumberOrParameter | OverFace, values: Mapping[str, Any]) -> Any:
+    return factor.at(values) if isinstance(factor, OverFace) else _of_parameter(factor, values)
+
+
+def _of_parameter(number: NumberOrParameter | None, values: Mapping[str, Any]) -> Any:
     return values[number] if isinstance(number, str) else number
 
 
@@ -83,22 +113,32 @@ def largest_friction(
 ) -> LargestFriction:
     """Of a model file whose parameters stand at `places`."""
     parameter_at = {keys: name for name, of_name in places.items() for keys in of_name}
+    numbers = Numbers(file, {})
 
-    def number_at(i: int, key: str) -> NumberOrParameter:
-        written = file.at(("contact", i, key))
-        return parameter_at.get(("contact", i, key), 1.0 if written is None else written)
+    def number_at(*keys: str | int) -> NumberOrParameter:
+        written = file.at(keys)
+        return parameter_at.get(keys, 1.0 if written is None else numbers.at(*keys))
 
+    def factor_of(i: int) -> NumberOrParameter | OverFace:
+        if not isinstance(file.contact[i].friction_factor, FrictionTable):
+            return number_at("contact", i, "friction_factor")
+        spread, seed = (number_at("contact", i, f"friction_{key}") for key in ("spread", "seed"))
+        return OverFace(i, spread, seed, factors_over)
+
+    def own_of(i: int) -> OwnFriction:
+        table = file.contact[i]
+        coefficient = None if table.friction is None else number_at("contact", i, "friction")
+        law: dict[str, NumberOrParameter] = {
+            f"{LAW_PREFIX}{key}": number_at("contact", i, OF_CONTACT, key)
+            for key in table.friction_law
+        }
+        if table.state is not None:  # it has its coefficient at all speeds
+            of_laws = (p for p in friction_parameters() if p.name.startswith(LAW_PREFIX))
+            law = {p.name: p.default for p in of_laws}
+        return OwnFriction(coefficient, factor_of(i), law)
+
+    with_own = [i for i, table in enumerate(file.contact) if has_own(table)]
+    sliding = [i for i, table in enumerate(file.contact) if table.kind == "sliding"]
     return LargestFriction(
-        tuple(
-            OverFace(
-                i, number_at(i, "friction_spread"), number_at(i, "friction_seed"), factors_over
-            )
-            if isinstance(table.friction_factor, FrictionTable)
-            else number_at(i, "friction_factor")
-            for i, table in enumerate(file.contact)
-            if table.kind == "sliding" and table.friction is None
-        ),
-        tuple(
-            number_at(i, "friction") for i, t in enumerate(file.contact) if t.friction is not None
-        ),
+        tuple(factor_of(i) for i in sliding if i not in with_own), tuple(map(own_of, with_own))
     )

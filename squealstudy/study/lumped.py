@@ -7,16 +7,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
 from pathlib import Path
 
 from squealstudy.errors import ParameterError
-from squealstudy.laws import FRICTION_CURVES
 from squealstudy.laws.friction_law import FrictionCurveDefinition
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.lumped.build import LargestFriction, LumpedBuild
 from squealstudy.models.lumped.checks import check_tables, check_used, texts_of
-from squealstudy.models.lumped.contact_friction import has_own_numbers, law_keys
+from squealstudy.models.lumped.contact_friction import has_own_numbers
 from squealstudy.models.lumped.definition import (
     DESCRIPTION,
     NAME,
@@ -30,7 +28,7 @@ from squealstudy.models.lumped.matrix_tables import AnyFile, MatrixFile
 from squealstudy.models.lumped.number_types import Number
 from squealstudy.models.lumped.numbers import expression
 from squealstudy.models.lumped.parts import parts_of
-from squealstudy.models.lumped.tables import LAW_PREFIX, ContactNumbers, LumpedFile, ParameterTable
+from squealstudy.models.lumped.tables import ContactNumbers, LumpedFile, ParameterTable
 from squealstudy.models.lumped.term_matrices import read_terms
 from squealstudy.models.matrices.expression import RESERVED
 from squealstudy.models.operating import (
@@ -45,9 +43,9 @@ from squealstudy.models.operating import (
     STIFFNESS_DAMPING,
     contact_laws,
     contact_parameters,
-    friction_laws,
     friction_parameters,
 )
+from squealstudy.models.own_law import LAW_PREFIX, law_first, law_of_contacts
 from squealstudy.models.parameter import Declared, ModelOption
 from squealstudy.models.units import Unit, in_unit_of
 from squealstudy.parameter import Parameter
@@ -98,7 +96,9 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
             if isinstance(file, LumpedFile)
             else MatrixSpace(file, read_terms(file, folder))
         )
-        law = _fitting_law(file)
+        contacts = tuple(enumerate(file.contact))
+        numbers = [(i, key) for i, table in contacts for key in table.friction_law]
+        law = law_of_contacts([file.name_of("contact", i) for i, _ in contacts], numbers)
         parts = parts_of(space, defaults, law)
         check_held(space, parts)
         if isinstance(space, MatrixSpace):
@@ -116,7 +116,7 @@ def lumped_of(source: SourceText) -> LumpedDefinition:
         options=(
             ModelOption(CONTACT_OPTION.name, _linear_first, CONTACT_OPTION.description),
             ModelOption(
-                FRICTION_OPTION.name, partial(_law_first, law.name), FRICTION_OPTION.description
+                FRICTION_OPTION.name, partial(law_first, law.name), FRICTION_OPTION.description
             ),
         ),
         declared=declared,
@@ -162,26 +162,6 @@ def _own_static(table: ContactNumbers) -> tuple[Number, dict[str, Number]]:
         law = {p.name: p.default for p in friction_parameters() if p.name.startswith(LAW_PREFIX)}
     factor = table.friction_factor
     return (f"friction * ({factor})" if coefficient is None else coefficient), law
-
-
-def _fitting_law(file: AnyFile) -> FrictionCurveDefinition:
-    """The first friction law that has what contacts have own values of: the model's own choice."""
-    numbers = [(i, key) for i, table in enumerate(file.contact) for key in table.friction_law]
-    for name in friction_laws():
-        names = {p.name for p in FRICTION_CURVES[name].parameters}
-        if all(f"{LAW_PREFIX}{key}" in names for _, key in numbers):
-            return FRICTION_CURVES[name]
-    laws = law_keys()
-    pairs = combinations(numbers, 2)
-    unlike = (pair for pair in pairs if not set(laws[pair[0][1]]) & set(laws[pair[1][1]]))
-    (i, first), (j, other) = next(unlike, (numbers[0], numbers[-1]))
-    text = f"expected numbers of one friction law: '{first}' of {file.name_of('contact', i)} is of "
-    text += f"{' or '.join(laws[first])}, and '{other}' of {' or '.join(laws[other])}"
-    raise PlacedError(("contact", j, "friction_law", other), text)
-
-
-def _law_first(name: str) -> tuple[str, ...]:
-    return name, *(law for law in friction_laws() if law != name)
 
 
 def _linear_first() -> tuple[str, ...]:

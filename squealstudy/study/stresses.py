@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.laws import ContactLaw, contact_law
+from squealstudy.laws.own_friction import coefficients_alone
 from squealstudy.models.assembly import Assembly
 from squealstudy.models.components.bodies import Brake, changed_mesh, own_numbers
 from squealstudy.models.components.dimensions import STRESS
@@ -81,7 +82,7 @@ def with_stresses(
         }
         if len(_stored_stresses) >= ASSEMBLY_CACHE_SIZE:
             _stored_stresses.pop(next(iter(_stored_stresses)))
-        _stored_stresses[key] = stress_stiffness_of(assembly, operating, meshes)
+        _stored_stresses[key] = stress_stiffness_of(_without_laws(assembly), operating, meshes)
     return replace(assembly, springs=(*assembly.springs, _stored_stresses[key]))
 
 
@@ -112,8 +113,15 @@ def with_worn_gaps(
     pressure = file.wear.pressure * STRESS.factor(file.units)
     operating = OperatingPoint(file.wear.friction, pressure, 1.0, law)
     wear = Wear(operating, numbers.at(WEAR, "distance"), numbers.at(WEAR, "rate"))
-    gap0 = assembly.contact.gap0 + worn_depth(assembly, wear)
+    gap0 = assembly.contact.gap0 + worn_depth(_without_laws(assembly), wear)
     return replace(assembly, contact=replace(assembly.contact, gap0=gap0))
+
+
+def _without_laws(assembly: Assembly) -> Assembly:
+    """Its contacts with coefficients of their own alone: the friction of a table is of no law."""
+    contact = assembly.contact
+    own = coefficients_alone(contact.own_friction)
+    return replace(assembly, contact=replace(contact, own_friction=own))
 
 
 @dataclass(frozen=True)

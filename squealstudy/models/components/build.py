@@ -9,7 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.laws import ContactLaw
+from squealstudy.laws import ContactLaw, FrictionCurve, friction_curve
+from squealstudy.laws.own_friction import SLIDING
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.component_slices import expand_rows
 from squealstudy.models.components.attached import (
@@ -23,6 +24,8 @@ from squealstudy.models.components.bodies import (
     changed_mesh,
     own_numbers,
 )
+from squealstudy.models.components.contact_friction import state_of, tangential_of
+from squealstudy.models.components.contact_numbers import as_in_file
 from squealstudy.models.components.contact_rows import (
     ContactRows,
     contact_interface,
@@ -31,7 +34,6 @@ from squealstudy.models.components.contact_rows import (
 )
 from squealstudy.models.components.file_matrices import check_definite, symmetric
 from squealstudy.models.components.file_names import between
-from squealstudy.models.components.friction_factors import friction_factors, own_coefficients
 from squealstudy.models.components.geometry import (
     Geometry,
     geometry_at,
@@ -51,7 +53,12 @@ from squealstudy.models.linear_interfaces import SpringInterface
 COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared
 
 
-def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]) -> Assembly:
+def build_assembly(
+    brake: Brake,
+    law: ContactLaw,
+    given: Mapping[KeyPath, float],
+    curve: FrictionCurve | None = None,
+) -> Assembly:
     """Assemble a model file.
 
     Parameters
@@ -61,6 +68,8 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
         The default law of the contact.
     given : mapping of key -> float
         Numbers of the file that have other values, SI units.
+    curve : FrictionCurve, optional
+        The study's; else the one by default.
 
     Raises
     ------
@@ -92,7 +101,7 @@ def build_assembly(brake: Brake, law: ContactLaw, given: Mapping[KeyPath, float]
         for key in ("E", "turns")
     )
     interfaces = _Interfaces(geometry, numbers, E, turns)
-    contact, ties = interfaces.contact(law)
+    contact, ties = interfaces.contact(law, curve or friction_curve())
     load = interfaces.load()
     springs = (*interfaces.springs(), *ties)
     cold = Assembly(tuple(components), contact, springs, load, np.zeros_like(load), rotors)
@@ -170,7 +179,14 @@ class _Interfaces:
         over_freedoms = expand_rows(parts, self._g.spans, self._g.n_dof).tocsr() @ self._turns
         return over_freedoms.tocsr()
 
-    def _pair_rows(self, number: int, kind: str, pair: Pair, names: Sequence[str]) -> ContactRows:
+    def _pair_rows(
+        self,
+        number: int,
+        kind: str,
+        pair: Pair,
+        names: Sequence[str],
+        slip: Sequence[float] | None = None,
+    ) -> ContactRows:
         """Rows of a pair, held freedoms among them."""
         slave, master = (name.partition(".")[0] for name in names)
         rotor = self._g.file.rotor
@@ -193,57 +209,38 @@ class _Interfaces:
             kind=kind,
             rotation=self._g.rotation,
             rotor="slave" if rotor == slave else "master",
+            slip=None if slip is None else np.array(slip),
         )
 
-    def contact(self, law: ContactLaw) -> tuple[ContactInterface, list[SpringInterface]]:
+    def contact(
+        self, law: ContactLaw, curve: FrictionCurve
+    ) -> tuple[ContactInterface, list[SpringInterface]]:
         """All contact points, and what holds those that are stuck."""
         parts, ties = [], []
         for i, (table, facing) in enumerate(
             zip(self._g.file.contact, self._g.contacts, strict=True)
         ):
             try:
-                rows = self._pair_rows(i, table.kind, facing, (table.slave, table.master))
+                sides = (table.slave, table.master)
+                rows = self._pair_rows(
+                    i, table.kind or "frictionless", facing, sides, table.sliding
+                )
             except PlacedError:
                 raise
             except ModelError as error:
                 raise PlacedError(("contact", i), str(error)) from error
             parts.append(rows)
-            if table.kind == "stuck":
-                name = self._g.file.name_of("contact", i)
-                tie = rows.ties(name, self._numbers.at("contact", i, "tangential"))
-                ties.append(SpringInterface(name, self._kept(tie.B), tie.stiffness))
+            if table.tangential is not None:
+                stiffness = tangential_of(self._numbers, i)
+                if table.state is not None and state_of(self._numbers, i) == SLIDING:
+                    stiffness = 0.0
+                tie = rows.ties(self._g.file.name_of("contact", i), stiffness, table.state is None)
+                ties.append(replace(tie, B=self._kept(tie.B)))
         whole = contact_interface(parts, law)
-        gap, frictional = whole.gap0.copy(), whole.frictional.copy()
-        begins = np.cumsum([0, *(len(p.area) for p in parts)])
-        for i, table in enumerate(self._g.file.contact):
-            if table.friction_factor is not None:
-                factors = friction_factors(self._g, self._numbers, i)
-                frictional[begins[i] : begins[i + 1]] = factors
-            if table.gap_scale is not None:
-                gap[begins[i] : begins[i + 1]] *= self._numbers.at("contact", i, "gap_scale")
-        for key, gap_value in self._numbers.given.items():
-            if key[0] == "contact" and key[2] == "initial_gap":
-                gap[begins[int(key[1])] : begins[int(key[1]) + 1]] = gap_value
         N, T, T_perp = (self._kept(A) for A in (whole.N, whole.T, whole.T_perp))
-        speed, middle = whole.speed_factor, self._g.effective_radius
-        if middle is not None:
-            speed = np.where(frictional > 0, whole.radius / middle, 1.0)
-        pairs = tuple(
-            self._g.file.name_of("contact", i) for i, p in enumerate(parts) for _ in p.area
-        )
-        interface = replace(
-            whole,
-            N=N,
-            T=T,
-            T_perp=T_perp,
-            gap0=gap,
-            frictional=frictional,
-            speed_factor=speed,
-            points=np.vstack([p.points for p in parts]),
-            pairs=pairs,
-            own_friction=own_coefficients(self._numbers, begins),
-        )
-        return interface, ties
+        whole = replace(whole, N=N, T=T, T_perp=T_perp)
+        sizes = [len(p.area) for p in parts]
+        return as_in_file(whole, sizes, self._g, self._numbers, curve), ties
 
     # -- layers and springs ----------------------------------------------------------------------
     def springs(self) -> list[SpringInterface]:

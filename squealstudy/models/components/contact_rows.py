@@ -1,7 +1,7 @@
 """Rows of contact pairs over the degrees of freedom of a whole assembly.
 
 A pair slides on the rotor, or is stuck or frictionless elsewhere: the piston on its plate, an ear
-on its abutment.
+on its abutment. Such a pair may slip along a direction of its own.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ class ContactRows:
     ----------
     N, T, T_perp : csr_matrix (n, n_dof)
         Where nothing slides T and T_perp are two directions of the contact plane, of the master
-        under the slave, square to each other.
+        under the slave, square to each other; T is that of slip where there is one.
     area, gap0, radius, frictional : ndarray (n,)
-        radius and frictional are 0 where nothing slides.
+        0 where nothing slides; frictional is 1 where it may slip.
     points : ndarray (n, 3)
         m.
     """
@@ -97,6 +97,7 @@ def contact_rows(
     kind: str = "sliding",
     rotation: Rotation | None = None,
     rotor: str = "master",
+    slip: np.ndarray | None = None,
 ) -> ContactRows:
     """Rows of a pair between the components `slave` and `master`.
 
@@ -118,12 +119,15 @@ def contact_rows(
         Needed where it slides.
     rotor : str
         Which side turns: ``master`` or ``slave``.
+    slip : ndarray (3,), optional
+        Of a frictionless pair that has friction after all: the direction in which the master slips
+        past the slave.
 
     Raises
     ------
     ModelError
         An unknown kind, side or component; no rotation; points on the axis, or where the rotor
-        moves into the other body.
+        moves into the other body; points that the slip leaves.
     """
     if kind not in KINDS:
         raise ModelError(f"contact kind '{kind}' is not known; there are {', '.join(KINDS)}")
@@ -152,6 +156,9 @@ def contact_rows(
         along, across, radius = sliding(pair, rotation, f"contact of {slave} on {master}")
         sign = -1.0 if rotor == "master" else 1.0
         frictional = np.ones(n)
+    elif slip is not None:
+        along, across = slipping(pair.slave.normal, slip)
+        sign, radius, frictional = -1.0, np.zeros(n), np.ones(n)
     else:
         along, across = tangents(opening)
         sign, radius, frictional = -1.0, np.zeros(n), np.zeros(n)
@@ -203,6 +210,23 @@ def sliding(
     # to the outside wherever the contact plane is not parallel to the axis
     turned = np.where(n @ rotation.direction > STEEP, -1.0, 1.0)[:, None]
     return along, turned * np.cross(n, along), size
+
+
+def slipping(n: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors along and across slip (n, 3) in the planes of unit normals n (n, 3).
+
+    Raises ModelError where the direction is that of a normal.
+    """
+    unit = direction / np.linalg.norm(direction)
+    along = unit - (n @ unit)[:, None] * n
+    size = np.linalg.norm(along, axis=1)
+    if (leaves := size <= STEEP).any():
+        raise ModelError(
+            f"{leaves.sum()} of {len(n)} points have normals along its direction 'sliding': "
+            "expected one in the contact plane"
+        )
+    along /= size[:, None]
+    return along, np.cross(n, along)
 
 
 def tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from squealstudy.models.parameter import ModelDefinition
 
@@ -22,10 +22,13 @@ class FileDefinition(ModelDefinition):
         Of the model file.
     files : tuple of str
         Hashes of the model file and of every file that it reads, included ones too.
+    own_of_law : frozenset of str
+        Parameters of the friction law that contacts have own values of.
     """
 
     path: str = ""
     files: tuple[str, ...] = ()
+    own_of_law: frozenset[str] = field(default=frozenset(), kw_only=True)
 
     @property
     def meshed(self) -> bool:

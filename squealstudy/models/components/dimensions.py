@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from squealstudy.models.units import Unit
+
 # length, mass and time of each system in m, kg, s
 SYSTEMS = {"SI": (1.0, 1.0, 1.0), "t-mm-s": (1e-3, 1e3, 1.0), "mm-kg-ms": (1e-3, 1.0, 1e-3)}
 # of lengths, masses and moments of inertia
@@ -48,6 +50,15 @@ DAMPER = Dimension((0, 1, -1), "N s/m")
 TIME = Dimension((0, 0, 1), "s")
 EXPANSION = Dimension((0, 0, 0), "1/K")
 RATE = Dimension((0, 0, -1), "1/s")
+
+
+def dimension_of_unit(unit: str) -> Dimension:
+    """Of numbers with a unit of SI, "m/s"; one that is not known is the same in all systems."""
+    try:
+        mass, length, time = Unit.named(unit).powers[:3] if unit else (0, 0, 0)
+    except KeyError:
+        return Dimension((0, 0, 0), unit)
+    return Dimension((length, mass, time), unit)
 
 
 def between_corners(nodes: np.ndarray, unit: str) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, Strict, model_validator
+from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
+from squealstudy.laws.own_friction import STATES
 from squealstudy.models.file_table import Name, Table, Texts, Vector
 from squealstudy.wording import shown
 
@@ -113,15 +114,31 @@ def _number_or_file(written: object) -> object:
     return written
 
 
+def _state(written: object) -> float:
+    """The number of a state, with one sentence where it is none."""
+    if isinstance(written, str) and written in STATES:
+        return STATES[written]
+    if not isinstance(written, bool) and written in STATES.values():
+        return float(written)  # type: ignore[arg-type]
+    raise ValueError(f"expected 'stuck' or 'sliding', got {shown(written)}")
+
+
 Gap = Annotated[Literal["zero", "geometric"] | float | GapTable, BeforeValidator(_gap)]
 Factor = Annotated[Annotated[float, Field(ge=0)] | FrictionTable, BeforeValidator(_number_or_file)]
+
+
+State = Annotated[
+    float, BeforeValidator(_state), WithJsonSchema({"enum": list(STATES), "type": "string"})
+]
 
 
 class ContactTable(Table):
     """Two faces in contact."""
 
     name: Name | None = Field(default=None, description=CALLED)
-    kind: Literal["sliding", "stuck", "frictionless"] = Field(description="what it does in plane")
+    kind: Literal["sliding", "stuck", "frictionless"] | None = Field(
+        default=None, description="what it does in plane; needed unless it has a state"
+    )
     slave: str = Field(description="COMPONENT.SET that has the contact points")
     master: str = Field(description="COMPONENT.SET opposite")
     quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
@@ -134,13 +151,32 @@ class ContactTable(Table):
         default=None, description="factor on an initial gap that is measured or of the meshes"
     )
     tangential: float | None = Field(
-        default=None, ge=0, description="stiffness per area that holds a stuck contact in plane"
+        default=None,
+        ge=0,
+        description="stiffness per area that holds a stuck contact in plane; one with a state in "
+        "complex modes alone",
+    )
+    state: State | None = Field(
+        default=None,
+        description="of a bracket or pin, past which nothing slides steadily: stuck, or sliding; "
+        "of parameters 1 or 0; in time it sticks and slips by itself",
+    )
+    sliding: Vector | None = Field(
+        default=None,
+        description="direction in which the master slips past the slave, and pulls it, of a "
+        "contact with a state; its part in the contact plane",
     )
     friction: float | None = Field(
         default=None,
         ge=0,
         le=5,
-        description="friction coefficient of a sliding contact in place of the parameter friction",
+        description="friction coefficient of a sliding contact in place of the parameter "
+        "friction, or of one with a state",
+    )
+    friction_law: dict[str, float] = Field(
+        default={},
+        description="values that a sliding contact has of parameters of the study's friction law, "
+        "by what follows friction_law. in their names, in the file's units",
     )
     friction_factor: Factor | None = Field(
         default=None,
@@ -165,8 +201,11 @@ class ContactTable(Table):
         plain = self.initial_gap == "zero" or isinstance(self.initial_gap, float)
         if plain and self.gap_scale is not None:
             raise ValueError("gap_scale: expected of a gap that is measured or geometric alone")
-        if self.kind != "sliding" and self.friction is not None:
-            raise ValueError("friction: expected of a sliding contact alone")
+        self._has_kind_or_state()
+        if self.kind != "sliding" and self.state is None and self.friction is not None:
+            raise ValueError("friction: expected of a sliding contact or one with a state alone")
+        if self.kind != "sliding" and self.friction_law:
+            raise ValueError("friction_law: expected of a sliding contact alone")
         if self.friction is not None and self.friction_factor is not None:
             raise ValueError("friction_factor: a contact with its own friction has no such key")
         if self.kind != "sliding" and self.friction_factor is not None:
@@ -177,9 +216,26 @@ class ContactTable(Table):
         is_random = isinstance(factor, FrictionTable) and factor.std is not None
         if is_random != (self.friction_seed is not None):
             raise ValueError("expected friction_seed of a random friction_factor, and of no other")
-        if (self.kind == "stuck") != (self.tangential is not None):
+        if self.state is None and (self.kind == "stuck") != (self.tangential is not None):
             raise ValueError("expected tangential = STIFFNESS of a stuck contact, and of no other")
         return self
+
+    def _has_kind_or_state(self) -> None:
+        if self.state is None and self.kind is None:
+            raise ValueError("the key 'kind' is missing: sliding, stuck or frictionless")
+        if self.state is None and self.sliding is not None:
+            raise ValueError("sliding: expected of a contact with a state alone")
+        if self.state is None:
+            return
+        if self.kind is not None:
+            raise ValueError("state: expected of a contact without the key 'kind' alone")
+        if self.friction is None:
+            raise ValueError("the key 'friction' is missing: coefficient of a contact with a state")
+        if self.sliding is None or not any(self.sliding):
+            text = (
+                "the key 'sliding' is missing: " if self.sliding is None else "sliding: expected "
+            )
+            raise ValueError(f"{text}the direction in which the master slips past the slave")
 
 
 class TieTable(Table):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.errors import ModelError
-from squealstudy.laws.own_friction import COEFFICIENT, NO_OWN_FRICTION, SLIDING, STATE
 from squealstudy.models.components.dimensions import LENGTH
 from squealstudy.models.components.file_tables import FrictionTable
 from squealstudy.models.components.geometry import Geometry
@@ -55,19 +54,6 @@ def friction_factors(geometry: Geometry, numbers: Numbers, number: int) -> np.nd
             )
         raise ValuesError((keys,), text) if keys in numbers.given else PlacedError(keys, text)
     return factors
-
-
-def own_coefficients(numbers: Numbers, begins: np.ndarray) -> np.ndarray:
-    """`laws.own_friction` of contact points, of which those of a contact begin at `begins`."""
-    tables = numbers.file.contact
-    if all(table.friction is None for table in tables):
-        return NO_OWN_FRICTION
-    rows = np.full((begins[-1], COEFFICIENT + 1), np.nan)
-    rows[:, STATE] = SLIDING
-    for i, table in enumerate(tables):
-        if table.friction is not None:
-            rows[begins[i] : begins[i + 1], COEFFICIENT] = numbers.at("contact", i, "friction")
-    return rows
 
 
 def over_face(geometry: Geometry, number: int, seed: int) -> np.ndarray:

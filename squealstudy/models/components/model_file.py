@@ -32,6 +32,7 @@ from squealstudy.models.components.dimensions import (
     TIME,
     TORSION,
     Dimension,
+    dimension_of_unit,
 )
 from squealstudy.models.components.file_tables import (
     ContactTable,
@@ -48,6 +49,7 @@ from squealstudy.models.components.file_tables import (
     WearTable,
 )
 from squealstudy.models.file_table import KeyPath, Name, Table
+from squealstudy.models.own_law import OF_CONTACT, law_parameter_named
 
 GROUND = "ground"
 FIRST_LOAD = "brake"  # its name where the file gives none
@@ -83,6 +85,7 @@ DIMENSIONS = {  # of the keys of the file
     "friction_factor": NUMBER,
     "friction_spread": NUMBER,
     "friction_seed": NUMBER,
+    "state": NUMBER,
     "gap_scale": NUMBER,
     "distance": LENGTH,
     "rate": COMPLIANCE,
@@ -100,12 +103,12 @@ POSITIVE = ("E", "G", "rho", "area", "bedding", "rate")
 NOT_NEGATIVE = (
     *("normal", "tangential", "stiffness", "rotary", "mass", "inertia"),
     *("mass_damping", "stiffness_damping", "material_damping", "distance"),
-    *("friction", "friction_factor", "friction_spread", "friction_seed"),
+    *("friction", "friction_factor", "friction_spread", "friction_seed", "state"),
 )
 VARIED = {  # keys that parameters may point to
     "contact": (
         *("tangential", "initial_gap", "gap_scale"),
-        *("friction", "friction_factor", "friction_spread", "friction_seed"),
+        *("friction", "friction_factor", "friction_spread", "friction_seed", "state"),
     ),
     "tie": ("bedding",),
     "coupling": ("bedding",),
@@ -255,6 +258,13 @@ class ModelFile(Table):
             beginnings = ", ".join((*self.components, *LISTS, WEAR, str(ROTOR_ANGLE[0])))
             raise ModelError(f"'{path}': expected to begin with one of {beginnings}")
         there = [self.name_of(names[0], i) for i in range(len(self.at((names[0],))))]
+        if (
+            names[0] == "contact"
+            and names[1:2]
+            and names[1] in there
+            and names[2:3] == [OF_CONTACT]
+        ):
+            return self._of_law(path, there.index(names[1]), names[3:])
         if len(names) != 3 or names[1] not in there or names[2] not in VARIED[names[0]]:
             keys = " or ".join(VARIED[names[0]])
             listed = ", ".join(there) or "none"
@@ -262,6 +272,15 @@ class ModelFile(Table):
                 f"'{path}': expected {names[0]}.NAME.{keys}, where NAME is one of {listed}"
             )
         return self._checked(path, (names[0], there.index(names[1]), names[2]), index)
+
+    def _of_law(self, path: str, number: int, rest: list[str]) -> KeyPath:
+        """The key of a contact's number of a friction law."""
+        written = self.contact[number].friction_law
+        if len(rest) != 1 or rest[0] not in written:
+            text = f"contact.{self.name_of('contact', number)}.{OF_CONTACT}"
+            listed = ", ".join(written) or "none"
+            raise ModelError(f"'{path}': expected {text}.KEY, where KEY is one of {listed}")
+        return ("contact", number, OF_CONTACT, rest[0])
 
     def _checked(self, path: str, keys: KeyPath, index: KeyPath) -> KeyPath:
         """The key with its index, where that fits to what is written there."""
@@ -278,6 +297,8 @@ class ModelFile(Table):
 
 def dimension_of(keys: KeyPath) -> Dimension:
     """Of the number at a key."""
+    if OF_CONTACT in keys:
+        return dimension_of_unit(law_parameter_named(str(keys[-1])).unit)
     return DIMENSIONS[kind_of(keys)]
 
 

@@ -13,7 +13,6 @@ from squealstudy.errors import ModelError
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import DamperInterface, SpringInterface
-from squealstudy.models.lumped.contact_friction import curve_of
 from squealstudy.models.lumped.masses import MassSpace
 from squealstudy.models.lumped.matrices import MatrixSpace
 from squealstudy.models.lumped.number_types import Number
@@ -21,6 +20,7 @@ from squealstudy.models.lumped.numbers import value_of
 from squealstudy.models.lumped.parts import Interface, LumpedParts, parts_of
 from squealstudy.models.minimal_parts import LAW
 from squealstudy.models.operating import FRICTION_RANGE
+from squealstudy.models.own_law import curve_of
 from squealstudy.models.stacked_assembly import StackedAssembly
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from squealstudy.models.file_table import KeyPath, PlacedError
-from squealstudy.models.lumped.contact_friction import law_keys
 from squealstudy.models.lumped.matrix_tables import AnyFile, ContactOn
 from squealstudy.models.lumped.numbers import expression
 from squealstudy.models.lumped.tables import (
@@ -16,6 +15,7 @@ from squealstudy.models.lumped.tables import (
     LumpedFile,
 )
 from squealstudy.models.matrices.expression import ExpressionError
+from squealstudy.models.own_law import check_law_keys
 
 LISTS = ("term", "mass", "spring", "damper", "contact", "load")
 
@@ -73,11 +73,7 @@ def check_friction(contact: ContactNumbers, keys: KeyPath) -> None:
         for key in barred:
             if is_written[key]:
                 raise PlacedError((*keys, key), text)
-    laws_by_key = law_keys()
-    for key in contact.friction_law:
-        if key not in laws_by_key:
-            text = f"no friction law has '{key}', expected one of {', '.join(laws_by_key)}"
-            raise PlacedError((*keys, "friction_law", key), text, key, tuple(laws_by_key))
+    check_law_keys(tuple(contact.friction_law), keys)
 
 
 def _check_masses(file: LumpedFile) -> None:

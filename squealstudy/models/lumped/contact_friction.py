@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from squealstudy.errors import ParameterError
-from squealstudy.laws import FRICTION_CURVES
-from squealstudy.laws.friction_law import DEFAULT_CURVE, FrictionCurveDefinition
+from squealstudy.laws.friction_law import FrictionCurveDefinition
 from squealstudy.laws.own_friction import SLIDING, STUCK, STUCK_BY_SPRING
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.lumped.numbers import Values, bounded, side_by_side, value_of
-from squealstudy.models.lumped.tables import LAW_PREFIX, ContactNumbers
-from squealstudy.models.operating import FRICTION, FRICTION_OPTION
+from squealstudy.models.lumped.tables import ContactNumbers
+from squealstudy.models.operating import FRICTION
+from squealstudy.models.own_law import OF_CONTACT, check_number, check_row, law_parameter
 
 AS_THE_STUDY = np.nan  # where the study's number counts
-
-
-def law_keys() -> dict[str, list[str]]:
-    """What `friction_law` of a contact may name, and which friction laws have it."""
-    keys: dict[str, list[str]] = {}
-    for law in FRICTION_CURVES:
-        for parameter in law.parameters:
-            keys.setdefault(parameter.name.removeprefix(LAW_PREFIX), []).append(law.name)
-    return keys
-
-
-def curve_of(options: Mapping[str, str | int]) -> FrictionCurveDefinition:
-    """The friction law that a study has chosen."""
-    return FRICTION_CURVES[str(options.get(FRICTION_OPTION.name, DEFAULT_CURVE))]
 
 
 def has_own_numbers(tables: Iterable[ContactNumbers]) -> bool:
@@ -53,7 +37,8 @@ def own_row(
     columns = [state_of(table, keys, values), np.asarray(AS_THE_STUDY)]
     if table.own_coefficient is not None:
         columns[1] = bounded(table.own_coefficient, values, (*keys, "friction"), "", zero=True)
-        _check(FRICTION.name, columns[1], FRICTION.check, (*keys, "friction"))
+        for end in np.unique([columns[1].min(), columns[1].max()]):
+            check_number(FRICTION, FRICTION.name, end, (*keys, "friction"))
     of_law = dict(_numbers_of_law(table, keys, values, curve))
     columns += [of_law.get(p.name, np.asarray(AS_THE_STUDY)) for p in curve.parameters]
     if of_law and curve.refuses is not None:
@@ -61,8 +46,7 @@ def own_row(
         pairs = zip(curve.parameters, study, strict=True)
         rows = side_by_side([of_law.get(p.name, x) for p, x in pairs])
         for row in np.unique(rows, axis=0):
-            if why := curve.refuses(tuple(row.tolist())):
-                raise PlacedError((*keys, "friction_law"), why)
+            check_row(curve, row.tolist(), keys)
     return side_by_side(columns)
 
 
@@ -91,21 +75,10 @@ def _numbers_of_law(
     table: ContactNumbers, keys: KeyPath, values: Values, curve: FrictionCurveDefinition
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Parameters of the study's law that the contact has its own values of."""
-    parameters = {p.name.removeprefix(LAW_PREFIX): p for p in curve.parameters}
     for key, number in table.friction_law.items():
-        place = (*keys, "friction_law", key)
-        if key not in parameters:
-            laws = " or ".join(law_keys()[key])
-            text = f"it belongs to {FRICTION_OPTION.name} {laws}, and the study's is {curve.name}"
-            raise PlacedError(place, text)
+        place = (*keys, OF_CONTACT, key)
+        parameter = law_parameter(key, curve, place)
         numbers = value_of(number, values, place)
-        _check(key, numbers, parameters[key].check, place)
-        yield parameters[key].name, numbers
-
-
-def _check(name: str, numbers: np.ndarray, check: Any, place: KeyPath) -> None:
-    for number in np.unique([numbers.min(), numbers.max()]):
-        try:
-            check(float(number))
-        except ParameterError as error:
-            raise PlacedError(place, error.message.replace(f"'{name}' ", "")) from None
+        for end in np.unique([numbers.min(), numbers.max()]):
+            check_number(parameter, key, end, place)
+        yield parameter.name, numbers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from squealstudy.models.components.definition import FileDefinition
 
@@ -16,15 +16,7 @@ DESCRIPTION = (
 
 @dataclass(frozen=True)
 class LumpedDefinition(FileDefinition):
-    """A lumped model file, read and checked.
-
-    Attributes
-    ----------
-    own_of_law : frozenset of str
-        Parameters of the friction law that contacts have own values of.
-    """
-
-    own_of_law: frozenset[str] = field(default=frozenset(), kw_only=True)
+    """A lumped model file, read and checked."""
 
     @property
     def meshed(self) -> bool:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
+from squealstudy.laws.own_friction import STATES
 from squealstudy.wording import shown
 
 # a stiffness of this size times the square of an arm of this size is MAX_SQUARABLE_ENTRY
@@ -52,8 +53,6 @@ def _direction(written: Any) -> str | tuple[float | str, ...]:
     return tuple(checked_number(part) for part in written)
 
 
-# sliding contact along its direction, or stuck: what a parameter is then
-STATES = {"sliding": 0.0, "stuck": 1.0}
 Number = Annotated[float | str, BeforeValidator(checked_number)]  # or of the file's parameters
 Coefficient = Annotated[
     bool | float | str,

@@ -20,7 +20,6 @@ GROUND = "ground"  # what does not move
 MOVING = ("belt", "disc")  # what slides at the imposed speed, and does not vibrate
 TRANSLATIONS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 AXES = (*TRANSLATIONS, *TURNS)
-LAW_PREFIX = "friction_law."  # of parameters of friction laws in studies
 
 Ends = Annotated[tuple[str, str], Strict(False)]
 NameTuple = Annotated[tuple[str, ...], Strict(False)]

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError
+from squealstudy.laws.own_friction import is_linear
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.factor import side_by_side
 from squealstudy.models.operating import DesignState, ModeKey, OperatingPoint
@@ -103,6 +104,8 @@ def with_finer_model(
     PreparedModel, Basis
         Without a finer model (None) where no working point has modes to be found.
     """
+    if not is_linear(prepared.model.own_friction):  # it is for runs alone
+        return replace(prepared, finer=None), basis
     try:
         if rounds > 1:
             responses = _responses(prepared, basis, made)

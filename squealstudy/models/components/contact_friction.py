@@ -1,0 +1,143 @@
+"""Friction, a friction law and a state that contacts of a model file have of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from squealstudy.laws import FrictionCurve, FrictionCurveDefinition
+from squealstudy.laws.own_friction import (
+    COEFFICIENT,
+    NO_OWN_FRICTION,
+    SLIDING,
+    STATE,
+    STUCK,
+    STUCK_BY_SPRING,
+)
+from squealstudy.models.components.file_tables import ContactTable
+from squealstudy.models.components.model_file import ModelFile, Numbers, ValuesError
+from squealstudy.models.file_table import KeyPath, PlacedError
+from squealstudy.models.own_law import (
+    OF_CONTACT,
+    check_law_keys,
+    check_number,
+    check_row,
+    law_of_contacts,
+    law_parameter,
+)
+
+
+def check_friction(file: ModelFile, varied: Collection[KeyPath]) -> FrictionCurveDefinition:
+    """Look at keys of contacts that need others of the file; `varied` are parameters.
+
+    Returns
+    -------
+    FrictionCurveDefinition
+        The first friction law that has what contacts have numbers of.
+
+    Raises
+    ------
+    PlacedError
+        A number of no friction law; a state of what turns; a stiffness that holds what slides.
+    """
+    for i, table in enumerate(file.contact):
+        keys: KeyPath = ("contact", i)
+        check_law_keys(tuple(table.friction_law), keys)
+        if table.state is None:
+            continue
+        turning = [name for name in file.sides(i) if name in file.turning]
+        if turning:
+            text = f"{turning[0]} turns, and what touches it slides at sliding_speed: expected "
+            raise PlacedError((*keys, "state"), text + 'no such key, and kind = "sliding"')
+        slides = table.state == SLIDING and (*keys, "state") not in varied
+        if slides and table.tangential is not None:
+            text = "it holds a contact that is stuck, and this one slides: expected no such key, "
+            raise PlacedError((*keys, "tangential"), text + "or a parameter that varies its state")
+    named = [(i, key) for i, table in enumerate(file.contact) for key in table.friction_law]
+    law = law_of_contacts([file.name_of("contact", i) for i in range(len(file.contact))], named)
+    for i in dict.fromkeys(i for i, _ in named):
+        law_row(Numbers(file, {}), i, FrictionCurve.from_values(law.name, {}))
+    return law
+
+
+def state_of(numbers: Numbers, number: int) -> float:
+    """SLIDING, STUCK or STUCK_BY_SPRING of a contact; ValuesError of a number that is no state."""
+    keys: KeyPath = ("contact", number, "state")
+    state = numbers.at(*keys)
+    if state not in (0.0, 1.0):
+        text = f"expected 1 (stuck) or 0 (sliding), got {state:g}: a state has no derivative"
+        raise ValuesError((keys,), text)
+    if state == 0.0:
+        return SLIDING
+    return STUCK_BY_SPRING if tangential_of(numbers, number) > 0.0 else STUCK
+
+
+def tangential_of(numbers: Numbers, number: int) -> float:
+    """Stiffness per area [N/m3] that holds a contact in its plane while it is stuck."""
+    keys: KeyPath = ("contact", number, "tangential")
+    written = numbers.file.contact[number].tangential
+    return 0.0 if written is None else numbers.at(*keys)
+
+
+def own_friction(numbers: Numbers, begins: np.ndarray, curve: FrictionCurve) -> np.ndarray:
+    """`laws.own_friction` of contact points, of which those of a contact begin at `begins`.
+
+    `curve` is the study's.
+
+    Raises
+    ------
+    PlacedError
+        Numbers of another friction law than the study's, or that this cannot have.
+    ValuesError
+        Such of parameters; a number that is no state.
+    """
+    tables = numbers.file.contact
+    if not any(map(has_own, tables)):
+        return NO_OWN_FRICTION
+    has_law = any(table.friction_law for table in tables)
+    columns = COEFFICIENT + 1 + has_law * len(curve.names)
+    rows = np.full((begins[-1], columns), np.nan)
+    rows[:, STATE] = SLIDING
+    for i, table in enumerate(tables):
+        points = slice(begins[i], begins[i + 1])
+        if table.friction is not None:
+            rows[points, COEFFICIENT] = numbers.at("contact", i, "friction")
+        if table.state is not None:
+            rows[points, STATE] = state_of(numbers, i)
+        if table.friction_law:
+            rows[points, COEFFICIENT + 1 :] = law_row(numbers, i, curve)
+    return rows
+
+
+def has_own(table: ContactTable) -> bool:
+    """Whether a contact has friction or numbers of a friction law of its own."""
+    return table.friction is not None or bool(table.friction_law)
+
+
+def law_row(numbers: Numbers, number: int, curve: FrictionCurve) -> list[float]:
+    """A contact's values of the study's curve's parameters; NaN where the study's counts.
+
+    Raises
+    ------
+    PlacedError, ValuesError
+        As of `own_friction`.
+    """
+    keys: KeyPath = ("contact", number)
+    row = dict.fromkeys(curve.names, np.nan)
+    law = curve.definition
+    for key in numbers.file.contact[number].friction_law:
+        place = (*keys, OF_CONTACT, key)
+        parameter = law_parameter(key, law, place)
+        row[parameter.name] = numbers.at(*place)
+        check_number(parameter, key, row[parameter.name], place)
+    of_contact = list(row.values())
+    try:
+        all_values = np.where(np.isnan(of_contact), curve.parameters, of_contact)
+        check_row(law, all_values.tolist(), keys)
+    except PlacedError as error:
+        varied = tuple(place for place in numbers.given if place[:3] == error.keys)
+        if not varied:
+            raise
+        raise ValuesError(varied, error.message) from error
+    return of_contact

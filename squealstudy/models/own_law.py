@@ -1,0 +1,107 @@
+"""Numbers of a friction law that contacts of a model file have in place of the study's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+from squealstudy.errors import ParameterError
+from squealstudy.laws import FRICTION_CURVES
+from squealstudy.laws.friction_law import DEFAULT_CURVE, FrictionCurveDefinition
+from squealstudy.models.file_table import KeyPath, PlacedError
+from squealstudy.models.operating import FRICTION_OPTION, friction_laws
+from squealstudy.parameter import Parameter
+
+LAW_PREFIX = "friction_law."  # of parameters of friction laws in studies
+OF_CONTACT = "friction_law"  # the key of a contact that has its own
+
+
+def law_keys() -> dict[str, list[str]]:
+    """What `friction_law` of a contact may name, and which friction laws have it."""
+    keys: dict[str, list[str]] = {}
+    for law in FRICTION_CURVES:
+        for key in parameters_of(law):
+            keys.setdefault(key, []).append(law.name)
+    return keys
+
+
+def parameters_of(curve: FrictionCurveDefinition) -> dict[str, Parameter]:
+    """Parameters of a friction law by what `friction_law` of a contact calls them."""
+    return {p.name.removeprefix(LAW_PREFIX): p for p in curve.parameters}
+
+
+def law_parameter_named(key: str) -> Parameter:
+    """The parameter that `friction_law` of a contact calls so; KeyError where no law has it."""
+    return {k: p for law in FRICTION_CURVES for k, p in parameters_of(law).items()}[key]
+
+
+def check_law_keys(names: Sequence[str], keys: KeyPath) -> None:
+    """PlacedError where `friction_law` of the contact at `keys` names what no law has."""
+    of_laws = tuple(law_keys())
+    for name in names:
+        if name not in of_laws:
+            text = f"no friction law has '{name}', expected one of {', '.join(of_laws)}"
+            raise PlacedError((*keys, OF_CONTACT, name), text, name, of_laws)
+
+
+def curve_of(options: Mapping[str, str | int]) -> FrictionCurveDefinition:
+    """The friction law that a study has chosen."""
+    return FRICTION_CURVES[str(options.get(FRICTION_OPTION.name, DEFAULT_CURVE))]
+
+
+def law_parameter(key: str, curve: FrictionCurveDefinition, place: KeyPath) -> Parameter:
+    """The parameter of the study's law that a contact has a value of; PlacedError: of another."""
+    parameters = parameters_of(curve)
+    if key not in parameters:
+        laws = " or ".join(law_keys()[key])
+        text = f"it belongs to {FRICTION_OPTION.name} {laws}, and the study's is {curve.name}"
+        raise PlacedError(place, text)
+    return parameters[key]
+
+
+def check_number(parameter: Parameter, key: str, number: float, place: KeyPath) -> None:
+    """PlacedError where a parameter, written as `key`, cannot be a number."""
+    try:
+        parameter.check(float(number))
+    except ParameterError as error:
+        raise PlacedError(place, error.message.replace(f"'{key}' ", "")) from None
+
+
+def check_row(curve: FrictionCurveDefinition, row: Sequence[float], keys: KeyPath) -> None:
+    """PlacedError where a law cannot have the parameters that the contact at `keys` gives it."""
+    if curve.refuses is not None and (why := curve.refuses(tuple(row))):
+        raise PlacedError((*keys, OF_CONTACT), why)
+
+
+def law_of_contacts(
+    names: Sequence[str], numbers: Sequence[tuple[int, str]]
+) -> FrictionCurveDefinition:
+    """The first friction law that has what contacts have own values of: the model's own choice.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the contacts.
+    numbers : sequence of (number of the contact, key)
+        All that they have own values of.
+
+    Raises
+    ------
+    PlacedError
+        Numbers of which no law has all.
+    """
+    for law in friction_laws():
+        if all(key in parameters_of(FRICTION_CURVES[law]) for _, key in numbers):
+            return FRICTION_CURVES[law]
+    laws = law_keys()
+    pairs = combinations(numbers, 2)
+    unlike = (pair for pair in pairs if not set(laws[pair[0][1]]) & set(laws[pair[1][1]]))
+    (i, first), (j, other) = next(unlike, (numbers[0], numbers[-1]))
+    text = f"expected numbers of one friction law: '{first}' of {names[i]} is of "
+    text += f"{' or '.join(laws[first])}, and '{other}' of {' or '.join(laws[other])}"
+    raise PlacedError(("contact", j, OF_CONTACT, other), text)
+
+
+def law_first(name: str) -> tuple[str, ...]:
+    """Names of friction laws, this one by default."""
+    return name, *(law for law in friction_laws() if law != name)
