@@ -167,10 +167,18 @@ class Grid:
             max(_longest_piece(t, PIECES), 0 if kind == TEXT else long, w)
             for kind, t, long, w in zip(self.kinds, self.titles, longest, least, strict=True)
         ]
-        savings = {k: widths[k] - narrow[k] for k, kind in enumerate(self.kinds) if kind != TEXT}
-        for k in sorted(savings, key=savings.__getitem__, reverse=True):
-            if sum(widths) > available:
-                widths[k] = narrow[k]
+        between_words = [
+            max(_longest_piece(t, WORDS), n) for t, n in zip(self.titles, narrow, strict=True)
+        ]
+        for widths_at_most in (between_words, narrow):
+            savings = {
+                k: widths[k] - widths_at_most[k]
+                for k, kind in enumerate(self.kinds)
+                if kind != TEXT
+            }
+            for k in sorted(savings, key=savings.__getitem__, reverse=True):
+                if sum(widths) > available:
+                    widths[k] = widths_at_most[k]
         texts = [k for k, kind in enumerate(self.kinds) if kind == TEXT]
         for k in texts:
             in_words = max((_longest_piece(cell, WORDS) for cell in columns[k]), default=0)
@@ -269,7 +277,7 @@ def letter_map(
     return [
         plain(names[1]),
         Text("\n".join(lines)),
-        notes(f"to the right: {names[0]}, {x[0]:.6g} to {x[-1]:.6g} ({len(x)} values); {meaning}"),
+        notes(f"to the right: {names[0]}, {x[0]:.6g} to {x[-1]:.6g} ({len(x)} values)", meaning),
     ]
 
 

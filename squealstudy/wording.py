@@ -198,6 +198,17 @@ def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
     return f"{value:{form}}" if value == value else unknown
 
 
+def with_error(value: float, error: float) -> str:
+    """A number with two digits of its error, ``165.2 +- 4.6``; alone where four digits hold it."""
+    if not error > 5e-4 * abs(value):
+        return figure(value)
+    decimals = 1 - int(f"{error:.1e}".partition("e")[2])
+    if decimals > LEAST_DIGITS:
+        return f"{value:.4g} +- {error:.2g}"
+    places = max(decimals, 0)
+    return f"{round(value, decimals):.{places}f} +- {round(error, decimals):.{places}f}"
+
+
 def small_percent(share: float) -> str:
     """A relative error in percent, in two digits; what nobody asks for is ``<0.001``."""
     least = 0.001  # %
@@ -284,11 +295,11 @@ def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str
     if not pairs or len(ranges) > MOST_RANGES:
         return ""
     texts, largest = [], max(abs(v) for v, _ in pairs)
+    shown_unit = prefixed(unit, largest)[0]
     for word, same_word in ranges:
-        ends = [amount(v, unit, largest) for v in (same_word[0], same_word[-1])]
-        place = (
-            ends[0] if len(same_word) == 1 else f"{ends[0]} to {ends[1]} ({len(same_word)} points)"
-        )
+        first, last = (amount(v, unit, largest) for v in (same_word[0], same_word[-1]))
+        first = first.removesuffix(shown_unit).rstrip()  # 0.1 to 0.3 m/s
+        place = f"{first} to {last} ({len(same_word)} points)" if len(same_word) > 1 else last
         texts.append(f"{word} at {name} {place}")
     return ", ".join(texts)
 

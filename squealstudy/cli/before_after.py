@@ -144,7 +144,7 @@ def _none_to(table: pd.DataFrame, side: str, along: str, unit: str) -> str:
     """That no onset is known, and where surely none is to what value."""
     facts = table.attrs[side]
     sure = not (facts["unstable"] or facts["uncertain"] or facts["failed"])
-    return f"none to {along} {amount(facts['top'], unit)}" if sure else "none known"
+    return f"none up to {along} {amount(facts['top'], unit)}" if sure else "none known"
 
 
 def _outside(before: Results, after: Results) -> str:
@@ -181,4 +181,4 @@ def _onset_cell(row: Row, side: str, facts: Mapping[str, Any]) -> str:
     if onset == onset:
         return f"{INEXACT.get(kind, '')}{onset:.4g}"
     gone = not row[f"mode_{side}"] and not (facts["uncertain"] or facts["failed"])
-    return f"none to {facts['top']:g}" if gone else "-"
+    return f"none up to {facts['top']:g}" if gone else "-"

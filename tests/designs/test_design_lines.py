@@ -10,13 +10,17 @@ from study_runs import solved
 from study_texts import study_text
 
 from squealstudy.kinds.complex_modes.design_lines import (
+    ALIKE_ONSETS,
     MOST_DESIGNS,
     DesignLine,
     _onsets_by_mode,
     design_lines,
+    extremes_in_words,
+    last_at,
     onsets_in_words,
     other_frequency,
 )
+from squealstudy.kinds.complex_modes.onset_table import first_onsets, onset_table
 from squealstudy.screen import as_text
 
 
@@ -51,7 +55,7 @@ def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
     text = as_text(results.screen.findings(results))
     assert text.startswith("Over all 3 designs 1 mode is unstable between 10 and 1000 Hz: T")
     assert f"first at friction {lines[1].onset:.4g} (91 Hz there)." in " ".join(text.split())
-    assert "none to 0.4" in text
+    assert "none up to 0.4" in text
     assert "design: frequency_2; as it is: 75 Hz" in text
 
 
@@ -81,7 +85,7 @@ def test_a_failed_point_is_no_stable_one(tmp_path):
     assert [(line.unstable, line.solved) for line in lines] == [(1, 1), (0, 1)]
     text = as_text(failed.screen.findings(failed))
     assert "none known" in text
-    assert "none to" not in text
+    assert "none up to" not in text
 
 
 def test_every_mode_that_is_counted_is_named(tmp_path):
@@ -127,12 +131,96 @@ def test_the_onset_of_a_mode_is_seen_where_another_is_first():
     assert _onsets_by_mode(["0 g", "100 g"], [one, one]) == []  # the row of a design has it
 
 
-def test_one_design_or_very_many_have_no_table(tmp_path):
+def test_one_design_has_no_table(tmp_path):
     one = results_of(tmp_path / "one", [0.2, 0.4], [75.0])
     assert design_lines(one) == []
     assert "first at friction 0.2917." in as_text(one.screen.findings(one))
-    many = np.linspace(70.0, 80.0, MOST_DESIGNS + 1).tolist()
-    assert design_lines(results_of(tmp_path / "many", [0.2, 0.4], many)) == []
+
+
+def test_the_designs_that_turn_unstable_first_and_last_are_named(tmp_path):
+    """One that never does within the range is the last; what is as near as an error is told apart
+    no more."""
+    results = results_of(tmp_path / "r", [0.1, 0.2, 0.3, 0.4], [75.0, 80.0, 60.0])
+    lines = design_lines(results)
+    assert extremes_in_words(results, lines) == (
+        f" The first onset is earliest with frequency_2 80 Hz (friction {lines[1].onset:.4g}) and "
+        "latest with frequency_2 60 Hz (none up to 0.4)."
+    )
+    assert extremes_in_words(results, lines[:2]).endswith(
+        f"latest with frequency_2 75 Hz (friction {lines[0].onset:.4g})."
+    )
+    near = lines[0]._replace(onset=lines[1].onset * (1 + 0.5 * ALIKE_ONSETS))
+    assert extremes_in_words(results, [lines[1], near]) == ""
+    assert "earliest with 2 of the designs (" in extremes_in_words(results, [*lines, near])
+    below = lines[1]._replace(onset=np.nan, kind="below range")
+    assert "earliest with frequency_2 80 Hz (below range)" in extremes_in_words(
+        results, [below, lines[2]]
+    )
+    for doubtful in (
+        lines[0]._replace(kind="bracketed"),
+        lines[2]._replace(sure=False),
+        lines[2]._replace(unstable=1),
+    ):
+        assert extremes_in_words(results, [lines[1], doubtful]) == ""
+
+
+def test_a_mode_that_is_unstable_from_the_first_value_says_until_where(tmp_path):
+    """Friction that falls less at higher speeds: the closed form of the onset is the end."""
+    row = {"track": 1, "threshold": np.nan, "frequency_hz": 18.0}
+    onsets = pd.DataFrame({"track": [1, 1], "onset": [np.nan, 0.1906], "direction": ["in", "out"]})
+    assert last_at(row, onsets, "m/s") == ", no longer from 0.1906 m/s on"
+    again = pd.DataFrame({"track": [1] * 3, "onset": [np.nan, 0.2, 0.3]})
+    assert last_at(row, again.assign(direction=["in", "out", "in"]), "") == ""
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    seconds = [60.0, *np.linspace(75.0, 95.0, MOST_DESIGNS).tolist()]
+    return results_of(tmp_path_factory.mktemp("many") / "r", [0.1, 0.2, 0.4], seconds)
+
+
+def test_many_designs_have_their_first_onsets_in_a_table(many):
+    assert design_lines(many) == []
+    onsets = first_onsets(many, "friction")
+    for second, onset in onsets.items():
+        unstable = many.points.query(f"frequency_2 == {second} and n_unstable > 0")["friction"]
+        if not len(unstable):
+            assert onset == np.inf
+        elif unstable.min() == 0.1:
+            assert onset == -np.inf
+        else:
+            assert onset == onset_of(many, second)
+    assert np.isinf(onsets).any()
+    assert np.isfinite(onsets).any()
+    lines = as_text(onset_table(many)).splitlines()
+    assert lines[0].split() == ["frequency_2", "Hz", "first", "onset", "friction"]
+    for line, (second, onset) in zip(lines[1:], onsets.items(), strict=False):
+        value, *told = line.split()
+        assert float(value) == pytest.approx(second, rel=1e-5)
+        ends = {-np.inf: "below range", np.inf: "none up to 0.4"}
+        assert " ".join(told) == ends.get(onset, f"{onset:.4g}")
+    assert "least friction at which a mode turns unstable" in lines[len(onsets) + 1]
+    assert lines[1:3] == as_text(many.screen.findings(many)).splitlines()[3:5]
+
+
+def test_a_point_that_failed_or_is_uncertain_leaves_its_design_without_an_answer(many):
+    stable = many.points["frequency_2"] == 60.0
+    for change in ({"status": "failed"}, {"n_unstable_high": 1}):
+        points = many.points.copy()
+        points.loc[stable & (points["friction"] == 0.2), list(change)] = list(change.values())
+        onsets = first_onsets(many.with_tables(points=points), "friction")
+        assert np.isnan(onsets[60.0])
+
+
+def test_of_several_parameters_that_of_most_values_runs_down(tmp_path):
+    more = '[[sweep]]\nparameter = "damping_ratio"\nvalues = [0.0, 0.01]\n'
+    results = results_of(tmp_path / "r", [0.1, 0.4], np.linspace(74, 80, 7).tolist(), tables=more)
+    lines = as_text(onset_table(results)).splitlines()
+    assert lines[0].split() == ["frequency_2", "Hz", "damping_ratio", "0", "damping_ratio", "0.01"]
+    table = first_onsets(results, "friction").unstack("damping_ratio")  # noqa: PD010 - of a grid
+    assert [line.split()[1:] for line in lines[1:8]] == [
+        [f"{onset:.4g}" for onset in row] for row in table.to_numpy()
+    ]
 
 
 def test_a_mode_has_the_frequency_of_its_onset_where_it_grows_at_another():

@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from squealstudy.cli import app as cli
 from squealstudy.cli.app import app
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import SquealstudyError, StudyFileError
+from squealstudy.kinds.method_stability.screen import SCREEN
 from squealstudy.tables.method_quality import agreement
 
 SHIPPED = sorted((Path(__file__).parents[2] / "studies" / "stability").glob("*.toml"))
@@ -65,6 +67,21 @@ def test_cells_of_a_map(write, tmp_path):
     assert report.manifest["unflagged_wrong"] == 0
     assert set(cells["outcome"]) == {"converged", "recovered", "failed"} & set(cells["outcome"])
     assert run_study(load_plan(path), tmp_path / "out", 1).n_solved == 0
+
+
+def test_the_answer_counts_right_cells_and_those_that_nothing_warns_of():
+    manifest = {"counts": {"converged": 5, "slow": 2, "recovered": 1, "wrong": 3, "failed": 1}}
+    results = SimpleNamespace(manifest=manifest)
+    manifest |= {"unflagged_wrong": 0, "agreement": 0.876}
+    told = SCREEN.verdict(results)
+    assert told.startswith(
+        "The method is right in 8 of 12 cells; in 4 it is wrong or fails, and says"
+    )
+    assert told.endswith(" so each time. 88 % of the cells off the boundary are as predicted.")
+    manifest |= {"unflagged_wrong": 2, "agreement": None}
+    assert SCREEN.verdict(results).endswith("wrong or fails, 2 of these without a word.")
+    manifest["counts"] = {"converged": 1}
+    assert SCREEN.verdict(results) == "The method is right in 1 of 1 cell."
 
 
 def test_a_finer_map_keeps_the_cells_that_it_has(write, tmp_path):

@@ -369,6 +369,10 @@ def test_a_point_that_is_drawn_again_counts_again(kind, tmp_path):
     assert len(points) == (8 * 4 if kind == "sobol_indices" else 8)
     assert len(points[["friction", "sliding_speed"]].drop_duplicates()) == 1
     assert points["point_id"].is_unique
+    points_to_indices = (
+        '"sobol_indices" tells which parameter' in results.screen.findings(results)[0]
+    )
+    assert points_to_indices == (kind != "sobol_indices")
     row = results.robust().iloc[0]
     drawn = 16 if kind == "sobol_indices" else 8
     assert (row["points"], row["unstable_points"]) == (drawn, drawn)  # MEAN > CRITICAL

@@ -13,10 +13,13 @@ from conftest import NOMINAL, build_model
 from own_blocks import write_blocks
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
+from study_runs import solved
+from tiny_meshes import tiny_cache, tiny_meshes
 
 import squealstudy as sq
+from squealstudy.cli.run import blocks
 from squealstudy.errors import ModelError, ParameterError
-from squealstudy.kinds.complex_modes.error_text import turning_text
+from squealstudy.kinds.complex_modes.error_text import turning_rows
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.mechanics.motions import set_up
 from squealstudy.models.catalogue import MODELS
@@ -33,11 +36,39 @@ from squealstudy.motion.point import perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.reduction.hybrid import hybrid_model
+from squealstudy.screen import as_text
 
 ROTOR = Rotors(("disc",))
 OPTIONS = {"mesh": "coarse", "contact_points": 2, "kinematics": "uniform"}
 NEUTRAL = 1e-7  # damping ratio, as studies have it
 OFF, ON = {"gyroscopic_factor": 0.0}, {"gyroscopic_factor": 1.0}
+
+
+TURNING_STUDY = """
+[study]
+name = "left_out"
+kind = "complex_modes"
+
+[model]
+name = "disc_brake"
+mesh = "coarse"
+contact_points = 2
+kinematics = "uniform"
+
+[parameters]
+sliding_speed = 5.0
+damping_ratio = 0.002
+
+[[sweep]]
+parameter = "friction"
+values = [0.2, 0.4, 0.6]
+
+[modes]
+band = [500.0, 4000.0]
+refine_onsets = false
+refine_tracking = false
+reference_points = 0
+"""
 
 
 def free_disc(top_hz=4000.0, **values):
@@ -331,14 +362,32 @@ def test_what_has_none_says_so(small_brake, tmp_path):
         hybrid_model(assembly, None, replace(NOMINAL, gyroscopic=1.0), None)
 
 
-def test_what_the_screen_says_of_it():
-    told = {"growth": 99.5, "decided_growth": 36.4, "decided": 1, "factor": 0.0}
-    text = turning_text([{"gyroscopic": told}, {}])
-    assert "gyroscopic terms, left out, decide whether a mode grows" in text
-    assert "by up to 36.4 1/s (gyroscopic_factor = 1" in text
-    for other in ({"decided": 0}, {"factor": 1.0}):
-        assert turning_text([{"gyroscopic": told | other}]) == ""
-    assert turning_text([{}]) == ""
+def test_terms_that_are_left_out_are_told_where_nothing_is_checked(small_brake, tmp_path):
+    """By roots with and without the terms at the points of the design, none at full order."""
+    with tiny_meshes(tiny_cache()):
+        results = solved(TURNING_STUDY, tmp_path)
+        changes = []
+        for friction in results.points["friction"]:
+            values = {"friction": friction, "sliding_speed": 5.0, "damping_ratio": 0.002}
+            off, on = (small_brake.at(**values, **x).modes(BAND).lam for x in (OFF, ON))
+            light = off[np.abs(off.real) < 0.05 * np.abs(off)]
+            partners = on[np.abs(on[None] - light[:, None]).argmin(axis=1)]
+            decided = (partners.real > 0) != (light.real > 0)
+            changes.append(np.abs((partners - light).real[decided]).max(initial=0.0))
+    facts, n_decided = results.manifest["turning"], np.count_nonzero(changes)
+    assert (facts["looked"], facts["decided_points"]) == (len(changes), n_decided)
+    assert 0 < n_decided < len(changes)
+    assert facts["decided_growth"] == pytest.approx(max(changes), rel=1e-3)
+    ((name, text),) = turning_rows(results.manifest)
+    assert name == "gyroscopic"
+    assert f"at {n_decided} of {len(changes)} design points" in text
+    assert f"by up to {max(changes):.1f} 1/s (gyroscopic_factor = 1 has them)" in text
+    assert text in " ".join(as_text(blocks(results, [])).split())
+
+
+def test_terms_that_decide_nothing_or_are_there_are_not_told():
+    told = {"looked": 5, "decided_points": 0, "decided_growth": 0.0}
+    assert turning_rows({"turning": told}) == turning_rows({}) == turning_rows({"turning": None})
 
 
 @pytest.mark.parametrize(

@@ -266,8 +266,26 @@ def test_the_screen_tells_of_windows(stop, capsys):
     said = capsys.readouterr().out
     assert "No mode is ranked of 1 changing run" in said
     text = "\n".join(map(str, stop.screen.findings(stop)))
-    assert "1 run: changing. From 0 ms on: " in text
+    assert "1 run, whose speed or pressure changes. From 0 ms on: " in text
     assert "Loudest from " in text
+    assert "No mode is ranked" not in text
+
+
+def test_the_answer_tells_how_the_frequency_moves(stop):
+    """Of each part of the run the first and the last frequency, and where none is known."""
+    table = stop.windows.assign(
+        frequency_hz=[446.0, 440.0, 404.0, np.nan, 60.0, 60.0, np.nan, np.nan, np.nan, np.nan],
+        torque_line_hz=446.0,
+        torque_rms=np.arange(10, 0, -1.0),
+    )
+    table["class"] = ["stick_slip"] * 4 + ["vibrates"] * 2 + ["stick_slip"] * 2 + ["quiet"] * 2
+    told = stop.screen.verdict(stop.with_tables(windows=table))
+    ends = [f"{1e3 * table['time_stop'].iloc[k]:.4g}" for k in (3, 5, 7, 9)]
+    assert (
+        f"stick slip to {ends[0]} ms (446 to 404 Hz, then without a period), vibrates to "
+        f"{ends[1]} ms (60 Hz), stick slip to {ends[2]} ms (no period), quiet to {ends[3]} ms. "
+    ) in told
+    assert told.endswith(" N, at 446 Hz.")
 
 
 def test_times_of_slow_runs_are_in_seconds(stop):

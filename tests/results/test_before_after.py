@@ -62,7 +62,7 @@ def test_a_change_moves_onset_and_growth_as_each_study_has_them(nominal, tmp_pat
 def test_of_a_change_that_silences_it_is_said_to_which_value(nominal, apart):
     text = said(nominal, apart)
     assert text.startswith("First onset before: friction 0.2917 (T")
-    assert "after: none to friction 0.6." in text
+    assert "after: none up to friction 0.6." in text
     assert "1 mode before and 0 modes after" in text
     assert "Only before: T" in text
     assert "Only after" not in text
@@ -94,7 +94,7 @@ def test_points_that_failed_leave_open_what_grows(nominal, apart):
     points.loc[2, "status"] = "working_point"
     text = said(nominal, apart.with_tables(points=points))
     assert "after: none known" in text
-    assert "none to" not in text
+    assert "none up to" not in text
     assert "Failed: 0 points before and 1 point after." in text
 
 

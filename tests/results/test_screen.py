@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from squealstudy import screen
-from squealstudy.kinds.limit_cycles.screen import footnotes
+from squealstudy.kinds.limit_cycles.screen import footnotes, levels_in_words, merged_reasons
 from squealstudy.wording import (
     CHANGING,
     CLASS_LETTERS,
@@ -18,6 +19,7 @@ from squealstudy.wording import (
     VERDICTS,
     amount,
     by_ranges,
+    with_error,
 )
 
 HOSTILE = "ok\x1b]0;title\x07\x1b[2J\u202emoc.live\x9b31m\u200b"
@@ -59,7 +61,7 @@ def test_texts_in_csv_are_no_formulas(text, told, capsys):
 def test_what_holds_where_is_told_by_ranges_of_one_parameter():
     words = ["squeals", "silent", "silent", "squeals"]
     assert by_ranges("speed", "m/s", [3.0, 1.0, 0.5, 2.0], words) == (
-        "silent at speed 0.5 m/s to 1 m/s (2 points), squeals at speed 2 m/s to 3 m/s (2 points)"
+        "silent at speed 0.5 to 1 m/s (2 points), squeals at speed 2 to 3 m/s (2 points)"
     )
     assert by_ranges("load", "N", [2e3], ["silent"]) == "silent at load 2 kN"
     assert by_ranges("speed", "", [1.0, 1.0], ["a", "b"]) == ""  # of one value two
@@ -76,7 +78,8 @@ def test_a_grid_of_two_parameters_is_a_map_of_letters():
         "load N",
         "10  . x L",
         " 5  . . L",
-        "to the right: mu, 0.1 to 0.3 (3 values); L limit cycle, . stable, x failed",
+        "to the right: mu, 0.1 to 0.3 (3 values)",
+        "L limit cycle, . stable, x failed",
     ]
     assert screen.letter_map(("mu", "load N"), (x[1:], y[1:]), words[1:], CLASS_LETTERS) == []
     strange = [*words[:-1], "strange"]  # of a version to come
@@ -95,6 +98,9 @@ def test_a_grid_is_no_wider_than_the_screen_and_breaks_no_number_and_no_name():
         assert max(map(len, lines)) <= width
         for whole in ("0.25", "limit cycle", "-0.0002182", "growth", "outer_pad"):
             assert any(whole in line for line in lines), (whole, width)
+    heads = screen.grid("value:sliding_speed m/s", "value:growth 1/s", rows=[["1", "-2"]])
+    for width, first in ((25, "sliding_speed"), (21, "sliding_speed  growth"), (20, "sliding_")):
+        assert screen.as_text([heads], width).splitlines()[0].strip() == first
     names = screen.as_text([screen.grid("text:name", rows=[["a.long_name_of_a_parameter"]])], 12)
     assert names.splitlines()[1:] == ["a.long_name_", "of_a_", "parameter"]
     wider = screen.as_text([screen.grid(*"abcdefgh", rows=[["-0.0002182"] * 8])], 40)
@@ -115,6 +121,50 @@ def test_a_reason_that_stands_often_is_a_footnote():
     assert footnotes([long, "short", long]) == {long: "a", "short": "b"}
     assert footnotes([long, "another"]) == {long: long, "another": "another"}
     assert footnotes(["short", "short"]) == {"short": "short"}
+
+
+def test_reasons_that_differ_by_numbers_alone_are_one_with_their_ranges():
+    def reason(mode, speed, extra="; cycles apart were not searched"):
+        return f"mode {mode}: no cycle up to {speed} m/s, checked at 6 amplitudes{extra}"
+
+    told = [reason(1, speed) for speed in ("0.293", "1e+03", "0.0282")]
+    one = reason(1, "0.0282 to 1e+03")
+    assert merged_reasons([told[0], *told, "else"]) == {**dict.fromkeys(told, one), "else": "else"}
+    apart = [reason(1, "0.5"), reason(2, "0.5"), reason(1, "0.5", "")]
+    assert merged_reasons(apart) == {text: text for text in apart}
+
+
+def test_levels_and_kicks_are_told_in_words():
+    points = pd.DataFrame(
+        {
+            "torque_rms": [np.nan, 23.54, 127.9, 262.6],
+            "frequency_hz": [np.nan, 223.9, np.nan, 217.7],
+            "torque_line_hz": [np.nan, 223.9, 219.9, 217.7],
+            "threshold_velocity": [np.nan, 0.7886, 1.153, np.nan],
+            "threshold_share": [np.nan, 0.92, 0.19, np.nan],
+        }
+    )
+    assert levels_in_words(points, "N") == (
+        " RMS of the force of friction in what lasts: 23.5 to 262.6 N, at 217.7 to 223.9 Hz. Where "
+        "it squeals if kicked, a kick of 0.79 to 1.15 m/s at a contact point starts it: 19 to 92 % "
+        "of the speed in the cycle."
+    )
+    assert levels_in_words(points[2:3].assign(threshold_velocity=np.nan), "N m") == (
+        " RMS of the torque in what lasts: 127.9 N m, at 219.9 Hz."
+    )
+    assert levels_in_words(points[:1], "N") == ""
+
+
+def test_a_number_has_two_digits_of_its_error():
+    told = {
+        (165.16, 4.63): "165.2 +- 4.6",
+        (1124.98, 143.5): "1120 +- 140",
+        (39.53, 0.9996): "39.5 +- 1.0",
+        (114.03, 0.015): "114",
+        (114.03, float("nan")): "114",
+        (1.4798e-5, 3.1e-7): "1.48e-05 +- 3.1e-07",
+    }
+    assert {numbers: with_error(*numbers) for numbers in told} == told
 
 
 def test_a_prefix_leaves_a_number_that_can_be_read():

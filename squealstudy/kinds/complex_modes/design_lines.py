@@ -31,6 +31,7 @@ MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
 MOST_MODES = 4  # named in the answer
 MOST_ONSETS = 3  # modes whose onsets stand beside each other, a row a design
 SAME_ONSET = 1e-9  # relative: values of an onset in two tables
+ALIKE_ONSETS = 2e-3  # relative: designs whose first onsets are as near are not told apart
 OTHER_FREQUENCY = 0.02  # relative, of a mode at its onset: it is told beside that of its growth
 
 Row = Mapping[Hashable, Any]
@@ -151,6 +152,7 @@ def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
     of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
     ends = of_mode["onset"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].to_numpy(float)
     begins = of_mode["onset"][(of_mode["direction"] == INTO).to_numpy(bool)].to_numpy(float)
+    begins = np.nan_to_num(begins, nan=-np.inf)  # below the range
     if len(ends) != 1 or len(begins) > 1 or not (begins < ends[0]).all():
         return ""  # or it comes back
     return f", no longer from {amount(float(ends[0]), unit)} on"
@@ -183,6 +185,49 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     return ", ".join(texts) + (f" and {plural(n_untold, 'other')}" if n_untold else "")
 
 
+def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
+    """Which design turns unstable first and which last, to follow others.
+
+    Empty where that is not known of each, or where they are alike.
+    """
+    along = results.along or ""
+    if len(lines) < 2:
+        return ""
+    first_onsets = [_first_value(line) for line in lines]
+    ends = min(first_onsets), max(first_onsets)
+    if _same_onset(*ends) or np.isnan(first_onsets).any():
+        return ""
+    top = float(results.points[along].max())
+    texts = []
+    for end in ends:
+        there = [x for x, onset in zip(lines, first_onsets, strict=True) if _same_onset(onset, end)]
+        if any(INEXACT.get(line.kind) for line in there):
+            return ""
+        values = [f"{n} {amount(v, results.units.get(n, ''))}" for n, v in there[0].design.items()]
+        design = ", ".join(values) if len(there) == 1 else f"{len(there)} of the designs"
+        onset_text = (
+            f"{along} {amount(end, results.units.get(along, ''))}" if np.isfinite(end) else ""
+        )
+        onset_text = onset_text or ("below range" if end < 0 else f"none up to {top:g}")
+        texts.append(f"with {design} ({onset_text})")
+    return f" The first onset is earliest {texts[0]} and latest {texts[1]}."
+
+
+def _same_onset(one: float, two: float) -> bool:
+    """Whether two values, infinite ones too, are not told apart."""
+    near = np.isfinite([one, two]).all() and abs(one - two) <= ALIKE_ONSETS * abs(two)
+    return bool(one == two or near)
+
+
+def _first_value(line: DesignLine) -> float:
+    """Where a design turns unstable, infinite where beyond the range; NaN where not known."""
+    if line.kind == BELOW_RANGE:
+        return -np.inf
+    if np.isfinite(line.onset):
+        return line.onset
+    return np.inf if line.sure and line.solved and not line.unstable else np.nan
+
+
 def design_table(
     results: ResultTables, lines: list[DesignLine], table: pd.DataFrame
 ) -> list[RenderableType]:
@@ -197,7 +242,7 @@ def design_table(
     rows = []
     for design, line in zip(designs, lines, strict=True):
         is_sure = line.sure and line.solved > 0
-        onset = f"none to {top:g}" if is_sure else "none known"  # a failed point may be unstable
+        onset = f"none up to {top:g}" if is_sure else "none known"  # a failed point may be unstable
         onset = "below range" if line.kind == BELOW_RANGE else onset
         if np.isfinite(line.onset):
             onset = f"{INEXACT.get(line.kind, '')}{line.onset:.4g}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,20 +101,22 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
     return (
         f"{other} gives frequencies that differ by {error_percent(frequency)} and damping by "
         f"{error_percent(damping)} of critical, for modes of damping < 5 % at {points}; "
-        f"{_missed(missed)}{of_mesh}{turning_text(checks)}"
+        f"{_missed(missed)}{of_mesh}"
     )
 
 
-def turning_text(checks: Sequence[Mapping[str, Any]]) -> str:
-    """That gyroscopic terms which are left out may decide whether a mode grows; else nothing."""
-    effects = [c["gyroscopic"] for c in checks if c.get("gyroscopic")]
-    if any(e["factor"] for e in effects) or not any(e["decided"] for e in effects):
-        return ""
-    growth = in_digits(max(e["decided_growth"] for e in effects if e["decided"]), 1)
-    return (
-        f"; the disc's gyroscopic terms, left out, decide whether a mode grows there: its growth "
-        f"rate changes by up to {growth} 1/s ({GYROSCOPIC.name} = 1 has them)"
+def turning_rows(manifest: Mapping[str, Any]) -> Rows:
+    """That gyroscopic terms which are left out decide whether a mode grows; else nothing."""
+    facts = manifest.get("turning")
+    if not facts or not facts["decided_points"]:
+        return []
+    growth = in_digits(facts["decided_growth"], 1)
+    at = f"{facts['decided_points']} of {plural(facts['looked'], 'design point')}"
+    text = (
+        f"terms of the turning disc are left out: at {at} near an onset they decide whether a mode "
+        f"grows, and change its growth rate by up to {growth} 1/s ({GYROSCOPIC.name} = 1 has them)"
     )
+    return [("gyroscopic", text)]
 
 
 def _missed(modes: int) -> str:

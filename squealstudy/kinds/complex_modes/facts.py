@@ -52,12 +52,20 @@ class Errors(FactGroup):
 
 
 class Gyroscopic(FactGroup):
-    """What gyroscopic terms do to lightly damped modes."""
+    """What gyroscopic terms do to lightly damped modes; of results of before."""
 
     growth: Finite
     frequency: Finite
     decided: Count
     factor: Finite
+
+
+class Turning(FactGroup):
+    """What the gyroscopic terms that a study leaves out would decide."""
+
+    looked: Count
+    decided_points: Count
+    decided_growth: Finite
 
 
 class Check(FactGroup):
@@ -128,6 +136,7 @@ class ComplexModesFacts(FactGroup):
     errors: Errors | None = None
     reference: list[Check] = Field(default_factory=list)
     outside_band: OutsideBand | None = None
+    turning: Turning | None = None
     tracking: Refined = Refined()
     onsets: Refined = Refined()
     boundary: Boundary | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.contact_factor import HeldStiffness
 from squealstudy.modes.full_order.modes import full_order_modes, solve_family_point
 from squealstudy.modes.point import PointModes
-from squealstudy.modes.turning_effect import turning_effect
 from squealstudy.reduction.cmt import ComponentModes, ReductionSettings, component_modes
 from squealstudy.reduction.prepared import PreparedFamily, mean_contact_stiffness
 from squealstudy.root_pairs import FullOrderPairs, paired_with_full_order
@@ -72,7 +71,6 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
             "full_order_residual": float(full.residual.max(initial=0.0)),
             "roots": [[float(x.real), float(x.imag)] for x in full.lam],
             "root_errors": full.error_rung.tolist(),
-            **_turning(prepared, task),
         }
     except FAILURES as error:
         check |= {"status": "failed", "message": reason(error)[1]}
@@ -80,16 +78,6 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
         give_back_memory()  # a factor is larger than all that stays
     check["wall_s"] = time.perf_counter() - started
     return check
-
-
-def _turning(prepared: Prepared, task: FullOrderTask) -> dict[str, Any]:
-    """What gyroscopic terms do there, where a disc turns."""
-    if isinstance(prepared, PreparedFamily):
-        return {}
-    state = task.point.state()
-    effect = turning_effect(prepared, state, task.lam, task.band_hz, task.neutral)
-    factor = {"factor": state.operating.gyroscopic}
-    return {} if effect is None else {"gyroscopic": asdict(effect) | factor}
 
 
 def _errors(pairs: FullOrderPairs) -> dict[str, float]:

@@ -26,6 +26,9 @@ DOUBTFUL_NUMBER = (
 )
 LEAST_SHOWN = 0.01  # of the upper bound of a Sobol index in the answer
 MOST_NAMED = 3  # modes, and parameters, in the answer
+WHICH_PARAMETER = (
+    f'[design] type = "{SOBOL_INDICES}" tells which parameter the scatter of growth comes from.'
+)
 Names = Mapping[int, tuple[str, bool]]
 Row = dict[Hashable, Any]
 
@@ -134,6 +137,8 @@ def random_answer(results: ResultTables) -> list[str]:
         if of_indices:
             points, swept = results.points, results.swept
             texts += _scatter(sobol_table(points, modes, swept, 0, onsets=results.onsets))
+        elif d > 1:
+            texts += [WHICH_PARAMETER]
     except ResultsError:
         return []
     return [" ".join(texts)]

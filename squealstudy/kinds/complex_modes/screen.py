@@ -14,13 +14,16 @@ from squealstudy.kinds.complex_modes.design_lines import (
     DesignLine,
     design_lines,
     design_table,
+    extremes_in_words,
     onsets_in_words,
 )
 from squealstudy.kinds.complex_modes.error_text import (
     full_order_error_text,
     method_rows,
+    turning_rows,
     unseen_text,
 )
+from squealstudy.kinds.complex_modes.onset_table import onset_table
 from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_text
 from squealstudy.kinds.complex_modes.random_screen import (
     DOUBTFUL_NUMBER,
@@ -77,6 +80,7 @@ ONSETS = {
 FIRST_SEEN_NOTE = (
     "<= before an onset: the least value of a solved point at which the mode is unstable"
 )
+LEAST_ENERGY_SHARE = 0.005  # of a component that is named: less is 0 %
 SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
 
 Row = dict[Hashable, Any]
@@ -86,7 +90,7 @@ class ComplexModesScreen(KindScreen):
     """Unstable modes: how widely, how strongly, from where on, in which component."""
 
     tables = ("points", "modes", "onsets")
-    sure = ("outside band", "left over", "audit", "estimates", "not refined", "error")
+    sure = ("outside band", "left over", "audit", "estimates", "not refined", "error", "gyroscopic")
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
@@ -147,7 +151,7 @@ class ComplexModesScreen(KindScreen):
         if any(len(batch) for batch in results.batches("modes", ["mode"])):
             lines = design_lines(results)
             table = self.rank(results, "share", None, None)
-            designs = design_table(results, lines, table) if lines else []
+            designs = design_table(results, lines, table) if lines else onset_table(results)
             return [*_answer(results, table, lines), *designs, *self.ranking(results)]
         lost = _left_out(results)
         if not (results.points["status"] == "ok").any():
@@ -199,6 +203,7 @@ class ComplexModesScreen(KindScreen):
             *method_rows(manifest),
             *_unrefined(manifest),
             ("error", error),
+            *turning_rows(manifest),
         ]
 
 
@@ -223,7 +228,8 @@ def _answer(
         return [*random_answer(results), ""]
     if not len(table) or not onsets_in_words(results, table):
         return []
-    return [f"{_over_designs(lines)}{_how_many(results, table)}.", ""]
+    text = f"{_over_designs(lines)}{_how_many(results, table)}.{extremes_in_words(results, lines)}"
+    return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
 
 
 def _over_designs(lines: list[DesignLine]) -> str:
@@ -357,13 +363,17 @@ def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]
     low, high, n = (row[f"{of}points{side}"] for of, side in SIDES)
     bounds = f" ({percent(low / n, high / n)})" if low < high else ""
     shares = ((row[f"{place}_component"], row[f"{place}_share"]) for place in ("main", "second"))
-    energy = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares if name)
+    energy = ", ".join(
+        f"{name} {100 * share:.0f} %"
+        for name, share in shares
+        if name and share >= LEAST_ENERGY_SHARE
+    )
     return [
         f"~{name}" if row["ambiguous"] else name,
         frequency_text(row),
         f"{100 * row['unstable_share']:.1f}{bounds} %",
         in_digits(row["max_growth_rate"], 1),
-        in_digits(100 * row["min_damping_ratio"], 3),
+        f"{100 * row['min_damping_ratio']:.3g}",
         *([_threshold(row)] if along else []),
         *([energy] if energies else []),
         ", ".join(settings_of(row["at"], units).values()),

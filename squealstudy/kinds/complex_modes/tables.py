@@ -21,6 +21,7 @@ from squealstudy.kinds.complex_modes.outside_band import Outside, look_outside, 
 from squealstudy.kinds.complex_modes.reduction_errors import ReductionErrors
 from squealstudy.kinds.complex_modes.rows import POINT_FIELDS, ModeColumns, read_columns
 from squealstudy.kinds.complex_modes.tracked_modes import follow_modes
+from squealstudy.kinds.complex_modes.turning_check import turning_facts
 from squealstudy.modes.judged_roots import damping_ratios, settled, stability_names, uncertain_roots
 from squealstudy.modes.tracking.labels import Tracks
 
@@ -65,6 +66,7 @@ def build_tables(
     started = time.perf_counter()
     looked = look_outside(plan, columns, workers)
     outside = outside_facts(plan, looked, started)
+    turning = turning_facts(plan, columns, workers)
     found_at = _findings(columns, unstable, uncertain, references, looked)
     points = write_points(plan, store, found_at)
     tracks, onsets = None, None
@@ -87,7 +89,7 @@ def build_tables(
         return modes_table(columns, errors, labels, unstable, uncertain, names, rows)
 
     store.write_parts(MODES, len(columns.lam), modes)
-    return points, {**summary, "errors": facts, "outside_band": outside}
+    return points, {**summary, "errors": facts, "outside_band": outside, "turning": turning}
 
 
 def modes_table(

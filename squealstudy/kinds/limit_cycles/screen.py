@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Hashable, Mapping
+from itertools import zip_longest
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +28,7 @@ from squealstudy.wording import (
     band_text,
     error_percent,
     figure,
+    in_digits,
     motion_frequency,
     plural,
     setting,
@@ -55,6 +58,7 @@ BRANCH_ENDS = {
     RANGE: "at the end of the sweep",
     FAR: "beyond 'reach'",
 }
+MEASURED = re.compile(r"(?<![\w.])(?<!mode )(?<!modes )\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 
@@ -81,7 +85,8 @@ class LimitCyclesScreen(KindScreen):
         listed = points.head(MOST_POINTS)
         unit = units.get(TORQUE, "N m")
         force = "force of friction" if unit == "N" else "torque"
-        columns = ("growth 1/s", f"RMS {unit}", "+- %", "Hz", "kick m/s", "kick %")
+        kicks = bool(points["threshold_velocity"].notna().any())
+        columns = ["growth 1/s", f"RMS {unit}", "+- %", "Hz", *["kick m/s", "kick %"] * kicks]
         words = points["verdict"].where(points["status"] == "ok", FAILED).tolist()
         letters = (
             self.mapped(results, words, VERDICT_LETTERS)
@@ -90,13 +95,18 @@ class LimitCyclesScreen(KindScreen):
         )
         if letters and len(points) > MOST_POINTS:
             listed = listed[:0]
-        why = footnotes(_reasons(listed))
+        reasons_listed = [_reason(row) for row in listed.to_dict("records")]
+        reasons = merged_reasons(reasons_listed)
+        why = footnotes([reasons[reason] for reason in reasons_listed])
         shown = grid(
             *(f"value:{with_unit(p, units)}" for p in shown_parameters),
             "word:verdict",
             *(f"value:{title}" for title in columns),
             "text:because",
-            rows=(_cells(row, shown_parameters, why) for row in listed.to_dict("records")),
+            rows=(
+                [*_cells(row, shown_parameters, kicks), why[reasons[_reason(row)]]]
+                for row in listed.to_dict("records")
+            ),
         )
         more = len(points) - len(listed)
         legend = notes(
@@ -109,7 +119,7 @@ class LimitCyclesScreen(KindScreen):
             "kick m/s: speed of a contact point in the least kick along the unstable cycle that "
             "starts squeal; kicks of other shapes may need less; kick %: as share of the speed in "
             "the stable cycle"
-            if points["threshold_velocity"].notna().any()
+            if kicks
             else "",
             "no cycle found: steady sliding is stable, and what was searched leads to no cycle"
             f"{_served(results)}; others are not excluded: a kick may still start squeal"
@@ -126,12 +136,13 @@ class LimitCyclesScreen(KindScreen):
         return [self.verdict(results), "", *letters, *([""] if letters else []), shown, legend]
 
     def verdict(self, results: ResultTables) -> str:
-        """How many designs have which verdict."""
+        """How many designs have which verdict; levels, frequencies and kicks."""
         points = results.points
         solved = points["status"] == "ok"
         counts_text = self.counted(results, points["verdict"].where(solved, FAILED).tolist())
         band = band_text(results.fact("band_hz"))
-        return f"{plural(len(points), 'design')}, of modes {band}: {counts_text}."
+        counted = f"{plural(len(points), 'design')}, of modes {band}: {counts_text}."
+        return f"{counted}{levels_in_words(points, results.units.get(TORQUE, 'N m'))}"
 
     def next_steps(self, results: ResultTables) -> Rows:
         """The page of curves and levels; silence by a change, where something squeals."""
@@ -239,9 +250,52 @@ def _borders(borders: pd.DataFrame) -> Rows:
     ]
 
 
-def _reasons(points: pd.DataFrame) -> list[str]:
-    """Why each design point has its verdict, or failed."""
-    return points["reason"].where(points["status"] == "ok", points["message"]).astype(str).tolist()
+def levels_in_words(points: pd.DataFrame, unit: str) -> str:
+    """Levels of the loudest motions, and the kicks that start them; '' where there are none."""
+    if "torque_rms" not in points or not (points["torque_rms"] > 0).any():
+        return ""
+    loud = points[(points["torque_rms"] > 0).fillna(False).to_numpy(bool)]
+    what = "torque" if unit == "N m" else "force of friction"
+    hz = loud["frequency_hz"].fillna(loud.get("torque_line_hz", math.nan)).dropna()
+    at = f", at {_ends(hz, 1)} Hz" if len(hz) else ""
+    text = f" RMS of the {what} in what lasts: {_ends(loud['torque_rms'], 1)} {unit}{at}."
+    kicked = points[points["threshold_velocity"].notna().to_numpy(bool)]
+    if not len(kicked):
+        return text
+    kick = f"a kick of {_ends(kicked['threshold_velocity'], 2)} m/s at a contact point starts it"
+    share = f"{_ends(100 * kicked['threshold_share'])} % of the speed in the cycle"
+    return f"{text} Where it squeals if kicked, {kick}: {share}."
+
+
+def _ends(values: pd.Series, decimals: int = 0) -> str:
+    """``19 to 92``; a single number where both are the same."""
+    ends = dict.fromkeys(in_digits(float(v), decimals) for v in (values.min(), values.max()))
+    return " to ".join(ends)
+
+
+def _reason(row: Mapping[Hashable, Any]) -> str:
+    """Why a design point has its verdict, or failed."""
+    return str(row["reason"] if row["status"] == "ok" else row["message"])
+
+
+def merged_reasons(reasons: list[str]) -> dict[str, str]:
+    """What is said for each reason: those that differ by numbers alone as one, with their ranges.
+
+    Numbers of modes stay: what is said of two modes is no range.
+    """
+    alike: dict[str, list[str]] = {}
+    for reason in dict.fromkeys(reasons):
+        alike.setdefault(MEASURED.sub("#", reason), []).append(reason)
+    merged: dict[str, str] = {}
+    for same in alike.values():
+        text_parts = MEASURED.split(same[0])
+        numbers = zip(*(MEASURED.findall(reason) for reason in same), strict=True)
+        ranges = [
+            " to ".join(dict.fromkeys((min(n, key=float), max(n, key=float)))) for n in numbers
+        ]
+        text = "".join(part + of for part, of in zip_longest(text_parts, ranges, fillvalue=""))
+        merged |= dict.fromkeys(same, text)
+    return merged
 
 
 def footnotes(reasons: list[str]) -> dict[str, str]:
@@ -260,11 +314,12 @@ def footnotes(reasons: list[str]) -> dict[str, str]:
     )
 
 
-def _cells(row: dict[Hashable, Any], own: list[str], why: Mapping[str, str]) -> list[str]:
+def _cells(row: dict[Hashable, Any], own: list[str], kicks: bool) -> list[str]:
     place = [f"{row[p]:.6g}" for p in own]
     if row["status"] != "ok":
-        return [*place, f"failed: {row['status']}", *[""] * 6, why[str(row["message"])]]
+        return [*place, f"failed: {row['status']}", *[""] * (6 if kicks else 4)]
     hz = motion_frequency(row["frequency_hz"], row.get("torque_line_hz", math.nan), 1)
+    threshold = [figure(row["threshold_velocity"]), figure(100 * row["threshold_share"], ".0f")]
     return [
         *place,
         str(row["verdict"]).replace("_", " "),
@@ -272,9 +327,7 @@ def _cells(row: dict[Hashable, Any], own: list[str], why: Mapping[str, str]) -> 
         figure(row["torque_rms"]),
         small_percent(row["level_error"]),
         hz,
-        figure(row["threshold_velocity"]),
-        figure(100 * row["threshold_share"], ".0f"),
-        why[str(row["reason"])],
+        *threshold * kicks,
     ]
 
 

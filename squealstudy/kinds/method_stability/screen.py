@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING
 from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
+from squealstudy.laboratory.method_stability.contract import CONVERGED, RECOVERED, SLOW
 from squealstudy.screen import facts
+from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
+
+
+RIGHT = (CONVERGED, SLOW, RECOVERED)  # outcomes of cells with a right answer
 
 
 class MethodStabilityScreen(KindScreen):
@@ -32,7 +37,21 @@ class MethodStabilityScreen(KindScreen):
             ("as predicted", f"{agreed} cells that are 2 % or more away from the boundary"),
             ("wrong, unflagged", str(silent) if silent else "none"),
         ]
-        return [facts(rows)]
+        return [self.verdict(results), "", facts(rows)]
+
+    def verdict(self, results: ResultTables) -> str:
+        """How often the method is right, and whether it tells where it is not."""
+        manifest = results.manifest
+        counts, silent, share = (manifest[k] for k in ("counts", "unflagged_wrong", "agreement"))
+        right = sum(counts.get(outcome, 0) for outcome in RIGHT)
+        n_others = sum(counts.values()) - right
+        text = f"The method is right in {right} of {plural(right + n_others, 'cell')}"
+        if n_others:
+            warned = f"{silent} of these without a word" if silent else "and says so each time"
+            text += f"; in {n_others} it is wrong or fails, {warned}"
+        if share is None:
+            return f"{text}."
+        return f"{text}. {100 * share:.0f} % of the cells off the boundary are as predicted."
 
 
 SCREEN = MethodStabilityScreen()

@@ -11,6 +11,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.transient.answer import lasting_in_words, level_error
 from squealstudy.kinds.transient.window_screen import in_words, windows
 from squealstudy.screen import Rows, command_text, facts, grid, notes
 from squealstudy.tables.energy_ranking import rank_energy
@@ -19,7 +20,6 @@ from squealstudy.wording import (
     CLASS_LETTERS,
     ENERGY_RULE,
     FAILED,
-    SUSTAINED,
     TORQUE,
     UNDECIDED,
     error_percent,
@@ -29,6 +29,7 @@ from squealstudy.wording import (
     motion_frequency,
     plural,
     real_mode_number,
+    small_percent,
     sufficient_step,
     with_unit,
 )
@@ -42,6 +43,7 @@ MOST_LONGER = 20  # times the duration of a run: a longer one is not advised
 CHANCE_THAT_TELLS_NOTHING = 1.0  # of a level: an error below it may be all of the level
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
+LEAST_PLAIN_LEVEL = 1e-3  # N m or N: of runs that decay less is left
 N_FINDING_COLUMNS = 9  # columns of `_findings`
 
 
@@ -111,22 +113,18 @@ class TransientScreen(KindScreen):
         )
         if letters:
             parts = [*letters, "", *parts]
-        return [self.verdict(results), "", *parts, "", *self.ranking(results)]
+        if not (results.points["class"] == CHANGING).any():  # of which nothing lasts
+            parts += ["", *self.ranking(results)]
+        return [self.verdict(results), "", *parts]
 
     def verdict(self, results: ResultTables) -> str:
-        """How many runs came to what, and the loudest of those that last."""
+        """How many runs came to what; level, frequency and sticking of those that last."""
         table, unit = results.points, results.units.get(TORQUE, "N m")
         text = f"{plural(len(table), 'run')}: {self.counted(results, table['class'].tolist())}."
         if (table["class"] == CHANGING).any():
-            text += in_words(results, unit)
-        lasting = table[table["class"].isin(SUSTAINED).to_numpy()]
-        if len(lasting):
-            row = lasting.iloc[int(lasting["torque_rms"].to_numpy().argmax())]
-            what = "torque" if unit == "N m" else "force of friction"
-            text += f" {'The loudest that lasts: ' if len(table) > 1 else ''}RMS of the {what} "
-            text += f"{in_digits(row['torque_rms'], 1)} "
-            text += f"{unit}, {_heard(row)}{_sticking(row.get('stick_share', np.nan))}."
-        return text
+            one = "1 run, whose speed or pressure changes." if len(table) == 1 else text
+            text = one + in_words(results, unit)
+        return text + lasting_in_words(table, results.parameters, results.units, unit)
 
     def next_steps(self, results: ResultTables) -> Rows:
         """The page of runs; longer ones, where they have told too little."""
@@ -176,7 +174,7 @@ def points(
     )
     listed = table.head(MOST_POINTS)
     transfers = bool(listed["transfer_to"].any())
-    columns = ["growth 1/s", "forecast", f"{what} {unit}", "RMS", "Hz", "mode", "share %"]
+    columns = ["growth 1/s", "forecast", f"{what} {unit}", "RMS", "+- %", "Hz", "most energy"]
 
     def cells(number: int, row: dict[Hashable, Any]) -> list[str]:
         place = [f"{row[p]:.6g}" for p in shown_parameters] or ([str(number)] if varied else [])
@@ -194,10 +192,10 @@ def points(
         f"{more} more in the points table" if more else "",
         "growth: fitted to the run (~: with wide bounds; -: fewer than five periods grow or decay "
         "exponentially); forecast: growth of the complex mode",
-        f"{what}{'' if what == 'torque' else ' of friction'}: its mean; RMS: of its fluctuation; "
-        "Hz: of the motion (x2: loudest at twice that; ~: loudest line, where no period is "
-        "known)",
-        "mode, share: the one with most energy; all over the end of the run",
+        f"{what}{'' if what == 'torque' else ' of friction'}: its mean; RMS: of its fluctuation, "
+        "+-: its error; Hz: of the motion (x2: loudest at twice that; ~: loudest line, where no "
+        "period is known)",
+        "most energy: the mode that has most, and its share; all over the end of the run",
     )
     parts: list[RenderableType] = [shown, legend]
     if varied and not shown_parameters:
@@ -207,24 +205,6 @@ def points(
 
 def _frequency(row: Mapping[Hashable, Any] | pd.Series) -> str:
     return motion_frequency(row.get("frequency_hz", np.nan), row["torque_line_hz"])
-
-
-def _heard(row: pd.Series) -> str:
-    """At which frequency the loudest run is heard, in words."""
-    hz, line = row.get("frequency_hz", np.nan), row["torque_line_hz"]
-    if hz != hz:
-        return f"loudest near {in_digits(line)} Hz" if line == line else "frequency not known"
-    harmonic = round(line / hz) if line == line else 1
-    text = f"at {in_digits(hz)} Hz"
-    return text if harmonic < 2 else f"{text}, loudest at {harmonic} times that"
-
-
-def _sticking(share: float) -> str:
-    """How much the contact of a run sticks, in words."""
-    if not share >= 0.0:  # not known
-        return ""
-    how = f"sticks for {in_digits(100 * share, 1)} % of area and time" if share else "never sticks"
-    return f"; its contact {how}"
 
 
 def _undecided(table: pd.DataFrame) -> list[RenderableType]:
@@ -299,12 +279,26 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
         f"{'~' if wide else ''}{figure(rate)}",
         figure(row["predicted_growth_rate"]),
         figure(row["torque_mean"]),
-        figure(row["torque_rms"]),
+        figure(row["torque_rms"], ".4g" if row["torque_rms"] >= LEAST_PLAIN_LEVEL else ".1e"),
+        small_percent(_relative_error(row)),
         _frequency(row),
-        real_mode_number(row["dominant_mode"]) if row["dominant_mode"] else "-",
-        figure(100 * row["dominant_share"], ".0f"),
+        _leader(row),
         transfer,
     ]
+
+
+def _relative_error(row: Mapping[Hashable, Any]) -> float:
+    """Of the RMS level of a run; NaN where it is not known."""
+    error = level_error(row)
+    return error / row["torque_rms"] if row["torque_rms"] else float("nan")
+
+
+def _leader(row: Mapping[Hashable, Any]) -> str:
+    """The mode with most energy, and its share."""
+    if not row["dominant_mode"]:
+        return "-"
+    share = figure(100 * row["dominant_share"], ".0f")
+    return f"{real_mode_number(row['dominant_mode'])} {share} %"
 
 
 def _energy(row: dict[Hashable, Any], varied: bool) -> list[str]:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import RenderableType
 
+from squealstudy.kinds.transient.answer import heard
 from squealstudy.screen import grid, notes
-from squealstudy.wording import figure, motion_frequency
+from squealstudy.wording import QUIET, figure, in_digits, motion_frequency
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from squealstudy.engine.result_tables import ResultTables
 
 MIN_SLOW_RUN_S = 10.0  # times of longer runs are shown in seconds, of others in milliseconds
@@ -66,7 +70,7 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
 def in_words(results: ResultTables, unit: str) -> str:
     """What one run whose speed or pressure changes does in turn, and where it is loudest."""
     table = results.table("windows")
-    if not len(table) or table["point_id"].nunique() > 1:
+    if not len(table) or len(set(table["point_id"])) > 1:
         return ""
     slow = bool(table["time_stop"].max() >= MIN_SLOW_RUN_S)
     factor, time_unit = (1.0, "s") if slow else (1e3, "ms")
@@ -74,20 +78,32 @@ def in_words(results: ResultTables, unit: str) -> str:
     alike = [rows for _, rows in table.groupby((words != words.shift()).cumsum().to_numpy())]
     parts = [
         f"{str(rows['class'].iloc[0]).replace('_', ' ')} to "
-        f"{factor * rows['time_stop'].iloc[-1]:.4g} {time_unit}"
+        f"{factor * rows['time_stop'].iloc[-1]:.4g} {time_unit}{_frequencies(rows)}"
         for rows in alike
     ]
     text = f" From {factor * table['time_start'].iloc[0]:.4g} {time_unit} on: {', '.join(parts)}."
     if table["torque_rms"].isna().all():
         return text
-    loudest = table.iloc[int(table["torque_rms"].fillna(-1.0).to_numpy().argmax())].to_dict()
-    hz = motion_frequency(loudest["frequency_hz"], loudest["torque_line_hz"])
+    loudest = table.iloc[int(table["torque_rms"].fillna(-1.0).to_numpy().argmax())]
     return (
         f"{text} Loudest from {_span(loudest, 'time', factor)} {time_unit}, at "
         f"{_span(loudest, 'sliding_speed', 1.0)} m/s: RMS {figure(loudest['torque_rms'])} {unit}, "
-        f"{hz} Hz."
+        f"{heard(loudest)}."
     )
 
 
-def _span(row: Mapping[Hashable, Any], name: str, factor: float) -> str:
+def _frequencies(rows: pd.DataFrame) -> str:
+    """Frequencies of windows of one class after the other, in words; empty where none repeats."""
+    if rows["class"].iloc[0] == QUIET:
+        return ""
+    hz = rows["frequency_hz"].to_numpy(float)
+    repeating = np.flatnonzero(np.isfinite(hz))
+    if not len(repeating):
+        return " (no period)"
+    ends = dict.fromkeys(in_digits(hz[k]) for k in (repeating[0], repeating[-1]))
+    later = ", then without a period" if repeating[-1] < len(hz) - 1 else ""
+    return f" ({' to '.join(ends)} Hz{later})"
+
+
+def _span(row: Mapping[Hashable, Any] | pd.Series, name: str, factor: float) -> str:
     return f"{factor * row[f'{name}_start']:.4g} to {factor * row[f'{name}_stop']:.4g}"

@@ -1,0 +1,97 @@
+"""What the gyroscopic terms of a disc would do that a study leaves out.
+
+Looked for where it matters: at design points where a mode is nearest to neither growing nor
+decaying, spread over them, by the exact method on the reduced model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from squealstudy.engine.cache import is_prepared, prepared_any, prepared_model
+from squealstudy.engine.plan import Plan
+from squealstudy.engine.workers import Workers
+from squealstudy.kinds.complex_modes.outside_band import spread
+from squealstudy.kinds.complex_modes.rows import ModeColumns
+from squealstudy.mechanics.failures import FAILURES
+from squealstudy.models.operating import GYROSCOPIC
+from squealstudy.modes.turning_effect import TurningEffect, turning_effect
+from squealstudy.reduction.prepared import PreparedModel
+from squealstudy.study.design import DesignPoint
+
+N_CHECKED_POINTS = 5  # design points; one takes the time of an exact point
+NEAR_NEUTRAL_SHARE = 0.2  # of the design points: among those nearest they are spread
+
+
+@dataclass(frozen=True)
+class TurningTask:
+    """A design point without gyroscopic terms, with its roots `lam` (m,) in the band [rad/s].
+
+    A mode whose damping ratio is below `neutral` in size neither grows nor decays.
+    """
+
+    point: DesignPoint
+    lam: np.ndarray
+    band_hz: tuple[float, float]
+    neutral: float
+
+
+def turning_facts(plan: Plan, columns: ModeColumns, workers: Workers) -> dict[str, Any] | None:
+    """What the manifest says of it; None where no disc turns, and where the terms are swept.
+
+    Of all points looked at: how many there are, at how many of them some mode grows with the terms
+    alone or without them alone, and by how much its growth rate changes at most.
+    """
+    if GYROSCOPIC.name in {sweep.name for sweep in plan.study.sweeps} or not _turns(plan):
+        return None
+    neutral = plan.study.definition.modes.stability_tolerance
+    tasks = [
+        TurningTask(plan.tasks[row], columns.lam[columns.point == row], plan.band_hz, neutral)
+        for row in _nearest_neutral(plan, columns)
+    ]
+    answers = workers.each(effect_of_turning, tasks, "gyroscopic terms")
+    effects = [effect for effect in answers if effect is not None]
+    if not effects:
+        return None
+    return {
+        "looked": len(effects),
+        "decided_points": sum(effect.decided > 0 for effect in effects),
+        "decided_growth": max(effect.decided_growth for effect in effects),
+    }
+
+
+def _turns(plan: Plan) -> bool:
+    """Whether a disc of the model turns."""
+    if plan.stacked:
+        return False
+    built = (prepared_any(key) for key in plan.structures if is_prepared(key))
+    prepared = next(built, None)
+    return isinstance(prepared, PreparedModel) and prepared.model.turning is not None
+
+
+def effect_of_turning(task: TurningTask) -> TurningEffect | None:
+    """What the terms do at a point, in a worker; None where it has them, and where that fails."""
+    state = task.point.state()
+    if state.operating.gyroscopic:
+        return None
+    prepared = prepared_model(task.point.structure)
+    try:
+        return turning_effect(prepared, state, task.lam, task.band_hz, task.neutral)
+    except FAILURES:
+        return None
+
+
+def _nearest_neutral(plan: Plan, columns: ModeColumns) -> list[int]:
+    """Rows of design points that are looked at."""
+    away = np.full(len(columns.counts), np.inf)
+    size = np.abs(columns.lam)
+    np.minimum.at(away, columns.point, np.abs(columns.lam.real) / np.where(size > 0, size, np.inf))
+    order = np.argsort(away, kind="stable")
+    n_near = max(N_CHECKED_POINTS, round(NEAR_NEUTRAL_SHARE * len(away)))
+    rows = order[:n_near][np.isfinite(away[order[:n_near]])]
+    if not len(rows):
+        return []
+    return spread(plan.coordinates[rows], -away[rows], N_CHECKED_POINTS, rows)

@@ -1,0 +1,116 @@
+"""What runs in time came to, in sentences: levels with their errors, frequencies, sticking."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.wording import (
+    SUSTAINED,
+    amount,
+    by_ranges,
+    figure,
+    in_digits,
+    moment,
+    real_mode_number,
+    setting,
+    with_error,
+)
+
+MOST_MODES = 4  # that lead in turn, in a sentence
+MOST_SETTINGS = 3  # parameters named at the loudest run
+
+
+def lasting_in_words(
+    table: pd.DataFrame, parameters: Sequence[str], units: Mapping[str, str], unit: str
+) -> str:
+    """Level, frequency and sticking of runs that last, to follow other sentences; '' of none.
+
+    `unit` is N m of torques, N of friction forces.
+    """
+    lasting = table[table["class"].isin(SUSTAINED).to_numpy(bool)]
+    if not len(lasting):
+        return ""
+    row = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmax())]
+    what = "torque" if unit == "N m" else "force of friction"
+    level = with_error(float(row["torque_rms"]), level_error(row))
+    varied = [p for p in parameters if len(set(table[p].tolist())) > 1]
+    where = ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied[:MOST_SETTINGS])
+    loudest = f"The loudest that lasts{f', at {where}' if where else ''}: " * (len(table) > 1)
+    text = f" {loudest}RMS of the {what} {level} {unit}, {heard(row)}"
+    if len(table) == 1:
+        return f"{text}{_sticking(row)}.{_growth(row)}"
+    if len(lasting) == 1 or len(varied) != 1:
+        return f"{text}{_sticking(row)}."
+    (name,) = varied
+    of_name = name, units.get(name, "")
+    return f"{text}.{_leading(lasting, *of_name)}{_where_it_sticks(lasting, *of_name)}"
+
+
+def level_error(row: Mapping[Hashable, Any] | pd.Series) -> float:
+    """Half the width of the bounds of a run's RMS level; NaN where they are not known."""
+    low, high = row.get("torque_rms_low", np.nan), row.get("torque_rms_high", np.nan)
+    return float(high - low) / 2
+
+
+def heard(row: pd.Series) -> str:
+    """At which frequency a run is heard, in words."""
+    hz, line = row.get("frequency_hz", np.nan), row["torque_line_hz"]
+    if hz != hz:
+        return f"loudest near {in_digits(line)} Hz" if line == line else "frequency not known"
+    harmonic = round(line / hz) if line == line else 1
+    text = f"at {in_digits(hz)} Hz"
+    return text if harmonic < 2 else f"{text}, loudest at {harmonic} times that"
+
+
+def _growth(row: pd.Series) -> str:
+    """How fast a run grew, and from when on its level was steady; '' where neither is known."""
+    rate, forecast = row.get("growth_rate", np.nan), row.get("predicted_growth_rate", np.nan)
+    settled = row.get("settled_time", np.nan)
+    beside = f" (complex mode: {figure(forecast)})" if forecast == forecast else ""
+    parts = [f"grew by {figure(rate)} 1/s{beside}"] if rate == rate else []
+    parts += [f"was steady from {moment(settled)} on"] if settled == settled else []
+    return f" It {' and '.join(parts)}." if parts else ""
+
+
+def _leading(lasting: pd.DataFrame, name: str, unit: str) -> str:
+    """Which mode has most energy where, where that changes; with the frequencies of its runs."""
+    modes = lasting["dominant_mode"].tolist()
+    if not 1 < len(set(modes)) <= MOST_MODES or not all(modes):
+        return ""
+    words = []
+    for mode in modes:
+        rows = lasting[(lasting["dominant_mode"] == mode).to_numpy(bool)]
+        hz = rows.get("frequency_hz", rows["torque_line_hz"]).fillna(rows["torque_line_hz"])
+        ends = list(dict.fromkeys(in_digits(end) for end in (hz.min(), hz.max())))
+        words.append(f"{real_mode_number(mode)} ({' to '.join(ends)} Hz)")
+    ranges = by_ranges(name, unit, lasting[name].tolist(), words)
+    return f" The mode with most energy: {ranges}." if ranges else ""
+
+
+def _sticking(row: pd.Series) -> str:
+    """How much the contact of a run sticks, in words."""
+    share = row.get("stick_share", np.nan)
+    if not share >= 0.0:  # not known
+        return ""
+    how = f"sticks for {in_digits(100 * share, 1)} % of area and time" if share else "never sticks"
+    return f"; its contact {how}"
+
+
+def _where_it_sticks(lasting: pd.DataFrame, name: str, unit: str) -> str:
+    """In which of several runs the contact sticks, and how much."""
+    shares = lasting.get("stick_share", pd.Series(np.nan, lasting.index)).to_numpy(float)
+    if not (shares >= 0.0).all():
+        return ""
+    if not shares.any():
+        return f" The contact never sticks in these {len(lasting)} runs."
+    ends = [in_digits(100 * s, 1) for s in (shares[shares > 0].min(), shares.max())]
+    how = f"for {' to '.join(dict.fromkeys(ends))} % of area and time"
+    if shares.all():
+        return f" The contact sticks in all {len(lasting)} of these, {how}."
+    at = ", ".join(amount(float(v), unit) for v in lasting[name][shares > 0])
+    sticking = int((shares > 0).sum())
+    return f" The contact sticks in {sticking} of these {len(lasting)}, {how}: at {name} {at}."
