@@ -38,6 +38,11 @@ SPRING_AT_CORNER = (
     "a spring with a gap or of one side just touches in steady sliding, where its stiffness is all "
     "or nothing: expected a gap, or a load, that moves it from there"
 )
+PRESSES_OPEN = (
+    "the softening contact gives way under the load: it is balanced beyond the gap at which its "
+    "force turns round, where an open gap presses and a closed one pulls; expected less load, or a "
+    "contact.cubic_stiffness nearer to 0"
+)
 
 
 @dataclass(frozen=True)
@@ -311,10 +316,22 @@ def _engaged_springs(
 
 
 def _checked(space: ContactSpace, state: WorkingPoint) -> WorkingPoint:
-    """ConvergenceError where a spring is at its corner: it has no tangent there."""
+    """ConvergenceError where a spring is at its corner, without a tangent, or a gap presses."""
     if len(space.spring_points) and at_a_corner(state.gap, space.spring_points):
         raise ConvergenceError("working_point", SPRING_AT_CORNER)
+    touching = space.touching
+    if presses_open(*(x[touching] for x in (state.gap, state.contact_pressure, state.tangent))):
+        raise ConvergenceError("working_point", PRESSES_OPEN)
     return state
+
+
+def presses_open(gap: np.ndarray, pressure: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """Whether points (.., nc) of a softening law bear beyond its second zero (..,).
+
+    There an open gap presses, and a closed one pulls: a branch of the law that no contact has.
+    """
+    beyond: np.ndarray = ((tangent < 0.0) & (gap * pressure > 0.0)).any(axis=-1)
+    return beyond
 
 
 def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:

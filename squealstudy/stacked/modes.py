@@ -19,6 +19,7 @@ from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.modes.point import angular_band
 from squealstudy.reduction.free_motions import FREE_MOTION
 from squealstudy.reduction.working_point import (
+    PRESSES_OPEN,
     SPRING_AT_CORNER,
     expect_consistent_laws,
     no_sliding_text,
@@ -27,7 +28,14 @@ from squealstudy.reduction.working_point import (
 from squealstudy.stacked.linear import StackedDamping, StackedLinear, computable, linearised
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.roots import StackedRoots, stacked_roots
-from squealstudy.stacked.sliding import AT_CORNER, SINGULAR, SOLVED, StackedSliding, steady_sliding
+from squealstudy.stacked.sliding import (
+    AT_CORNER,
+    BEYOND_LAW,
+    SINGULAR,
+    SOLVED,
+    StackedSliding,
+    steady_sliding,
+)
 from squealstudy.stacked.structures import StackedStructures
 
 MOST_COORDINATES = 40  # of a model: beyond, stacking saves next to nothing
@@ -305,6 +313,8 @@ def _reason(state: int, operating: StackedOperating, row: int, pressed: bool) ->
         return "singular", FREE_MOTION
     if state == AT_CORNER:
         return "working_point", SPRING_AT_CORNER
+    if state == BEYOND_LAW:
+        return "working_point", PRESSES_OPEN
     pressure = operating.pressure[row] if pressed else None
     return "working_point", no_sliding_text(operating.friction[row], pressure)
 

@@ -19,11 +19,13 @@ from squealstudy.reduction.working_point import (
     MAX_STEP,
     OPEN,
     TOLERANCE,
+    presses_open,
 )
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.structures import StackedStructures
 
-SOLVED, SINGULAR, NO_EQUILIBRIUM, AT_CORNER = 0, 1, 2, 3  # codes of StackedSliding.state
+# codes of StackedSliding.state
+SOLVED, SINGULAR, NO_EQUILIBRIUM, AT_CORNER, BEYOND_LAW = 0, 1, 2, 3, 4
 SMALLEST_POSITIVE = 1e-300
 
 
@@ -41,7 +43,7 @@ class StackedSliding:
         As in `WorkingPoint`.
     state : ndarray (m,) of int
         SOLVED, SINGULAR where some motion is free, NO_EQUILIBRIUM where Newton finds none,
-        AT_CORNER where a spring just touches.
+        AT_CORNER where a spring just touches, BEYOND_LAW where an open gap presses.
     """
 
     gap: np.ndarray
@@ -243,6 +245,8 @@ def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
         movement = largest_opening + np.abs(gap).max(axis=1) + SMALLEST_POSITIVE
         residual = np.abs(F).max(axis=1) / movement
         corner = (state == SOLVED) & at_a_corner(gap, springs)
+        of_contact = (x[:, touching] for x in (gap, p, kappa))
+        beyond = (state == SOLVED) & presses_open(*of_contact)
     return StackedSliding(
         gap=gap,
         pressure=p,
@@ -250,7 +254,7 @@ def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
         residual=residual,
         open_share=_open_share(contact_area, p[:, touching], loaded),
         tangent_error=_tangent_error(area, p, kappa, F, spring_error(gap, F, springs)),
-        state=np.where(corner, AT_CORNER, state),
+        state=np.where(corner, AT_CORNER, np.where(beyond, BEYOND_LAW, state)),
     )
 
 

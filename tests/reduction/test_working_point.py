@@ -389,6 +389,38 @@ def test_a_spring_that_bears_less_than_the_load_is_reached_from_where_it_holds(f
     assert steady.iterations <= 10
 
 
+def test_softening_contact_that_is_balanced_by_an_open_gap_alone_has_no_steady_sliding():
+    """Roots of the law on two springs: closed ones at 600 N, at 700 N only an open gap."""
+    k1, k2 = (2e6 / 3 * (2.0 + side * np.sqrt(3.0)) for side in (-1, 1))
+    (k11, k12), (_, k22) = sum(
+        k * np.outer(n, n) for k, n in ((k1, (-(0.75**0.5), 0.5)), (k2, (0.75**0.5, 0.5)))
+    )
+    mu, stiffness, third, area = 0.2, 4e6 / 3, -5.4e17, 4e6 / 3 / 5e11
+    loads = np.array([300.0, 600.0, 700.0, 3000.0])
+    closed = []
+    for load in loads:  # with k11 x = -mu p - k12 g along the belt
+        soft = k22 - k12**2 / k11
+        share = 1.0 + mu * k12 / k11
+        linear = soft + share * stiffness
+        roots = np.roots([share * third * area, 0.0, linear, load])
+        real = roots[np.abs(roots.imag) < 1e-12].real
+        force = -(stiffness * real + third * area * real**3)
+        closed.append(bool(((real < 0.0) & (force > 0.0)).any()))
+        assert ((real > 0.0) & (force > 0.0)).any()  # the open gap that presses is always there
+    assert closed == [True, True, False, False]
+    values = {"friction": mu, "contact.cubic_stiffness": third}
+    model = sq.model("hoffmann", contact_law="cubic", **values)
+    together = model.at(normal_force=loads).steady
+    np.testing.assert_array_equal(together.status == "ok", closed)
+    assert together.message[-1].startswith("the softening contact gives way under the load")
+    for load, is_closed in zip(loads.tolist(), closed, strict=True):
+        if is_closed:
+            assert model.at(normal_force=load).steady.gap[0] < 0.0
+        else:
+            with pytest.raises(ConvergenceError, match="the softening contact gives way"):
+                _ = model.at(normal_force=load).steady
+
+
 def test_next_to_no_load_on_an_exponential_contact_has_no_equilibrium_in_words():
     model = sq.model("hoffmann", contact_law="exponential", normal_force=1e-320)
     text = "no steady sliding equilibrium found at friction 0.[25]: does"  # no pressure acts

@@ -167,14 +167,13 @@ def test_of_a_study_without_any_result_it_says_so(tmp_path):
 def test_of_limit_cycles_beside_growth_without_oscillation_it_says_that_the_design_diverges(
     tmp_path,
 ):
-    """A contact spring beyond the force at which it gives way."""
-    text = study_text("gives_way", "limit_cycles", "hoffmann") + 'contact_law = "cubic"\n'
-    text += "[parameters]\nk1 = 1.31e6\nk2 = 1.356e6\ncontact_stiffness = 2.6e6\nfriction = 0.6\n"
-    text += '"contact.cubic_stiffness" = -5.4e17\n'
-    text += '[[sweep]]\nparameter = "normal_force"\nvalues = [2500.0, 5000.0]\n'
+    """Friction that falls so steeply that it overcomes critical damping."""
+    text = study_text("falls_steeply", "limit_cycles", "belt") + "[parameters]\n"
+    text += '"friction_law.static_ratio" = 10.0\n"friction_law.decay_speed" = 0.05\n'
+    text += '[[sweep]]\nparameter = "sliding_speed"\nvalues = [0.05, 0.06]\n'
     cycles = sq.open_results(run_failing(text, tmp_path))
-    told = "failed at normal_force 2.5 to 5 kN (2 points). 2 of 2 points are not ok (2 diverges)."
-    assert verdict(cycles).endswith(told)
+    told = "failed at sliding_speed 0.05 to 0.06 m/s (2 points). 2 of 2 points are not ok ("
+    assert verdict(cycles).endswith(f"{told}2 diverges).")
 
 
 def test_a_heading_without_findings_is_left_out(tmp_path):

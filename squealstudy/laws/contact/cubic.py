@@ -2,7 +2,8 @@
 
 A spring that hardens (c > 0) or softens (c < 0) with its deflection. The cubic part has no
 stiffness at g = 0; at a working point its tangent 3 c g^2 counts. A softening spring gives way
-beyond g^2 = k / (3 |c|): the tangent is negative there.
+beyond g^2 = k / (3 |c|): the tangent is negative there. Beyond g^2 = k / |c| an open gap presses
+and a closed one pulls: balance there is no steady sliding.
 """
 
 from __future__ import annotations
