@@ -6,6 +6,7 @@ import math
 from collections.abc import Hashable, Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 from rich.text import Text
@@ -34,7 +35,8 @@ def before_after(table: pd.DataFrame, before: Results, after: Results) -> list[R
     head = f"Before: {before.directory}; after: {after.directory}. What differs: {changes}."
     if not len(table):
         return [Text(plain(f"{answer}\n{head}"))]
-    rows = [_cells(row, facts) for row in table.to_dict("records")]
+    unpaired = _unpaired(table)
+    rows = [_cells(row, facts, unpaired) for row in table.to_dict("records")]
     shown = grid(
         *(f"text:mode {side}" for side in SIDES),
         *(["value:onset"] if along else []),
@@ -52,7 +54,11 @@ def before_after(table: pd.DataFrame, before: Results, after: Results) -> list[R
         *([f"onset: least {along} at which the mode turns unstable"] if along else []),
         *(["~ before an onset: interpolated, not refined"] if "~" in marks else []),
         *(["<= before an onset: an upper bound"] if "<= " in marks else []),
-        *(["-: none, or not known"] if any("-" in row[2].split() for row in rows) else []),
+        *(
+            ["-: none, or not known"]
+            if any("-" in " ".join(row[2:]).split() for row in rows)
+            else []
+        ),
     )
     return [Text(plain(f"{answer}\n{head}")), "", shown, legend]
 
@@ -122,13 +128,31 @@ def _counts(table: pd.DataFrame) -> list[str]:
         f"Unstable: {modes}, at {one['unstable']} and {two['unstable']} of the "
         f"{plural(facts['points'], 'point')} of both."
     ]
-    for side, other in (SIDES, SIDES[::-1]):
-        alone = table[(table[f"mode_{other}"] == "").to_numpy(bool)]
+    unpaired = _unpaired(table)
+    for side in SIDES:
+        alone = table[_alone(table, side)]
         named = [_mode(row, side) for row in alone[:MOST_NAMED].to_dict("records")]
         more = len(alone) - len(named)
         rest = f" and {plural(more, 'other')}" if more else ""
-        texts += [f"Only {side}: {', '.join(named)}{rest}."] if named else []
+        only = f"Without a partner {side}" if unpaired else f"Only {side}"
+        texts += [f"{only}: {', '.join(named)}{rest}."] if named else []
+    if unpaired:
+        texts += [
+            "A mode whose frequency changes by more than "
+            f"{100 * REL_TOLERANCE:g} % may be without a partner on both sides."
+        ]
     return texts
+
+
+def _alone(table: pd.DataFrame, side: str) -> np.ndarray:
+    """Rows of modes that have no partner on the other side."""
+    other = SIDES[1 - SIDES.index(side)]
+    return (table[f"mode_{other}"] == "").to_numpy(bool)
+
+
+def _unpaired(table: pd.DataFrame) -> bool:
+    """Whether modes are left on both sides: two of them may be one, whose frequency moves far."""
+    return all(_alone(table, side).any() for side in SIDES)
 
 
 def _doubts(facts: Mapping[Hashable, Any]) -> list[str]:
@@ -162,15 +186,19 @@ def _mode(row: Row, side: str) -> str:
     return f"{name} at {in_digits(hz)} Hz" if hz == hz else str(name)
 
 
-def _cells(row: Row, facts: Mapping[Hashable, Any]) -> list[str]:
+def _cells(row: Row, facts: Mapping[Hashable, Any], unpaired: bool) -> list[str]:
     rates = [row[f"growth_rate_{side}"] for side in SIDES]
-    shares = [row[f"unstable_points_{side}"] / facts["points"] for side in SIDES]
-    onsets = [_onset_cell(row, side, facts[side]) for side in SIDES]
+    unknown = {side for side in SIDES if unpaired and not row[f"mode_{side}"]}
+    shares = [
+        "-" if side in unknown else f"{100 * row[f'unstable_points_{side}'] / facts['points']:.0f}"
+        for side in SIDES
+    ]
+    onsets = ["-" if side in unknown else _onset_cell(row, side, facts[side]) for side in SIDES]
     return [
         *(_mode(row, side).replace(" at ", " ") or "-" for side in SIDES),
         *([" -> ".join(onsets)] if facts["along"] else []),
         " -> ".join(in_digits(rate, 1) if rate == rate else "-" for rate in rates),
-        " -> ".join(f"{100 * share:.0f}" for share in shares),
+        " -> ".join(shares),
     ]
 
 

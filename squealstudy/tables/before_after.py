@@ -124,8 +124,9 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        COLUMNS of both SIDES; of a side on which no such mode is unstable texts are empty, numbers
-        NaN and `unstable_points` 0. `mode` has the tracks, or what stands in their place; `onset`
+        COLUMNS of both SIDES; of a side without a partner texts are empty, numbers NaN and
+        `unstable_points` 0. Modes without one on both sides may be one whose frequency changes by
+        more. `mode` has the tracks, or what stands in their place; `onset`
         is the least value at which the mode turns unstable on lines that both studies have
         (`onset_kind`: `threshold_kind` of `rank_modes`), its error NaN where none is known.
     """

@@ -35,7 +35,7 @@ class GrowthColumn:
         LARGEST_GROWTH_GROUP for the largest of a point, OVERDAMPED_GROUP for that of its real,
         growing roots. Of tracks that are one mode (`families`) that of most unstable points.
     frequency_hz : float
-        Mean over the points where the mode is unstable; NaN for these two groups.
+        Where the mode grows fastest; NaN for these two groups.
     growth : ndarray (n_points,)
         1/s; NaN where the point is not ok or the track has no mode.
     unstable : ndarray (n_points,) of bool
@@ -214,7 +214,8 @@ def robust_table(
         Sobol sequence or Latin hypercube fill the space more evenly, it is then wider than it need
         be in all but contrived cases. `mean_growth_rate` is the mean over the same points with zero
         where the mode is not unstable; `growth_mean` and `growth_std` are of the growth rate itself
-        where there is the mode, 1/s; `max_growth_rate` is the worst case, `at` its parameters.
+        where there is the mode, 1/s; `max_growth_rate` is the worst case of all solved points, no
+        draws among them too, `at` its parameters.
 
     Raises
     ------
@@ -222,7 +223,8 @@ def robust_table(
         Where every point failed.
     """
     drawn = np.ones(len(points), dtype=bool) if independent is None else independent
-    solved = drawn & (points["status"] == "ok").to_numpy(bool)
+    is_ok = (points["status"] == "ok").to_numpy(bool)
+    solved = drawn & is_ok
     if not solved.any():
         raise ResultsError("every design point failed: there is no probability to tell")
     names = parameter_columns(points, varied=True)
@@ -230,10 +232,11 @@ def robust_table(
     for column in growth_columns(points, modes, None, onsets):
         if column.track == LARGEST_GROWTH_GROUP or (column.unstable & solved).any():
             row = _row(column, solved, confidence)
-            worst = _worst(column, solved)
+            worst = _worst(column, is_ok)
             row["at"] = (
                 settings_text(points[names].iloc[worst].to_dict()) if worst is not None else ""
             )
+            row["max_growth_rate"] = column.growth[worst] if worst is not None else np.nan
             row["failed_points"] = int(drawn.sum() - solved.sum())
             rows.append(row)
     table = pd.DataFrame(rows)
@@ -274,10 +277,9 @@ def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[st
         "mean_growth_rate": float(column.growth[unstable].sum()) / n,
         "growth_mean": float(growth.mean()) if len(growth) else np.nan,
         "growth_std": float(growth.std(ddof=1)) if len(growth) > 1 else np.nan,
-        "max_growth_rate": float(growth.max(initial=-np.inf)) if len(growth) else np.nan,
     }
 
 
-def _worst(column: GrowthColumn, solved: np.ndarray) -> int | None:
-    growth = np.where(solved, column.growth, np.nan)
+def _worst(column: GrowthColumn, is_ok: np.ndarray) -> int | None:
+    growth = np.where(is_ok, column.growth, np.nan)
     return None if np.isnan(growth).all() else int(np.nanargmax(growth))

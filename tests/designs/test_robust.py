@@ -418,6 +418,20 @@ def test_the_answer_of_a_random_design_is_its_probability_and_what_it_depends_on
     assert "sliding_speed" not in text  # on which nothing depends
 
 
+def test_the_worst_case_is_that_of_all_solved_points_as_in_the_ranking():
+    """Of three points two are draws; the third grows fastest, the second track there alone."""
+    x = np.arange(9.0).reshape(3, 3)
+    points, modes = tables(x, np.array([2.0, -4.0, 9.0]))
+    drawn = np.array([True, True, False])
+    table = robust_table(points, modes, drawn)
+    assert table["max_growth_rate"].tolist() == [9.0, 9.0]
+    assert set(table["at"]) == {"x1=6, x2=7, x3=8"}
+    assert table["growth_mean"][1] == pytest.approx(-1.0)
+    assert table["probability"].tolist() == [0.5, 0.5]
+    only = robust_table(*tables(x, np.array([-2.0, -4.0, 9.0])), drawn)
+    assert (len(only), only["probability"][0], only["max_growth_rate"][0]) == (1, 0.0, 9.0)
+
+
 def test_a_sobol_design_has_probabilities_and_no_indices(tmp_path):
     results = run(tmp_path / "r", "sobol", 32)
     assert (results.robust()["points"] == 32).all()

@@ -70,6 +70,17 @@ def test_of_a_change_that_silences_it_is_said_to_which_value(nominal, apart):
     assert said(apart, apart).startswith("No mode is unstable, neither before nor after, at any")
 
 
+def test_a_mode_whose_frequency_moves_far_is_not_told_silenced(nominal, tmp_path):
+    """Both frequencies a tenth up: the onset is the same, and no partner within 5 % is there."""
+    faster = "[parameters]\nfrequency_1 = 110.0\nfrequency_2 = 82.5\n"
+    text = said(nominal, hulten(tmp_path, "faster", faster))
+    assert text.count(f"friction {MU_C:.4g} (T") == 2
+    for false in ("none to", "Only before", "Only after", " 0 -> "):
+        assert false not in text
+    assert "Without a partner before: T" in text
+    assert "changes by more than 5 % may be without a partner on both sides" in text
+
+
 def test_the_same_study_stays_within_its_error(nominal):
     text = said(nominal, nominal)
     assert text.startswith("The first onset stays within its error: ")

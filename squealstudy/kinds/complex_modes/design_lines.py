@@ -344,4 +344,5 @@ def _mode_text(row: Row | None) -> str:
     if row is None:
         return ""
     name = track_number(row["track"]) if row["kind"] == group_kind(1) else str(row["kind"])
-    return f"{row.get('name', name)} {frequency_text(row)} Hz"
+    hz = frequency_text(row)  # empty of growth without oscillation
+    return f"{row.get('name', name)} {hz} Hz" if hz else name

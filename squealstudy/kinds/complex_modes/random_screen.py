@@ -154,10 +154,11 @@ def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float
     named = [_often(row) for row in others if row["unstable_points"]][:MOST_NAMED]
     rest = sum(row["unstable_points"] > 0 for row in others) - len(named)
     more = f" and {plural(rest, 'other')}" if rest > 0 else ""
+    which = f": {', '.join(named)}{more}" if named else ""  # none at the points that are draws
     return (
         f"A mode {band_text(band_hz)} is unstable at {_unstable_percent(first)} % of "
         f"{plural(n_points, 'random design point')}{maybe if low < high else ''} (95 % interval "
-        f"{interval} %{left_out}): {', '.join(named)}{more}. The fastest growth is "
+        f"{interval} %{left_out}){which}. The fastest growth is "
         f"{_figure(first['max_growth_rate'])} 1/s."
     )
 
@@ -197,6 +198,7 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
         counted = f"{failed} are not ok and count neither way: with them any is {bounds} %"
     texts = [
         f"of {first['points'] + failed} {drawn}, {counted}",
+        "worst: of all solved points" if sampled else "",
         "interval: 95 % (Clopper-Pearson) for independent draws, wide for a Sobol sequence or "
         "Latin hypercube",
         "growth +- std: mean and scatter of the growth rate, 1/s, where the mode is in the band, "
