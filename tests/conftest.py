@@ -178,9 +178,9 @@ def shared(name: str, make: Callable[[], Any]) -> Any:
         return pickle.loads(path.read_bytes())
 
 
-def runs_on(nodeid: str, day: int) -> bool:
-    """Whether a test of full size belongs to the tenth of a day."""
-    number = int(hashlib.sha256(nodeid.encode()).hexdigest(), 16)
+def runs_on(name: str, day: int) -> bool:
+    """Whether a test of full size, or what several of them share, belongs to the tenth of a day."""
+    number = int(hashlib.sha256(name.encode()).hexdigest(), 16)
     return number % TENTHS == day % TENTHS
 
 
@@ -197,7 +197,8 @@ def order(path: Path) -> tuple[bool, bool, int]:
 def pytest_collection_modifyitems(config, items):
     """What is of full size runs where it is asked for: `-m full_size`, `--full-size-tenth DATE`.
 
-    What takes many minutes (`by_hand`) runs by `-m by_hand` alone.
+    Tests that name what they share (`full_size("kernels of ..")`) have one day, so that it is made
+    on that day alone. What takes many minutes (`by_hand`) runs by `-m by_hand` alone.
     """
     if is_worker(config):
         items.sort(key=lambda item: order(item.path))
@@ -208,8 +209,9 @@ def pytest_collection_modifyitems(config, items):
     def left_out(item) -> bool:
         if item.get_closest_marker("by_hand"):
             return True
-        return bool(item.get_closest_marker("full_size")) and (
-            day is None or not runs_on(item.nodeid, day)
+        mark = item.get_closest_marker("full_size")
+        return mark is not None and (
+            day is None or not runs_on(*(mark.args or (item.nodeid,)), day)
         )
 
     slow = [item for item in items if left_out(item)]

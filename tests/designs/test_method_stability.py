@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from shared_kernels import marks_of_case
 from study_runs import load_plan
 from typer.testing import CliRunner
 
@@ -157,13 +158,7 @@ def test_unflagged_wrong_cells_are_counted():
 
 
 @pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(
-            p, id=p.stem, marks=[pytest.mark.full_size] * p.stem.startswith("fixed_jacobian")
-        )
-        for p in SHIPPED
-    ],
+    "path", [pytest.param(p, id=p.stem, marks=marks_of_case(p.stem)) for p in SHIPPED]
 )
 def test_shipped_maps(path, tmp_path):
     """At 5 x 5 cells: nothing wrong that nothing tells of, and as predicted."""

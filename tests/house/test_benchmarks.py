@@ -143,9 +143,10 @@ def printed(run: Run, folder: Path, monkeypatch, capsys) -> str:
 
 
 RARE = {  # that take longest, and whose parts have tests of their own
-    *("contact_pairs", "cycle_verdicts", "hybrid", "integrators", "irregular_levels"),
-    *("level_over_basis", "mesh_convergence", "mode_columns", "narrow_tongues"),
-    *("reduction_errors", "same_tables", "small_batches", "squeal_judge", "transient_kernels"),
+    *("complex_modes", "contact_pairs", "cycle_cost", "cycle_verdicts", "hybrid", "integrators"),
+    *("irregular_levels", "level_over_basis", "mesh_convergence", "method_costs", "mode_columns"),
+    *("narrow_tongues", "proofs", "reanalysis", "reduction_errors", "same_tables", "size_parts"),
+    *("small_batches", "squeal_judge", "tracking", "transient_kernels", "unstable_check", "walks"),
 }
 MARKED = [pytest.param(r, marks=[pytest.mark.full_size] * (r.script in RARE)) for r in RUNS]
 
@@ -227,10 +228,13 @@ def test_every_study_is_run():
     assert {path.stem for path in BENCHMARKS.glob("*.toml")} == {*STUDIES}
 
 
-SEARCHES = [pytest.param(n, marks=pytest.mark.by_hand) for n in STUDIES if "quiet" in n]
+MARKED_STUDIES = [
+    pytest.param(name, marks=pytest.mark.by_hand if "quiet" in name else pytest.mark.full_size)
+    for name in STUDIES
+]
 
 
-@pytest.mark.parametrize("name", [*(n for n in STUDIES if "quiet" not in n), *SEARCHES])
+@pytest.mark.parametrize("name", MARKED_STUDIES)
 def test_a_study_runs(name, tiny_brake, tmp_path, monkeypatch, capsys):
     text = (BENCHMARKS / f"{name}.toml").read_text(encoding="utf-8")
     for old, new in STUDIES[name]:

@@ -12,6 +12,7 @@ import scipy.linalg as la
 from motions import run_one as run
 from motions import started
 from scipy.integrate import solve_ivp
+from shared_kernels import IN_SINGLE_PRECISION
 
 from squealstudy.kernels import newmark_layout
 from squealstudy.kernels.laws import N_LAW, friction_at, friction_tangent, law_row, mu_at
@@ -403,7 +404,7 @@ def test_few_coordinates_are_those_of_a_larger_system(n):
     np.testing.assert_array_equal(together[0].v, few.v)  # each goes alone
 
 
-@pytest.mark.full_size  # kernels of single precision are compiled for it
+@IN_SINGLE_PRECISION
 def test_single_precision_storage_is_close(rough):
     system, design, r = rough
     single = replace(SHORT, integrator=Newmark(single_storage=True))

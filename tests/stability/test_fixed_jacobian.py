@@ -8,6 +8,7 @@ from dataclasses import replace
 import newmark_reference as twin
 import numpy as np
 import pytest
+from shared_kernels import OF_TRACED_ITERATIONS, marks_of_case
 
 from squealstudy.errors import ParameterError
 from squealstudy.kernels.newmark_layout import POINT_NORMAL
@@ -48,7 +49,7 @@ def crossing(above, low, high):
     return np.sqrt(low * high)
 
 
-@pytest.mark.full_size  # as all that follows iterations here: their kernel is of this case alone
+@OF_TRACED_ITERATIONS
 @pytest.mark.parametrize("contact_factor", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("step", [3e-4, 1e-3])
 def test_one_point_converges_up_to_j_lin_and_twice_k_c(step, contact_factor):
@@ -67,6 +68,7 @@ def test_one_point_converges_up_to_j_lin_and_twice_k_c(step, contact_factor):
     assert POINT.evaluate(values).predicted == pytest.approx(1.0, rel=2e-3)
 
 
+@OF_TRACED_ITERATIONS
 @pytest.mark.parametrize("step", [1e-6, 1e-5])
 def test_a_stuck_point_converges_up_to_its_stick_number(step):
     values = {"step": step, "friction": 5.0}
@@ -91,7 +93,7 @@ GRIDS = [
 ]
 
 
-@pytest.mark.full_size
+@OF_TRACED_ITERATIONS
 def test_agreement_away_from_the_boundary():
     cells = [
         ROUGH.evaluate(dict(zip(grid, values, strict=True)))
@@ -141,6 +143,7 @@ def test_the_consistent_jacobian_is_the_slope_of_the_residual(friction):
     np.testing.assert_allclose(np.array(slopes).T, J, atol=1e-6 * np.abs(J).max())
 
 
+@OF_TRACED_ITERATIONS
 def test_what_newton_cannot_solve_is_a_cell():
     cell = ROUGH.evaluate({"step": 1e-5, "lambda": 5e7})
     assert cell.outcome == FAILED
@@ -157,15 +160,8 @@ def test_rates_are_read_where_they_are_geometric():
     assert fixed_jacobian.rate(np.array([1.0, 1e7, 1e7])) == pytest.approx(1e7)
 
 
-KERNELS_OF_THEIR_OWN = ("fixed_jacobian", "storage")  # which take half a minute to compile
-
-
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.full_size] * name.startswith(KERNELS_OF_THEIR_OWN))
-        for name in known_cases()
-    ],
+    "name", [pytest.param(name, marks=marks_of_case(name)) for name in known_cases()]
 )
 def test_knobs_are_checked(name):
     if name == "storage":  # in one process of the session: both would take as long

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from shared_kernels import IN_SINGLE_PRECISION
 from study_texts import study_text
 
 import squealstudy
@@ -35,15 +36,18 @@ def cells():
     ]
 
 
+@IN_SINGLE_PRECISION
 def test_the_boundary_is_where_it_is_predicted(cells):
     assert all((x.predicted < 1) == (x.outcome == CONVERGED) for x in cells)
     assert 5 < sum(x.outcome == WRONG for x in cells) < 25
 
 
+@IN_SINGLE_PRECISION
 def test_nothing_is_wrong_without_a_word_and_nothing_right_is_flagged(cells):
     assert all(x.flagged == (x.outcome == WRONG) for x in cells)
 
 
+@IN_SINGLE_PRECISION
 def test_the_error_is_round_off_times_the_exponent(cells):
     small = [x for x in cells if 1e-4 < x.predicted < 1]
     for x in small:  # rounded by 0.9 u each
@@ -80,6 +84,7 @@ storage = "single"
 )
 
 
+@IN_SINGLE_PRECISION
 def test_a_run_says_so(tmp_path, monkeypatch):
     """A calm run says nothing; with another limit the same run names the key."""
     plan = Plan(parse_study(STUDY, tmp_path / "belt.toml"))
