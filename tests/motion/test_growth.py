@@ -209,3 +209,17 @@ def test_growth_that_bends_tells_bounds_that_reach_the_small_amplitude(r):
 def test_medians_are_those_of_numpy(values):
     expected = np.median(values) if values else np.nan
     np.testing.assert_equal(median_of(np.array(values)), expected)
+
+
+@pytest.mark.parametrize("cubic", [-0.6, -0.3, 0.5, 3.0])
+@pytest.mark.parametrize("floor", [0.0, 1e-4])
+def test_a_fall_from_large_motion_is_fitted_where_motion_is_small(cubic, floor):
+    """x' = (-a + i w) x - a cubic |x|^2 x from 1 on: in closed form, to a floor of noise."""
+    a = 60.0
+    # of 1/|x|^2 = u: u' = 2 a (u + cubic), from 1
+    u = (1.0 + cubic) * np.exp(2.0 * a * TIME) - cubic
+    xi = np.exp(1j * W * TIME) / np.sqrt(u)
+    fit = fit_growth(TIME, xi + floor * noise(np.random.default_rng(3), len(TIME)))
+    assert fit.status == "ok"
+    assert fit.low <= -a <= fit.high
+    assert fit.growth_rate == pytest.approx(-a, rel=0.01)

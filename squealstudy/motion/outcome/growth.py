@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from squealstudy.motion.outcome.straight_stretch import best_stretch, straightness
+
 # how a rate was found: along the fastest complex mode; from the energy where none is followed
 LEFT_VECTOR, ENERGY = "left_vector", "energy"
 ONSET_LEVEL_RATIO = 0.1  # of the final amplitude
@@ -23,13 +25,10 @@ SEARCH_BLOCKS = 64  # resolution of the window's ends
 # change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
 NOISE_LN_CHANGE = 0.5
 LEAST_RISE = 0.05  # of ln|xi| over a record that never bends; less is a stationary signal
-MAX_REL_SLOPE_DIFFERENCE = 0.01  # of the slope, by which the slopes of the halves may differ
-SLOPE_SIGMAS = 4.0  # standard errors that their difference, and a bend, may take
-LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
 FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
 MAX_CORRELATION = 0.3
 SQUARE_ROUND_OFF = 1e-20  # sum of squares of a curve, up to which it is straight
-MAX_REL_CURVATURE = 0.2  # difference of the halves' slopes over the slope, of the least bent line
+MIN_LATE_PACE_RATIO = 0.5  # pace of the end of a fall over that of the whole: less is a floor
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,9 @@ def fit_growth(
     amplitude, is then read with a relative bias below r^2 = 0.25 % (`SHORT_WINDOW_END_LEVEL_RATIO`:
     0.6 %). Decay is the mirror image. Within that, a complex amplitude is fitted from its start (a
     projection on a left vector has no start-up; rows that are mostly noise are skipped) until its
-    logarithm bends or scatters; a real one over the straight stretch whose slope has the least
-    relative error. The bounds use block means, merged while they are correlated, with a
+    logarithm bends or scatters; one that falls to its end from there back, for large motion falls
+    at another pace; a real one over the straight stretch whose slope has the least relative error.
+    The bounds use block means, merged while they are correlated, with a
     heteroscedasticity-consistent variance (HC3) and Student's t.
 
     Parameters
@@ -174,6 +174,8 @@ class RisingLogarithm:
 def growth_window(rising: RisingLogarithm, least: int) -> tuple[int, int] | str:
     """First row and the row after the last of a straight stretch, or why there is none."""
     end = len(rising.log)
+    if rising.sign < 0 and not rising.real and (late := _late_fall(rising, least)):
+        return late
     if not _rises_throughout(rising, least):
         level = _ceiling(rising)
         end = rising.first_above(level + float(np.log(WINDOW_END_LEVEL_RATIO)))
@@ -189,6 +191,23 @@ def growth_window(rising: RisingLogarithm, least: int) -> tuple[int, int] | str:
     if stretch is None:
         return "not_exponential"
     return stretch[0] * width, stretch[1] * width
+
+
+def _late_fall(rising: RisingLogarithm, least: int) -> tuple[int, int] | None:
+    """The straight stretch that a fall ends with, where motion is smallest; None of a floor."""
+    rows = len(rising.log)
+    width = max(3, -(-rows // SEARCH_BLOCKS))
+    blocks = rising.blocks(width)
+    count = max(8, -(-least // width))
+    if len(blocks) < count:
+        return None
+    stretch = best_stretch(-blocks[::-1], count, 0)
+    if stretch is None:
+        return None
+    first = len(blocks) - stretch[1]
+    pace = (blocks[-1] - blocks[first]) / (len(blocks) - 1 - first)
+    whole = (blocks[-1] - blocks[0]) / (len(blocks) - 1)
+    return (first * width, len(blocks) * width) if pace >= MIN_LATE_PACE_RATIO * whole else None
 
 
 def _rises_throughout(rising: RisingLogarithm, least: int) -> bool:
@@ -233,93 +252,6 @@ def _noisy_blocks(log: np.ndarray, width: int) -> int:
     cut = log[: len(log) // width * width].reshape(-1, width)
     noisy = np.flatnonzero(np.abs(np.diff(cut, axis=1)).mean(axis=1) > NOISE_LN_CHANGE)
     return int(noisy[-1]) + 1 if len(noisy) else 0
-
-
-@dataclass(frozen=True)
-class FittedLines:
-    """Lines through stretches of a sequence.
-
-    Attributes
-    ----------
-    slope : ndarray (m,)
-        A step of the sequence.
-    difference : ndarray (m,)
-        Of the slopes of the two halves.
-    deviation : ndarray (m,)
-        Its standard error, from the scatter about the two lines.
-    error : ndarray (m,)
-        Standard error of the stretch's rise end to end, its scatter about one line taken as
-        independent and not below `LEAST_SCATTER`.
-    """
-
-    slope: np.ndarray
-    difference: np.ndarray
-    deviation: np.ndarray
-    error: np.ndarray
-
-    def accepted(self) -> np.ndarray:
-        """Whether the halves agree, within `MAX_REL_SLOPE_DIFFERENCE` or by chance."""
-        bound = np.maximum(
-            MAX_REL_SLOPE_DIFFERENCE * np.abs(self.slope), SLOPE_SIGMAS * self.deviation
-        )
-        return np.asarray(np.abs(self.difference) <= bound)
-
-
-def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> FittedLines:
-    """Compare the halves of the stretches [first, last) of y, each of six values or more."""
-    sums = _Sums(y)
-    middle = (first + last) // 2
-    slope, rest, _ = sums.line(first, last)
-    slope_a, rest_a, spread_a = sums.line(first, middle)
-    slope_b, rest_b, spread_b = sums.line(middle, last)
-    variance = np.maximum(rest_a + rest_b, 0.0) / (last - first - 4)
-    deviation = np.sqrt(variance * (1 / spread_a + 1 / spread_b))
-    scatter = np.maximum(rest, 0.0) / (last - first - 2) + LEAST_SCATTER**2
-    error = np.sqrt(12 * scatter / (last - first))
-    return FittedLines(slope=slope, difference=slope_b - slope_a, deviation=deviation, error=error)
-
-
-class _Sums:
-    """Running sums of a sequence, from which any stretch has its line at once."""
-
-    def __init__(self, y: np.ndarray) -> None:
-        x, y = np.arange(len(y)) - 0.5 * len(y), y - y.mean()
-        parts = np.stack([np.ones_like(x), x, x * x, y, x * y, y * y])
-        self.sums = np.concatenate([np.zeros((6, 1)), np.cumsum(parts, axis=1)], axis=1)
-
-    def line(
-        self, first: np.ndarray, last: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Slope, sum of squares about the line and spread of x of stretches [first, last)."""
-        n, x, xx, y, xy, yy = self.sums[:, last] - self.sums[:, first]
-        spread = xx - x * x / n
-        slope = (xy - x * y / n) / spread
-        return slope, yy - y * y / n - slope**2 * spread, spread
-
-
-def best_stretch(y: np.ndarray, count: int, begin: int | None) -> tuple[int, int] | None:
-    """The straight stretch of `count` values or more that gives a rising slope best.
-
-    It is that of least relative error of the slope; without one the least bent, or none. With
-    `begin` all start there and none ends after the line first bends.
-    """
-    if begin is None:
-        first, last = np.triu_indices(len(y) + 1, count)
-    else:
-        last = np.arange(begin + count, len(y) + 1)
-        first = np.full(len(last), begin)
-    fits = straightness(y, first, last)
-    good = fits.accepted() & (fits.slope > 0)
-    if begin is not None:
-        good = np.logical_and.accumulate(good)
-    if good.any():
-        slope = np.where(good, fits.slope, 1.0)
-        error = np.where(good, fits.error / (last - first) / slope, np.inf)
-        best = int(np.argmin(error))
-        return int(first[best]), int(last[best])
-    bend = np.abs(fits.difference) / np.maximum(fits.slope, 1e-300)
-    best = int(np.argmin(bend))
-    return (int(first[best]), int(last[best])) if bend[best] <= MAX_REL_CURVATURE else None
 
 
 def block_means(log: np.ndarray, width: int, real: bool) -> np.ndarray:

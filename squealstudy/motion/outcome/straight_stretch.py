@@ -1,0 +1,99 @@
+"""The straight stretch of a rising sequence whose slope is known best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MAX_REL_SLOPE_DIFFERENCE = 0.01  # of the slope, by which the slopes of the halves may differ
+SLOPE_SIGMAS = 4.0  # standard errors that their difference, and a bend, may take
+LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
+MAX_REL_CURVATURE = 0.2  # difference of the halves' slopes over the slope, of the least bent line
+
+
+@dataclass(frozen=True)
+class FittedLines:
+    """Lines through stretches of a sequence.
+
+    Attributes
+    ----------
+    slope : ndarray (m,)
+        A step of the sequence.
+    difference : ndarray (m,)
+        Of the slopes of the two halves.
+    deviation : ndarray (m,)
+        Its standard error, from the scatter about the two lines.
+    error : ndarray (m,)
+        Standard error of the stretch's rise end to end, its scatter about one line taken as
+        independent and not below `LEAST_SCATTER`.
+    """
+
+    slope: np.ndarray
+    difference: np.ndarray
+    deviation: np.ndarray
+    error: np.ndarray
+
+    def accepted(self) -> np.ndarray:
+        """Whether the halves agree, within `MAX_REL_SLOPE_DIFFERENCE` or by chance."""
+        bound = np.maximum(
+            MAX_REL_SLOPE_DIFFERENCE * np.abs(self.slope), SLOPE_SIGMAS * self.deviation
+        )
+        return np.asarray(np.abs(self.difference) <= bound)
+
+
+def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> FittedLines:
+    """Compare the halves of the stretches [first, last) of y, each of six values or more."""
+    sums = _Sums(y)
+    middle = (first + last) // 2
+    slope, rest, _ = sums.line(first, last)
+    slope_a, rest_a, spread_a = sums.line(first, middle)
+    slope_b, rest_b, spread_b = sums.line(middle, last)
+    variance = np.maximum(rest_a + rest_b, 0.0) / (last - first - 4)
+    deviation = np.sqrt(variance * (1 / spread_a + 1 / spread_b))
+    scatter = np.maximum(rest, 0.0) / (last - first - 2) + LEAST_SCATTER**2
+    error = np.sqrt(12 * scatter / (last - first))
+    return FittedLines(slope=slope, difference=slope_b - slope_a, deviation=deviation, error=error)
+
+
+class _Sums:
+    """Running sums of a sequence, from which any stretch has its line at once."""
+
+    def __init__(self, y: np.ndarray) -> None:
+        x, y = np.arange(len(y)) - 0.5 * len(y), y - y.mean()
+        parts = np.stack([np.ones_like(x), x, x * x, y, x * y, y * y])
+        self.sums = np.concatenate([np.zeros((6, 1)), np.cumsum(parts, axis=1)], axis=1)
+
+    def line(
+        self, first: np.ndarray, last: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Slope, sum of squares about the line and spread of x of stretches [first, last)."""
+        n, x, xx, y, xy, yy = self.sums[:, last] - self.sums[:, first]
+        spread = xx - x * x / n
+        slope = (xy - x * y / n) / spread
+        return slope, yy - y * y / n - slope**2 * spread, spread
+
+
+def best_stretch(y: np.ndarray, count: int, begin: int | None) -> tuple[int, int] | None:
+    """The straight stretch of `count` values or more that gives a rising slope best.
+
+    It is that of least relative error of the slope; without one the least bent, or none. With
+    `begin` all start there and none ends after the line first bends.
+    """
+    if begin is None:
+        first, last = np.triu_indices(len(y) + 1, count)
+    else:
+        last = np.arange(begin + count, len(y) + 1)
+        first = np.full(len(last), begin)
+    fits = straightness(y, first, last)
+    good = fits.accepted() & (fits.slope > 0)
+    if begin is not None:
+        good = np.logical_and.accumulate(good)
+    if good.any():
+        slope = np.where(good, fits.slope, 1.0)
+        error = np.where(good, fits.error / (last - first) / slope, np.inf)
+        best = int(np.argmin(error))
+        return int(first[best]), int(last[best])
+    bend = np.abs(fits.difference) / np.maximum(fits.slope, 1e-300)
+    best = int(np.argmin(bend))
+    return (int(first[best]), int(last[best])) if bend[best] <= MAX_REL_CURVATURE else None
