@@ -1,23 +1,30 @@
-"""What is done to the model of a file before anything vibrates, in words."""
+"""What a model file has beside its parts, in words: what is done to it before anything vibrates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from squealstudy.laws.own_friction import STATES
 from squealstudy.models.components.definition import NAME, FileDefinition
 from squealstudy.models.components.dimensions import STRESS
 from squealstudy.models.components.model_file import HEAT, ROTOR_ANGLE, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
+from squealstudy.models.own_law import OF_CONTACT, law_parameter_named
 from squealstudy.study.components import build_of
 from squealstudy.wording import listed
 
 if TYPE_CHECKING:  # which reads model files by what this is beside
     from squealstudy.study.definition import ResolvedStudy
 
+IN_TIME = ("transient", "limit_cycles")  # kinds in whose runs contacts stick and slip by themselves
+
 
 def preparations(study: ResolvedStudy) -> tuple[str, ...]:
-    """Stresses, angles, heat and wear of a model file with meshes, a text each; else ()."""
+    """Stresses, angles, heat, wear and contacts with friction of their own, a text each.
+
+    Of a model file with meshes; else ().
+    """
     if not isinstance(study.model, FileDefinition) or study.model.name != NAME:
         return ()
     build, constant = build_of(study.model), study.constant
@@ -25,7 +32,14 @@ def preparations(study: ResolvedStudy) -> tuple[str, ...]:
         keys: name for name, where in build.places.items() if name not in constant for keys in where
     }
     done = _Preparations(build.brake.file, build.given(study.values), owners)
-    return (*done.stresses(), *done.angle(), *done.heat(), *done.wear())
+    in_time = study.definition.study.kind in IN_TIME
+    return (
+        *done.stresses(),
+        *done.angle(),
+        *done.heat(),
+        *done.wear(),
+        *done.contacts(in_time),
+    )
 
 
 class _Preparations:
@@ -66,6 +80,34 @@ class _Preparations:
             else:
                 of = field or "a linear field"
                 yield f"heat has expanded {name}: {scale} times the temperatures of {of}"
+
+    def contacts(self, in_time: bool) -> Iterator[str]:
+        """Which contacts have friction of their own, slide off the rotor or stick."""
+        for i, table in enumerate(self._file.contact):
+            keys: KeyPath = ("contact", i)
+            numbers = [("friction", "")] if table.friction is not None else []
+            numbers += [(key, law_parameter_named(key).unit) for key in table.friction_law]
+            texts = [
+                f"{key} {self._amount(*keys, *place, unit=unit)}"
+                for key, unit in numbers
+                for place in [(key,) if key == "friction" else (OF_CONTACT, key)]
+            ]
+            if table.state is None and texts:
+                yield f"{self._file.name_of('contact', i)} has its own {listed(texts)}"
+            elif table.state is not None:
+                yield f"{self._file.name_of('contact', i)} {self._state(keys, texts[0], in_time)}"
+
+    def _state(self, keys: KeyPath, friction: str, in_time: bool) -> str:
+        if in_time:
+            return f"sticks and slips by itself, from no friction, with {friction}"
+        sliding = f"slides, with {friction} at all speeds"
+        stiffness = "nothing"
+        if self._file.at((*keys, "tangential")) is not None:
+            stiffness = self._amount(*keys, "tangential", unit="N/m3")
+        stuck = f"is stuck, by {stiffness} in plane"
+        if (*keys, "state") in self._owners:
+            return f"{stuck}, where '{self._owners[(*keys, 'state')]}' is 1, and {sliding}, where 0"
+        return stuck if self._numbers.at(*keys, "state") == STATES["stuck"] else sliding
 
     def wear(self) -> Iterator[str]:
         if (table := self._file.wear) is None:

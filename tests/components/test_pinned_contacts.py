@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -9,7 +11,8 @@ from pinned_blocks import OF_ABUTMENT, OF_PARAMETERS, write_pinned
 
 import squealstudy as sq
 from squealstudy.errors import ModelError, ParameterError, StudyFileError
-from squealstudy.study.components import read_model
+from squealstudy.study.components import inspected, read_model
+from squealstudy.study.preparations import preparations
 
 BAND = (500.0, 4.2e4)
 WHOLE = {"band_hz": (500.0, 1e5), "component_cutoff_factor": 100.0}  # a basis of all freedoms
@@ -257,3 +260,41 @@ def test_values_that_nothing_can_have_are_told(folder, model):
     path = write_pinned(folder / "leaves", ("[0, 0, 1]\ntangential", "[1, 0, 0]\ntangential"))
     with pytest.raises(StudyFileError, match="9 of 9 points have normals along its direction 'sl"):
         sq.model(str(path)).at().modes()
+
+
+STUDY = """\
+[study]
+name = "states"
+kind = "complex_modes"
+[model]
+file = "{path}"
+[[sweep]]
+parameter = "abutment_state"
+values = [1, 0]
+[[sweep]]
+parameter = "mu_abutment"
+values = [0.1, 0.3]
+"""
+
+
+def test_what_slides_and_what_sticks_is_told(folder, path):
+    """`inspect` says what a contact does, `check` what follows what, in modes and in time."""
+    (folder / "states.toml").write_text(STUDY.format(path=path))
+    study = sq.read_study(folder / "states.toml")
+    sticks = (
+        "is stuck, by 5e+11 N/m3 in plane, where 'abutment_state' is 1, and slides, with friction"
+    )
+    assert preparations(study.resolved) == (
+        f"abutment {sticks} 'mu_abutment' at all speeds, where 0",
+    )
+    text = (folder / "states.toml").read_text()
+    in_time = text.partition("[[sweep]]")[0].replace("complex_modes", "transient")
+    (folder / "time.toml").write_text(in_time + "[parameters]\nshear = 0.0\n")
+    told = preparations(sq.read_study(folder / "time.toml").resolved)
+    assert told == ("abutment sticks and slips by itself, from no friction, with friction 0.3",)
+    facts = dict(inspected(read_model(Path(path)))[0].facts)
+    assert facts["abutment"].startswith("stuck: slider.LEFT on bracket.RIGHT, 9 points")
+    assert facts["abutment"].endswith(
+        "friction 0.3, slips along [0, 0, 1], stuck by 5e+11 N/m3 in plane"
+    )
+    assert "contact from 100.7 to 102.3 mm of the axis" in facts["rotation"]

@@ -126,6 +126,25 @@ def test_worn_pad(tmp_path: Path) -> None:
 
 
 @pytest.mark.full_size
+def test_own_abutment(tmp_path: Path) -> None:
+    """As the gallery says: pads that slide on their brackets squeal sooner and faster."""
+    path = SHIPPED / "own_brake" / "own_abutment.toml"
+    assert not inspected(load_any(path).model)[0].doubts
+    text = path.read_text().replace(
+        "start = 0.1\nstop = 0.7\nnum = 7", "values = [0.1, 0.2, 0.3, 0.7]"
+    )
+    results = solved(plan_of(text, path), tmp_path / "abutment")
+    of_points = results.points[["point_id", "friction", "abutment_state"]]
+    growth = results.modes.merge(of_points).groupby(["friction", "abutment_state"])["growth_rate"]
+    largest = growth.max().unstack()
+    assert largest.loc[[0.1, 0.2], 1.0].max() < 0 < largest.loc[[0.1, 0.2], 0.0].min()
+    assert largest[0.0][0.7] / largest[1.0][0.7] == pytest.approx(3.7, abs=0.05)
+    onsets = results.onsets
+    stuck = onsets[(onsets["abutment_state"] == 1.0) & (onsets["direction"] == "in")]
+    assert stuck["onset"].min() == pytest.approx(0.213, abs=5e-4)
+
+
+@pytest.mark.full_size
 def test_rotor_angle(tmp_path: Path) -> None:
     """As the gallery says, and with the clip alone: of 0 kg the angles are the same."""
     path = SHIPPED / "own_brake" / "rotor_angle.toml"

@@ -20,7 +20,11 @@ from squealstudy.models.components.dimensions import LENGTH, STRESS, UNITS
 from squealstudy.models.components.file_tables import GapTable
 from squealstudy.models.components.geometry import Geometry, geometry_at, geometry_of
 from squealstudy.models.components.heat import hot_gaps, temperature_rise
-from squealstudy.models.components.interface_facts import friction_of, tell_interfaces
+from squealstudy.models.components.interface_facts import (
+    friction_of,
+    kind_of_contact,
+    tell_interfaces,
+)
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.model_file import HEAT, WEAR, ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
@@ -146,7 +150,8 @@ def _contact(
             taken = f"{gap / size:g} {unit}"
         inspection.tell(
             name,
-            f"{table.kind}: {table.slave} on {table.master}, {len(pair.gap0):,} points, "
+            f"{kind_of_contact(numbers, i)}: {table.slave} on {table.master}, "
+            f"{len(pair.gap0):,} points, "
             f"{pair.slave.area.sum() / size**2:.4g} {unit}2, "
             f"{100 * pair.in_reach:.1f} % of the slave{friction_of(geometry, numbers, i)}",
         )
@@ -259,7 +264,7 @@ def _rotation(inspection: Inspection, geometry: Geometry, assembly: Assembly) ->
         return
     size = LENGTH.factor(geometry.file.units)
     unit = UNITS[geometry.file.units][0]
-    rubbing = contact.frictional > 0
+    rubbing = (contact.frictional > 0) & (contact.speed_factor > 0)
     radius = contact.radius[rubbing] / size
     rotor = ", ".join(geometry.rotors.names if geometry.rotors else ()) or "nothing"
     text = f"{rotor} turns about {_vector(rotation.direction)} through "
@@ -312,7 +317,8 @@ def _wear(
     depths, begins = [], np.cumsum([0, *(len(pair.gap0) for pair in geometry.contacts)])
     for i, pair in enumerate(geometry.contacts):
         rows = slice(begins[i], begins[i + 1])
-        rubbing = assembly.contact.frictional[rows] > 0
+        contact = assembly.contact
+        rubbing = (contact.frictional[rows] > 0) & (contact.speed_factor[rows] > 0)
         worn = depth[rows][rubbing] / size
         if len(worn):
             mean = np.average(worn, weights=pair.slave.area[rubbing])

@@ -6,24 +6,50 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from squealstudy.laws.own_friction import SLIDING
 from squealstudy.models.components.component_facts import Inspection
+from squealstudy.models.components.contact_friction import state_of, tangential_of
 from squealstudy.models.components.dimensions import BEDDING, STIFFNESS, TORSION
 from squealstudy.models.components.file_tables import FrictionTable
 from squealstudy.models.components.friction_factors import friction_factors
 from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.model_file import ModelFile, Numbers
+from squealstudy.models.own_law import OF_CONTACT, law_parameter_named
 
 IN_VIBRATION = "; in vibration only"  # not while the pressure is brought up
 DIRECTIONS = {"cartesian": ("x", "y", "z"), "cylindrical": ("radial", "around", "axial")}
 
 
+def kind_of_contact(numbers: Numbers, number: int) -> str:
+    """What a contact does in its plane, in a word."""
+    table = numbers.file.contact[number]
+    if table.state is None:
+        return str(table.kind)
+    return "sliding" if state_of(numbers, number) == SLIDING else "stuck"
+
+
 def friction_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
     """`, friction_factor 0.8` of a contact that has one, or `0.7 to 0.9 of mu.csv (mean 0.8)`.
 
-    `, friction 0.3` of one with a coefficient of its own.
+    `, friction 0.3` of one with a coefficient of its own; numbers of its friction law; of one with
+    a state the direction of slip, and what holds it.
     """
-    if numbers.file.contact[number].friction is not None:
-        return f", friction {numbers.at('contact', number, 'friction'):g}"
+    table, texts = numbers.file.contact[number], []
+    if table.friction is not None:
+        texts.append(f"friction {numbers.at('contact', number, 'friction'):g}")
+    for key in table.friction_law:
+        unit = law_parameter_named(key).unit
+        text = f"{key} {numbers.at('contact', number, OF_CONTACT, key):g} {unit}"
+        texts.append(text.rstrip())
+    if table.sliding is not None:
+        texts.append(f"slips along [{', '.join(f'{part:g}' for part in table.sliding)}]")
+    if table.state is not None and table.tangential is not None:
+        texts.append(f"stuck by {tangential_of(numbers, number):.3g} {BEDDING.unit} in plane")
+    return "".join(f", {text}" for text in texts) + _factors_of(geometry, numbers, number)
+
+
+def _factors_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
+    """The friction factors of a contact in words; empty where it has none."""
     written = numbers.file.contact[number].friction_factor
     if written is None:
         return ""
