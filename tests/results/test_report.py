@@ -193,6 +193,19 @@ def test_of_runs_it_counts_what_they_came_to():
     assert "RMS of the torque 60.0 +- 3.0 N m, loudest near 3175 Hz." in told
 
 
+@pytest.mark.parametrize("n_runs", [1, 4])
+def test_of_limit_cycles_that_were_not_seen_to_repeat_it_says_so(n_runs):
+    """A chaotic pad of two frictions was "1 run: limit cycle. RMS 207 +- 13 N" and no more."""
+    kinds = ["limit_cycle", "limit_cycle", "limit_cycle", "irregular"][:n_runs]
+    points = points_table({"friction": np.linspace(0.3, 0.5, n_runs)}, kinds)
+    points["frequency_hz"] = [np.nan, 175.0, np.nan, np.nan][:n_runs]
+    points["swing_spread"] = [1.19, 0.3, 0.05, 2.0][:n_runs]
+    runs = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
+    which = "No" if n_runs == 1 else "In 1 of 3 limit cycles no"
+    swings = "peaks to peak of single swings differ by up to 119 % of their mean."
+    assert f" {which} period was seen: {swings}" in RUNS.verdict(runs)
+
+
 def test_of_limit_cycles_it_counts_verdicts():
     points = pd.DataFrame(
         {

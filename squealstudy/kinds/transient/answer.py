@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.wording import (
+    LIMIT_CYCLE,
     SUSTAINED,
     amount,
     by_ranges,
     figure,
     in_digits,
     moment,
+    plural,
     real_mode_number,
     setting,
     with_error,
@@ -22,6 +24,8 @@ from squealstudy.wording import (
 
 MOST_MODES = 4  # that lead in turn, in a sentence
 MOST_SETTINGS = 3  # parameters named at the loudest run
+# by how much swings differ, of their mean, from which on it is said that no period was seen
+UNEVEN_SWINGS = 0.1
 
 
 def lasting_in_words(
@@ -41,13 +45,28 @@ def lasting_in_words(
     where = ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied[:MOST_SETTINGS])
     loudest = f"The loudest that lasts{f', at {where}' if where else ''}: " * (len(table) > 1)
     text = f" {loudest}RMS of the {what} {level} {unit}, {heard(row)}"
+    uneven = _uneven(lasting, len(table))
     if len(table) == 1:
-        return f"{text}{_sticking(row)}.{_growth(row)}"
+        return f"{text}{_sticking(row)}.{uneven}{_growth(row)}"
     if len(lasting) == 1 or len(varied) != 1:
-        return f"{text}{_sticking(row)}."
+        return f"{text}{_sticking(row)}.{uneven}"
     (name,) = varied
     of_name = name, units.get(name, "")
-    return f"{text}.{_leading(lasting, *of_name)}{_where_it_sticks(lasting, *of_name)}"
+    return f"{text}.{uneven}{_leading(lasting, *of_name)}{_where_it_sticks(lasting, *of_name)}"
+
+
+def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:
+    """Limit cycles whose level stays while the motion was not seen to repeat; '' of none."""
+    cycles = lasting[(lasting["class"] == LIMIT_CYCLE).to_numpy(bool)]
+    if "swing_spread" not in cycles or "frequency_hz" not in cycles:  # results of before
+        return ""
+    spread = cycles["swing_spread"][cycles["frequency_hz"].isna().to_numpy(bool)]
+    spread = spread[(spread > UNEVEN_SWINGS).to_numpy(bool)]
+    if not len(spread):
+        return ""
+    begin = "No" if n_runs == 1 else f"In {len(spread)} of {plural(len(cycles), 'limit cycle')} no"
+    of_mean = f"{100 * float(spread.max()):.0f} % of their mean"
+    return f" {begin} period was seen: peaks to peak of single swings differ by up to {of_mean}."
 
 
 def level_error(row: Mapping[Hashable, Any] | pd.Series) -> float:
