@@ -265,6 +265,18 @@ def amount(value: float, unit: str, largest: float | None = None, digits: int = 
     return f"{text} {shown}".rstrip()
 
 
+def knots_text(knots_between: Mapping[str, Sequence[float]], units: Mapping[str, str]) -> str:
+    """Where tables bend between design points; empty where they do at none."""
+    places = [
+        f"{name} {listed([f'{knot:g}' for knot in knots])} {units.get(name, '')}".rstrip()
+        for name, knots in knots_between.items()
+    ]
+    text = (
+        "between values of the sweep, where nothing is solved: what grows there alone is not seen"
+    )
+    return f"tables have knots at {' and at '.join(places)}, {text}" if places else ""
+
+
 def moment(seconds: float) -> str:
     """A time of a run: ``230 ms``, of a slow machine ``16.2 s``."""
     return f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.4g} s"

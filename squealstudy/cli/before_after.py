@@ -167,7 +167,7 @@ def _doubts(facts: Mapping[Hashable, Any]) -> list[str]:
 def _none_to(table: pd.DataFrame, side: str, along: str, unit: str) -> str:
     """That no onset is known, and where surely none is to what value."""
     facts = table.attrs[side]
-    sure = not (facts["unstable"] or facts["uncertain"] or facts["failed"])
+    sure = not any(facts[doubt] for doubt in ("unstable", "uncertain", "failed", "knots"))
     return f"none up to {along} {amount(facts['top'], unit)}" if sure else "none known"
 
 
@@ -208,5 +208,6 @@ def _onset_cell(row: Row, side: str, facts: Mapping[str, Any]) -> str:
         return BELOW_RANGE
     if onset == onset:
         return f"{INEXACT.get(kind, '')}{onset:.4g}"
-    gone = not row[f"mode_{side}"] and not (facts["uncertain"] or facts["failed"])
+    doubt = facts["uncertain"] or facts["failed"] or facts["knots"]
+    gone = not row[f"mode_{side}"] and not doubt
     return f"none up to {facts['top']:g}" if gone else "-"

@@ -49,8 +49,9 @@ from squealstudy.progress import progress
 from squealstudy.screen import Rows, warning
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sweeps import RANDOM_DESIGNS, Sweep
+from squealstudy.study.tabled import knots_between
 from squealstudy.tables.validity import broken_rules
-from squealstudy.wording import amount, duration, plural, setting
+from squealstudy.wording import amount, duration, knots_text, plural, setting
 
 if TYPE_CHECKING:
     from squealstudy.engine.cluster import Worker
@@ -289,6 +290,11 @@ def _constant(study: ResolvedStudy) -> Rows:
             texts.append(f"{option.name} = {law.name}{switched_off}")
     rows = [("  constant", ", ".join(texts))] if texts else []
     rows += [("  follows", _followed(table)) for table in study.model.tables]
+    knots = knots_text(
+        knots_between(study.model.tables, study.sweeps),
+        {p.name: p.unit for p in study.model.parameters},
+    )
+    rows += [("  knots", knots)] if knots else []
     if isinstance(study.model, FileDefinition):
         from squealstudy.study.preparations import preparations  # meshes are slow to load
 

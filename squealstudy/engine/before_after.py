@@ -27,8 +27,9 @@ def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
 
     `attrs` tell ``points``, how many solved points are compared, and how many of both failed in a
     study; ``along``, the parameter of the onsets, or None; of each of SIDES a mapping with
-    ``unstable`` and ``uncertain`` points, ``failed`` ones on its lines and the largest value
-    ``top`` of that parameter; ``changes``, texts on what differs in the study files.
+    ``unstable`` and ``uncertain`` points, ``failed`` ones on its lines, whether tables have
+    ``knots`` between its values, and the largest value ``top`` of that parameter; ``changes``,
+    texts on what differs in the study files.
 
     Raises ResultsError where bands or models differ, or no points are common.
     """
@@ -69,6 +70,7 @@ def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
             "unstable": sides[-1].unstable,
             "uncertain": sides[-1].uncertain,
             "failed": sides[-1].failed,
+            "knots": along in results.manifest.get("knots_between", {}),
             "top": float(points[along][lines].max()) if along else np.nan,
         }
     table = paired(*sides)

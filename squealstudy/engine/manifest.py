@@ -41,6 +41,7 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.family import data_folder
+from squealstudy.study.tabled import knots_between
 from squealstudy.version import __version__
 
 SIDE_STUDIES = "beside"  # key: folders of studies run with it, and why one could not be
@@ -110,6 +111,7 @@ def model_facts(plan: Plan) -> dict[str, Any]:
         "units": {p: units.get(p, "") for p in (*parameters, *followed)},
         "nominal": {p: plan.nominal_values[p] for p in parameters},
         "tables": {t.name: list(t.over) for t in study.model.tables},
+        "knots_between": knots_between(study.model.tables, study.sweeps),
         **_rotation(plan),
         "grid_shape": plan.grid_shape,
         "design": study.definition.design.model_dump(mode="json", exclude={"limit"}),

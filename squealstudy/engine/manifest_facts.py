@@ -142,6 +142,7 @@ class Facts(FactGroup):
     nominal: dict[str, Finite] = Field(default_factory=dict)
     options: dict[str, str | int] = Field(default_factory=dict)
     tables: dict[str, list[Name]] = Field(default_factory=dict)
+    knots_between: dict[str, list[Finite]] = Field(default_factory=dict)
     structures: list[Name] = Field(default_factory=list)
     basis_enriched: bool = False
     band_hz: Range | None = None

@@ -34,6 +34,7 @@ ABOUT = (
     "temperature, which acts through tables of other parameters only; in results in degC, in files "
     "with its unit, a bare number is in K"
 )
+KNOT_SLACK = 1e-9  # of a sweep's range, within which a value is on a knot
 MIN_KNOTS = 2  # values along one axis of a table
 GivenTable = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
 
@@ -204,6 +205,34 @@ def expect_sweeps(
             for name, at in zip(table.over, table.at, strict=True):
                 if name == sweep.name:
                     _expect_within(table, at, (sweep.low, sweep.high), keys, source)
+
+
+def knots_between(
+    tables: Iterable[ParameterTable], sweeps: Iterable[Sweep]
+) -> dict[str, list[float]]:
+    """Knots of tables over what is swept that lie between its values: nothing is solved there.
+
+    What follows bends at a knot, and is farthest there from what its neighbours show.
+    """
+    between: dict[str, list[float]] = {}
+    for sweep in sweeps:
+        knots = {
+            knot
+            for table in tables
+            for name, at in zip(table.over, table.at, strict=True)
+            if name == sweep.name
+            for knot in at
+        }
+        slack = KNOT_SLACK * (sweep.high - sweep.low)
+        inside = [
+            knot
+            for knot in sorted(knots)
+            if sweep.low < knot < sweep.high
+            and all(abs(knot - level) > slack for level in sweep.values)
+        ]
+        if sweep.values and inside:
+            between[sweep.name] = inside
+    return between
 
 
 def _expect_within(

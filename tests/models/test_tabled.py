@@ -12,10 +12,12 @@ from scipy.interpolate import RegularGridInterpolator
 from study_runs import command, plan_of, solved
 
 import squealstudy
+from squealstudy.cli.before_after import before_after
 from squealstudy.engine.report import report
 from squealstudy.engine.validity import parameter_reasons
 from squealstudy.errors import StudyFileError
 from squealstudy.models.parameter import ParameterTable
+from squealstudy.screen import as_text
 
 HEAD = """
 [study]
@@ -326,3 +328,31 @@ def test_the_shipped_example_is_one(tmp_path: Path):
     path = Path(__file__).parents[2] / "studies" / "warm_brake.toml"
     study = squealstudy.read_study(path)
     assert {t.name for t in study.resolved.model.tables} >= {"friction", "pad.lining_young_modulus"}
+
+
+def test_where_tables_bend_between_values_no_onset_is_not_told(tmp_path, capsys):
+    """At 120 degC friction is .5, beyond the closed form's .29167; at 20 and 300 degC it is not."""
+    designs = '[[sweep]]\nparameter = "damping_ratio"\nvalues = [0.001, 0.002]\n'
+    ends = OVER.replace('"45 degC", "120 degC", "270 degC", ', "")
+    text = f"{HEAD}{FRICTION}{ends}{designs}"
+    results = solved(text, tmp_path / "ends")
+    assert not results.points["n_unstable"].any()
+    assert command("check", str(write_study(tmp_path, text))) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    said = "tables have knots at temperature 120 degC, between values of the sweep"
+    assert said in told
+    screen = " ".join(as_text(results.screen.findings(results)).split())
+    assert "none known" in screen
+    assert "none up to" not in screen
+    assert said in dict(results.screen.facts(results))["knots"]
+    compared = results.compare(results)
+    assert "after: none" not in " ".join(as_text(before_after(compared, results, results)).split())
+    whole = solved(text.replace(ends, OVER), tmp_path / "whole")
+    assert whole.points["n_unstable"].any()
+    assert "knots" not in dict(whole.screen.facts(whole))
+
+
+def write_study(folder, text):
+    path = folder / "study.toml"
+    path.write_text(text)
+    return path

@@ -75,7 +75,7 @@ def test_a_mode_whose_frequency_moves_far_is_not_told_silenced(nominal, tmp_path
     faster = "[parameters]\nfrequency_1 = 110.0\nfrequency_2 = 82.5\n"
     text = said(nominal, hulten(tmp_path, "faster", faster))
     assert text.count(f"friction {MU_C:.4g} (T") == 2
-    for false in ("none to", "Only before", "Only after", " 0 -> "):
+    for false in ("none up to", "Only before", "Only after", " 0 -> "):
         assert false not in text
     assert "Without a partner before: T" in text
     assert "changes by more than 5 % may be without a partner on both sides" in text

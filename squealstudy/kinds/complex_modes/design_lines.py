@@ -239,10 +239,12 @@ def design_table(
     units, top = results.units, float(results.points[along].max())
     names = list(lines[0].design)
     designs = [", ".join(amount(v, units.get(n, "")) for n, v in x.design.items()) for x in lines]
+    has_knots = along in results.manifest.get("knots_between", {})
     rows = []
     for design, line in zip(designs, lines, strict=True):
-        is_sure = line.sure and line.solved > 0
-        onset = f"none up to {top:g}" if is_sure else "none known"  # a failed point may be unstable
+        # a failed point may be unstable, and so may be a knot of a table between two points
+        is_sure = line.sure and line.solved > 0 and not has_knots
+        onset = f"none up to {top:g}" if is_sure else "none known"
         onset = "below range" if line.kind == BELOW_RANGE else onset
         if np.isfinite(line.onset):
             onset = f"{INEXACT.get(line.kind, '')}{line.onset:.4g}"

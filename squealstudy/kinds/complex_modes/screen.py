@@ -57,6 +57,7 @@ from squealstudy.wording import (
     band_text,
     failure_counts,
     in_digits,
+    knots_text,
     named_tracks,
     percent,
     plural,
@@ -90,7 +91,10 @@ class ComplexModesScreen(KindScreen):
     """Unstable modes: how widely, how strongly, from where on, in which component."""
 
     tables = ("points", "modes", "onsets")
-    sure = ("outside band", "left over", "audit", "estimates", "not refined", "error", "gyroscopic")
+    sure = (
+        *("outside band", "knots", "left over", "audit", "estimates", "not refined", "error"),
+        "gyroscopic",
+    )
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
@@ -198,8 +202,10 @@ class ComplexModesScreen(KindScreen):
         manifest = results.manifest
         error = full_order_error_text(manifest) + unseen_text(results)
         outside = outside_text(manifest, results.units)
+        knots = knots_text(manifest.get("knots_between", {}), results.units)
         return [
             *([("outside band", outside)] if outside else []),
+            *([("knots", knots)] if knots else []),
             *method_rows(manifest),
             *_unrefined(manifest),
             ("error", error),
