@@ -296,7 +296,8 @@ def _pair_text(mode: ModeVectors, of_contact: bool) -> str:
     if other < LEAST_SHARE or not np.isfinite(mode.phase_deg):
         return f"{text}: one real mode alone, no lock-in"
     text += f", {100 * other:.1f} % of that {second}, {mode.phase_deg:.0f} deg apart"
-    if mode.by_stiffness > 0 and other >= LOCKED_IN_SHARE and min(mode.pair_hz) > 0:
+    feeds_most = mode.by_stiffness > max(mode.by_velocity, 0.0)  # not friction that falls
+    if feeds_most and other >= LOCKED_IN_SHARE and min(mode.pair_hz) > 0:
         feeds = "friction" if of_contact else "unsymmetric stiffness"
         text += f": the two have locked in; {feeds} feeds by the sine of this angle"
     return text

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from conftest import NOMINAL, TOP
 from own_blocks import STUDY, write_blocks
+from study_runs import command, plan_of
+from study_texts import study_text, sweep_text
 
 from squealstudy import open_results, read_study, run
+from squealstudy.engine.runner import run_study
 from squealstudy.laws import friction_curve
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.point import band_modes, linearised_point
@@ -147,3 +150,20 @@ def test_a_brake_of_ones_own(tmp_path):
                 *shape.contact.pairs,
             }
     assert {(LAYER, "bed"), (LAYER, "guides"), (COMPONENT, "plate"), (COMPONENT, "slider")} <= seen
+
+
+def test_modes_that_falling_friction_feeds_have_not_locked_in(tmp_path, capsys):
+    """Both roots grow, at frequencies far apart: friction that falls mixes the two real modes."""
+    text = study_text("fall", "complex_modes", "hoffmann")
+    text += "[parameters]\nfriction = 0.05\nnormal_force = 1000.0\nsliding_speed = 0.05\n"
+    text += '"friction_law.static_ratio" = 5.0\n"friction_law.decay_speed" = 0.1\n'
+    text += sweep_text("damping_ratio", 0.0, 0.001, 2) + "[modes]\nband = [1.0, 2000.0]\n"
+    run_study(plan_of(text), tmp_path / "r", jobs=1)
+    results = open_results(tmp_path / "r")
+    frequencies = results.modes["frequency_hz"].to_numpy()[:2]
+    assert np.ptp(frequencies) > 0.1 * frequencies.mean()
+    assert results.modes["unstable"].all()
+    assert command("rank", str(tmp_path / "r"), "--why") == 0
+    told = capsys.readouterr().out
+    assert told.count("made of") == 2
+    assert "locked in" not in told

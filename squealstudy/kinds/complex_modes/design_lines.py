@@ -47,7 +47,7 @@ class DesignLine(NamedTuple):
     unstable, solved : int
         Solved points, and those at which some mode is unstable.
     sure : bool
-        All points are solved, and stability is certain at each.
+        All points are solved, stability is certain at each, and no table bends between them.
     onset : float
         Least value from which on a mode is unstable; NaN for none.
     kind : str
@@ -95,7 +95,11 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
         design=values,
         unstable=int((solved["n_unstable"] > 0).sum()),
         solved=len(solved),
-        sure=bool(len(solved) == on_line.sum() and (solved["n_unstable_high"] == most).all()),
+        sure=bool(
+            len(solved) == on_line.sum()
+            and (solved["n_unstable_high"] == most).all()
+            and results.along not in results.manifest.get("knots_between", {})
+        ),
         onset=float(first["threshold"]) if first else float("nan"),
         kind=str(first["threshold_kind"]) if first else "",
         first=first,
@@ -239,11 +243,9 @@ def design_table(
     units, top = results.units, float(results.points[along].max())
     names = list(lines[0].design)
     designs = [", ".join(amount(v, units.get(n, "")) for n, v in x.design.items()) for x in lines]
-    has_knots = along in results.manifest.get("knots_between", {})
     rows = []
     for design, line in zip(designs, lines, strict=True):
-        # a failed point may be unstable, and so may be a knot of a table between two points
-        is_sure = line.sure and line.solved > 0 and not has_knots
+        is_sure = line.sure and line.solved > 0
         onset = f"none up to {top:g}" if is_sure else "none known"
         onset = "below range" if line.kind == BELOW_RANGE else onset
         if np.isfinite(line.onset):
