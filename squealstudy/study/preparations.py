@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from squealstudy.laws.own_friction import STATES
+from squealstudy.laws.own_friction import NOT_IN_TIME, STATES
 from squealstudy.models.components.definition import NAME, FileDefinition
 from squealstudy.models.components.dimensions import STRESS
 from squealstudy.models.components.model_file import HEAT, ROTOR_ANGLE, WEAR, ModelFile, Numbers
@@ -98,6 +98,8 @@ class _Preparations:
                 yield f"{self._file.name_of('contact', i)} {self._state(keys, texts[0], in_time)}"
 
     def _state(self, keys: KeyPath, friction: str, in_time: bool) -> str:
+        if in_time and not self._starts_in_time(keys):
+            return f"cannot be run: {NOT_IN_TIME}"
         if in_time:
             return f"sticks and slips by itself, from no friction, with {friction}"
         sliding = f"slides, with {friction} at all speeds"
@@ -108,6 +110,13 @@ class _Preparations:
         if (*keys, "state") in self._owners:
             return f"{stuck}, where '{self._owners[(*keys, 'state')]}' is 1, and {sliding}, where 0"
         return stuck if self._numbers.at(*keys, "state") == STATES["stuck"] else sliding
+
+    def _starts_in_time(self, keys: KeyPath) -> bool:
+        """Whether what does not vary of a contact with a state can be run in time."""
+        state, stiffness = (*keys, "state"), (*keys, "tangential")
+        sticks = state in self._owners or self._numbers.at(*state) == STATES["stuck"]
+        is_free = self._file.at(stiffness) is None or stiffness in self._owners
+        return sticks and (is_free or self._numbers.at(*stiffness) == 0.0)
 
     def wear(self) -> Iterator[str]:
         if (table := self._file.wear) is None:

@@ -292,6 +292,11 @@ def test_what_slides_and_what_sticks_is_told(folder, path):
     (folder / "time.toml").write_text(in_time + "[parameters]\nshear = 0.0\n")
     told = preparations(sq.read_study(folder / "time.toml").resolved)
     assert told == ("abutment sticks and slips by itself, from no friction, with friction 0.3",)
+    (folder / "time.toml").write_text(in_time)
+    (told,) = preparations(sq.read_study(folder / "time.toml").resolved)
+    assert told.startswith(
+        "abutment cannot be run: in time a contact with a state sticks and slips"
+    )
     facts = dict(inspected(read_model(Path(path)))[0].facts)
     assert facts["abutment"].startswith("stuck: slider.LEFT on bracket.RIGHT, 9 points")
     assert facts["abutment"].endswith(
