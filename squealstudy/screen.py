@@ -31,7 +31,8 @@ Rows = list[tuple[str, str]]
 STDOUT = "standard output"
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how texts begin that spreadsheets compute
 NUMBERS = re.compile(r"[-+\d.,eE\s]*")
-WORDS = re.compile(r"\S+\s*|\s+")  # pieces of a text
+NO_BREAK = "\u00a0"  # a blank at which no line is broken; shown as any other
+WORDS = re.compile(rf"(?:\S|{NO_BREAK})+[^\S{NO_BREAK}]*|\s+")  # pieces of a text
 NAME_BREAKS = "_./"  # after which a name that is too long is broken
 PIECES = re.compile(r"[^\s_]+[\s_]*|[\s_]+")  # of a title: names of parameters have underscores
 MOST_ACROSS, MOST_UP = 45, 30  # points of a map of letters
@@ -200,7 +201,7 @@ class Grid:
                 else set_cell_size(c, w)
                 for kind, c, w in zip(self.kinds, of_line, widths, strict=True)
             ]
-            lines.append((" " * GAP).join(parts).rstrip())
+            lines.append((" " * GAP).join(parts).replace(NO_BREAK, " ").rstrip())
         return Text("\n".join(lines), style=style, no_wrap=True, overflow="ignore")
 
 
@@ -284,6 +285,11 @@ def letter_map(
 def command_text(verb: str, path: Path, *options: str) -> str:
     """A command on a file or a folder, to be copied."""
     return shlex.join(["squealstudy", verb, str(path), *options])
+
+
+def held_together(texts: Iterable[str]) -> str:
+    """Texts with commas between them, of a column of texts: none is broken within itself."""
+    return ", ".join(text.replace(" ", NO_BREAK) for text in texts)
 
 
 def heading(title: str) -> Text:

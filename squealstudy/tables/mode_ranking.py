@@ -28,7 +28,7 @@ from squealstudy.wording import amount, did_you_mean, in_digits
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
 FIRST_RESULT = ("n_modes", "class", "verdict")  # what follows: of modes, of motion, of cycles
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
-AT_DIGITS = 6  # of the values in `at`
+AT_DIGITS = 4  # of the values in `at`, on a screen
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency
 OVERDAMPED_GROUP, FIRST_UNTRACKED_GROUP = -1, -2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +11,7 @@ from reference import MU_C
 from study_runs import solved
 from study_texts import study_text
 
+from squealstudy.kinds.complex_modes.answer import answer, contact_rows
 from squealstudy.kinds.complex_modes.design_lines import (
     ALIKE_ONSETS,
     MOST_DESIGNS,
@@ -234,3 +237,54 @@ def test_a_mode_has_the_frequency_of_its_onset_where_it_grows_at_another():
     assert other_frequency(row | {"threshold": 0.45}, onsets) == ""  # interpolated: not refined
     assert other_frequency(row | {"threshold": np.nan}, onsets) == ""
     assert other_frequency(row, None) == ""
+
+
+def test_where_all_is_unstable_the_answer_is_how_fast_it_grows(tmp_path):
+    results = results_of(tmp_path / "r", [0.4, 0.5], [75.0, 80.0])
+    growth = results.modes.groupby("point_id")["growth_rate"].max()
+    points = results.points.set_index("point_id").join(growth)
+    least, most = (points.loc[points["growth_rate"].agg(f"idx{end}")] for end in ("min", "max"))
+    told = [
+        f"{row['growth_rate']:.1f} 1/s at friction {row['friction']:g}, "
+        f"frequency_2 {row['frequency_2']:g} Hz"
+        for row in (least, most)
+    ]
+    text = " ".join(as_text(results.screen.findings(results)).split())
+    assert f"Some mode grows at every point, the fastest by {told[0]} to {told[1]}." in text
+    lines = design_lines(results)
+    assert answer(results, results.rank()[:0], lines) == []
+    stable = [lines[0]._replace(unstable=1), lines[1]]
+    assert "Some mode grows at every point" not in answer(results, results.rank(), stable)[0]
+
+
+def test_modes_that_are_all_unstable_from_the_first_value_say_so_once(tmp_path):
+    results = results_of(tmp_path / "r", [0.4, 0.5], [75.0])
+    row = results.rank().iloc[0].to_dict()
+    rows = [row | {"track": n, "frequency_hz": 100.0 * n, "family": n} for n in (1, 2)]
+    table = pd.DataFrame(rows).assign(family_modes=1)
+    said = onsets_in_words(results, table)
+    assert said == "T1 at 100 Hz, T2 at 200 Hz, all already at the least friction"
+
+
+def test_what_designs_change_of_the_contact_is_told_at_the_same_friction(tmp_path):
+    results = results_of(tmp_path / "r", [0.2, 0.4], [75.0, 80.0])
+    lines = design_lines(results)
+    assert contact_rows(results, lines) == []  # where nothing opens
+    opened = pd.DataFrame(
+        {
+            "friction": [0.2, 0.4, 0.2, 0.4],
+            "frequency_2": [75.0, 75.0, 80.0, 80.0],
+            "open_share": [0.02, 0.10, 0.03, 0.16],
+            "contact_pressure_max": [1e5, 4e5, 1.1e5, 4.2e5],
+            "status": "ok",
+        }
+    )
+    ((name, text),) = contact_rows(SimpleNamespace(points=opened, along="friction"), lines)
+    assert name == "contact"
+    assert text == (
+        "2.0 to 16.0 % of its area is open in steady sliding; between designs at the same friction "
+        "that differs by up to 6.0 % of the area, and the largest pressure by up to 10.0 %"
+    )
+    alike = opened.assign(open_share=0.1, contact_pressure_max=[1e5, 4e5] * 2)
+    assert contact_rows(SimpleNamespace(points=alike, along="friction"), lines) == []
+    assert contact_rows(SimpleNamespace(points=opened, along="friction"), []) == []

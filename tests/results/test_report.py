@@ -206,6 +206,19 @@ def test_of_limit_cycles_that_were_not_seen_to_repeat_it_says_so(n_runs):
     assert f" {which} period was seen: {swings}" in RUNS.verdict(runs)
 
 
+def test_of_an_undecided_run_it_says_what_is_known():
+    levels = {"torque_rms": [1191.0], "torque_line_hz": 599.0, "growth_rate": 676.7}
+    points = points_table({"friction": [1.2]}, ["undecided"], **levels)
+    run = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
+    told = RUNS.verdict(run)
+    assert told.startswith("1 run: undecided. Over its end the RMS of the torque is 1191.0 +- 3.0")
+    assert " N m, loudest near 599 Hz" in told
+    assert " Whether it stays so is open. It grew by 676.7 1/s" in told
+    assert RUNS.verdict(run.with_tables(points=points.assign(torque_rms=np.nan))) == (
+        "1 run: undecided."
+    )
+
+
 def test_of_limit_cycles_it_counts_verdicts():
     points = pd.DataFrame(
         {

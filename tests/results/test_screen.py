@@ -107,6 +107,15 @@ def test_a_grid_is_no_wider_than_the_screen_and_breaks_no_number_and_no_name():
     assert wider.splitlines()[1].split() == ["-0.0002182"] * 8  # beyond the screen, never cut
 
 
+def test_a_number_is_not_parted_from_its_unit():
+    cell = screen.held_together(["0.56", "674.7 kPa", "528700 1/m"])
+    shown = screen.as_text([screen.grid("text:worst at", rows=[[cell]])], 12)
+    assert shown.splitlines() == ["worst at", "0.56,", "674.7 kPa,", "528700 1/m"]
+    assert screen.as_text([screen.grid("text:worst at", rows=[[cell]])]).splitlines()[1] == (
+        "0.56, 674.7 kPa, 528700 1/m"
+    )
+
+
 def test_every_class_and_verdict_has_a_letter_of_its_own():
     for letters, names in (
         (VERDICT_LETTERS, VERDICTS),

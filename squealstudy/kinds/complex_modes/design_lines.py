@@ -185,8 +185,12 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
         f"{last_at(row, line if tracks_of[row['family']] == 1 else None, unit)}"
         for row in tracked[:MOST_MODES].to_dict("records")
     ]
+    least = f" already at the least {along}"
     n_untold = len(tracked) - len(texts)
-    return ", ".join(texts) + (f" and {plural(n_untold, 'other')}" if n_untold else "")
+    others = f" and {plural(n_untold, 'other')}" if n_untold else ""
+    if len(texts) > 1 and not n_untold and all(text.endswith(least) for text in texts):
+        return f"{', '.join(text.removesuffix(least) for text in texts)}, all{least}"
+    return ", ".join(texts) + others
 
 
 def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
@@ -201,7 +205,7 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
     ends = min(first_onsets), max(first_onsets)
     if _same_onset(*ends) or np.isnan(first_onsets).any():
         return ""
-    top = float(results.points[along].max())
+    top, unit = float(results.points[along].max()), results.units.get(along, "")
     texts = []
     for end in ends:
         there = [x for x, onset in zip(lines, first_onsets, strict=True) if _same_onset(onset, end)]
@@ -209,10 +213,8 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
             return ""
         values = [f"{n} {amount(v, results.units.get(n, ''))}" for n, v in there[0].design.items()]
         design = ", ".join(values) if len(there) == 1 else f"{len(there)} of the designs"
-        onset_text = (
-            f"{along} {amount(end, results.units.get(along, ''))}" if np.isfinite(end) else ""
-        )
-        onset_text = onset_text or ("below range" if end < 0 else f"none up to {top:g}")
+        onset_text = f"{along} {amount(end, unit)}" if np.isfinite(end) else ""
+        onset_text = onset_text or ("below range" if end < 0 else f"none up to {amount(top, unit)}")
         texts.append(f"with {design} ({onset_text})")
     return f" The first onset is earliest {texts[0]} and latest {texts[1]}."
 
@@ -241,15 +243,15 @@ def design_table(
     """
     along = results.along or ""
     units, top = results.units, float(results.points[along].max())
-    names = list(lines[0].design)
+    names, most = list(lines[0].design), amount(top, units.get(along, ""))
     designs = [", ".join(amount(v, units.get(n, "")) for n, v in x.design.items()) for x in lines]
     rows = []
     for design, line in zip(designs, lines, strict=True):
         is_sure = line.sure and line.solved > 0
-        onset = f"none up to {top:g}" if is_sure else "none known"
+        onset = f"none up to {most}" if is_sure else "none known"
         onset = "below range" if line.kind == BELOW_RANGE else onset
         if np.isfinite(line.onset):
-            onset = f"{INEXACT.get(line.kind, '')}{line.onset:.4g}"
+            onset = f"{INEXACT.get(line.kind, '')}{amount(line.onset, units.get(along, ''))}"
         elif line.first is None and line.fastest is not None:
             onset = "-"
         rows.append(
@@ -282,7 +284,7 @@ def design_table(
             f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
             "all; Hz: where the mode grows fastest; unstable: share of its solved points\n",
         ),
-        *_onsets_by_mode(designs, lines, _of_one_mode(table)),
+        *_onsets_by_mode(designs, lines, _of_one_mode(table), units.get(along, "")),
     ]
 
 
@@ -307,7 +309,10 @@ def _together(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> di
 
 
 def _onsets_by_mode(
-    designs: list[str], lines: list[DesignLine], families: Mapping[int, list[int]] | None = None
+    designs: list[str],
+    lines: list[DesignLine],
+    families: Mapping[int, list[int]] | None = None,
+    unit: str = "",
 ) -> list[RenderableType]:
     """The onset of each mode at each design; nothing where the row of a design has it all.
 
@@ -321,7 +326,7 @@ def _onsets_by_mode(
     chosen = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))[:MOST_ONSETS]
     if len(fastest) < 2:
         return []
-    onsets = [[_onset_text(modes.get(track)) for track in chosen] for modes in by_line]
+    onsets = [[_onset_text(modes.get(track), unit) for track in chosen] for modes in by_line]
     shown = grid(
         "text:onset of",
         *(f"value:{_mode_text(fastest[track])}" for track in chosen),
@@ -335,13 +340,13 @@ def _onsets_by_mode(
     return [shown, notes("; ".join(legend) + "\n")]
 
 
-def _onset_text(row: Row | None) -> str:
+def _onset_text(row: Row | None, unit: str = "") -> str:
     if row is None:
         return "-"
     kind, onset = str(row["threshold_kind"]), row["threshold"]
     if kind == BELOW_RANGE:
         return "below range"
-    return f"{INEXACT.get(kind, '')}{onset:.4g}" if np.isfinite(onset) else "-"
+    return f"{INEXACT.get(kind, '')}{amount(onset, unit)}" if np.isfinite(onset) else "-"
 
 
 def _mode_text(row: Row | None) -> str:

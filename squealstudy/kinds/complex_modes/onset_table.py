@@ -50,7 +50,7 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
         f"value:{with_unit(down, units)}",
         *(f"value:{_title(column, others, units, along)}" for column in table.columns),
         rows=(
-            [f"{number:.6g}", *(_cell(onset, top) for onset in row)]
+            [f"{number:.6g}", *(_cell(onset, top, units.get(along, "")) for onset in row)]
             for number, row in zip(table.index, table.to_numpy(float), strict=True)
         ),
     )
@@ -58,7 +58,7 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
     columns = f" at each {', '.join(others)}, a column each" if others else ""
     return [
         shown,
-        notes(f"least {with_unit(along, units)} at which a mode turns unstable{columns}{fewer}\n"),
+        notes(f"least {along} at which a mode turns unstable{columns}{fewer}\n"),
     ]
 
 
@@ -93,9 +93,9 @@ def _title(column: object, others: list[str], units: dict[str, str], along: str)
     return ", ".join(amount(number, units.get(name, "")) for name, number in shown)
 
 
-def _cell(onset: float, top: float) -> str:
+def _cell(onset: float, top: float, unit: str) -> str:
     if onset == BELOW:
         return "below range"
     if onset == NEVER:
-        return f"none up to {top:g}"
-    return f"{onset:.4g}" if onset == onset else "-"
+        return f"none up to {amount(top, unit)}"
+    return amount(onset, unit) if onset == onset else "-"

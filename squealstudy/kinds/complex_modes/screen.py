@@ -10,13 +10,14 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.engine.table_rows import ranked_modes
-from squealstudy.kinds.complex_modes.design_lines import (
-    DesignLine,
-    design_lines,
-    design_table,
-    extremes_in_words,
-    onsets_in_words,
+from squealstudy.kinds.complex_modes.answer import (
+    answer,
+    contact_rows,
+    how_many,
+    over_designs,
+    row_text,
 )
+from squealstudy.kinds.complex_modes.design_lines import design_lines, design_table
 from squealstudy.kinds.complex_modes.error_text import (
     full_order_error_text,
     method_rows,
@@ -28,10 +29,9 @@ from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_
 from squealstudy.kinds.complex_modes.random_screen import (
     DOUBTFUL_NUMBER,
     families_in_words,
-    random_answer,
 )
 from squealstudy.models.matrices.family import NAME as MATRICES
-from squealstudy.screen import Rows, command_text, grid, notes
+from squealstudy.screen import Rows, command_text, grid, held_together, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import (
     FIRST_UNTRACKED_GROUP,
@@ -53,13 +53,13 @@ from squealstudy.tables.stability import (
     uncertain_points,
 )
 from squealstudy.wording import (
+    amount,
     any_of,
     band_text,
     failure_counts,
     in_digits,
     knots_text,
     named_tracks,
-    percent,
     plural,
     track_number,
 )
@@ -91,6 +91,7 @@ class ComplexModesScreen(KindScreen):
     """Unstable modes: how widely, how strongly, from where on, in which component."""
 
     tables = ("points", "modes", "onsets")
+    found = ("contact",)
     sure = (
         *("outside band", "knots", "left over", "audit", "estimates", "not refined", "error"),
         "gyroscopic",
@@ -156,7 +157,7 @@ class ComplexModesScreen(KindScreen):
             lines = design_lines(results)
             table = self.rank(results, "share", None, None)
             designs = design_table(results, lines, table) if lines else onset_table(results)
-            return [*_answer(results, table, lines), *designs, *self.ranking(results)]
+            return [*answer(results, table, lines), *designs, *self.ranking(results)]
         lost = _left_out(results)
         if not (results.points["status"] == "ok").any():
             return [_no_mode(results, None), notes(lost)]
@@ -174,11 +175,11 @@ class ComplexModesScreen(KindScreen):
             return _no_mode(results, None) + but
         wide = table.iloc[int(table["family_points"].to_numpy().argmax())]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
-        text = _over_designs(design_lines(results)) + _how_many(results, table)
+        text = over_designs(design_lines(results)) + how_many(results, table)
         text += "".join(f"; {family}" for family in families_in_words(table)) + ". "
         share = in_digits(100 * wide["family_points"] / wide["points"])
-        text += f"Most widespread: {_row_text(wide)}, at {share} % of {_counted(results, None)}. "
-        text += f"Fastest: {_row_text(fast)}, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
+        text += f"Most widespread: {row_text(wide)}, at {share} % of {_counted(results, None)}. "
+        text += f"Fastest: {row_text(fast)}, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
         where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
         return f"{text}{f' at {where}' if where else ''}.{but}"
 
@@ -204,6 +205,7 @@ class ComplexModesScreen(KindScreen):
         outside = outside_text(manifest, results.units)
         knots = knots_text(manifest.get("knots_between", {}), results.units)
         return [
+            *contact_rows(results, design_lines(results)),
             *([("outside band", outside)] if outside else []),
             *([("knots", knots)] if knots else []),
             *method_rows(manifest),
@@ -211,43 +213,6 @@ class ComplexModesScreen(KindScreen):
             ("error", error),
             *turning_rows(manifest),
         ]
-
-
-def _how_many(results: ResultTables, table: pd.DataFrame) -> str:
-    """How many modes are unstable, in which band, and from where on each."""
-    tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
-    named = int(tracked.drop_duplicates("family")["family_modes"].sum())
-    others = len(table) - len(tracked)
-    text = (plural(named, "mode") if named else "") + (" and " if named and others else "")
-    text += plural(others, "group of modes", "groups of modes") if others else ""
-    text += f" {'is' if named + others == 1 else 'are'} unstable "
-    text += band_text(results.fact("band_hz"))
-    onsets = onsets_in_words(results, table)
-    return text + (f": {onsets}" if onsets else "")
-
-
-def _answer(
-    results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]
-) -> list[RenderableType]:
-    """What was found, in a sentence; nothing where the ranking alone tells it."""
-    if results.design in RANDOM_DESIGNS and len(table):
-        return [*random_answer(results), ""]
-    if not len(table) or not onsets_in_words(results, table):
-        return []
-    text = f"{_over_designs(lines)}{_how_many(results, table)}.{extremes_in_words(results, lines)}"
-    return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
-
-
-def _over_designs(lines: list[DesignLine]) -> str:
-    return f"Over all {len(lines)} designs " if lines else ""
-
-
-def _row_text(row: pd.Series) -> str:
-    """A line of the ranking in words."""
-    values = row.to_dict()
-    hz = frequency_text(values)
-    name = track_number(values["track"]) if values["track"] > 0 else str(values["kind"])
-    return f"{name} at {hz} Hz" if hz else name
 
 
 def _unrefined(manifest: Mapping[str, Any]) -> Rows:
@@ -336,9 +301,7 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
     names = ", ".join(settings_of(table["at"].iloc[0], {}))
     texts += [f"worst at: {names}"] if names else []
     if along := results.along:
-        unit = results.units.get(along, "")
-        name = f"{along} [{unit}]" if unit else along
-        texts.append(f"onset: least {name} at which the mode turns unstable")
+        texts.append(f"onset: least {along} at which the mode turns unstable")
         texts += _onset_kinds(set(table["threshold_kind"]), results, query)
         if (table["threshold"].isna() & (table["threshold_kind"] != BELOW_RANGE)).any():
             texts.append(
@@ -367,32 +330,37 @@ def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str
 def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]) -> list[str]:
     name = track_number(row["track"]) if row["kind"] == "mode" else str(row["kind"])
     low, high, n = (row[f"{of}points{side}"] for of, side in SIDES)
-    bounds = f" ({percent(low / n, high / n)})" if low < high else ""
+    share = f"{100 * row['unstable_share']:.1f} %"
+    if low < high:
+        middle, least, most = (
+            f"{100 * x:.{1 if x < 0.1 else 0}f}" for x in (row["unstable_share"], low / n, high / n)
+        )
+        share = f"{middle} ({least}-{most}) %"
     shares = ((row[f"{place}_component"], row[f"{place}_share"]) for place in ("main", "second"))
     energy = ", ".join(
-        f"{name} {100 * share:.0f} %"
+        f"{name} {held_together([f'{100 * share:.0f} %'])}"
         for name, share in shares
         if name and share >= LEAST_ENERGY_SHARE
     )
     return [
         f"~{name}" if row["ambiguous"] else name,
         frequency_text(row),
-        f"{100 * row['unstable_share']:.1f}{bounds} %",
+        share,
         in_digits(row["max_growth_rate"], 1),
         f"{100 * row['min_damping_ratio']:.3g}",
-        *([_threshold(row)] if along else []),
+        *([_threshold(row, units.get(along, ""))] if along else []),
         *([energy] if energies else []),
-        ", ".join(settings_of(row["at"], units).values()),
+        held_together(settings_of(row["at"], units).values()),
     ]
 
 
-def _threshold(row: Row) -> str:
+def _threshold(row: Row, unit: str) -> str:
     threshold, kind = row["threshold"], row["threshold_kind"]
     if kind == BELOW_RANGE:
         return BELOW_RANGE
     if not isinstance(threshold, float) or threshold != threshold:
         return "-"
-    return f"{INEXACT.get(kind, '')}{round(threshold, 9):.4g}"
+    return f"{INEXACT.get(kind, '')}{amount(round(threshold, 9), unit)}"
 
 
 SCREEN = ComplexModesScreen()

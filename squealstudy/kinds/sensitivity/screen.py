@@ -19,11 +19,12 @@ from squealstudy.tables.sensitivity_ranking import (
     rank_sensitivities,
     step_text,
 )
-from squealstudy.wording import any_of, in_digits, plural, setting
+from squealstudy.wording import any_of, in_digits, listed, plural, setting
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
+MOST_NAMED = 2  # parameters that lower growth, and that raise it
 NUMBERS = ("step", "growth 1/s", "reanalysis", "off", "Hz", "damping %")
 
 
@@ -48,8 +49,16 @@ class SensitivityScreen(KindScreen):
 
     def next_steps(self, results: ResultTables) -> Rows:
         """The same of another mode."""
-        of_another = f"{command_text('sensitivity', results.directory, '--mode')} HZ"
-        return [("of another mode", of_another)] if len(results.sensitivities) else []
+        table = results.sensitivities
+        if not len(table):
+            return []
+        hz = [
+            in_digits(f)
+            for f in sorted(table.drop_duplicates(["point_id", "mode"])["frequency_hz"])
+        ]
+        modes = list(dict.fromkeys(hz))
+        text = f"{command_text('sensitivity', results.directory, '--mode')} HZ"
+        return [("of another mode", f"{text}: {listed(modes)}")] if len(modes) > 1 else []
 
     def facts(self, results: ResultTables) -> Rows:
         """How far derivatives and reanalysis agree, where the derivative is said to hold."""
@@ -87,9 +96,23 @@ def sensitivities(
         if near
         else "",
     )
-    rows = (_cells(row) for row in shown.to_dict("records"))
+    ranked = shown.to_dict("records")
+    rows = (_cells(row) for row in ranked)
     table = grid("text:parameter", *NUMBERS, "word:", rows=rows)
-    return [_headline(results, shown.iloc[0]), table, legend]
+    return [_headline(results, shown.iloc[0]), _strongest_in_words(ranked), "", table, legend]
+
+
+def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:
+    """What lowers and what raises growth most, by its first-order change."""
+    texts = []
+    for sign, verb in ((-1.0, "falls"), (1.0, "rises")):
+        with_sign = [row for row in rows if sign * row["predicted_growth_change"] > 0.0]
+        named = [
+            f"{parameter_text(row)} {step_text(row)} ({row['predicted_growth_change']:+.3g} 1/s)"
+            for row in with_sign[:MOST_NAMED]
+        ]
+        texts += [f"Growth {verb} most by {', '.join(named)}."] if named else []
+    return " ".join(texts)
 
 
 def _why_no_mode(results: ResultTables) -> str:

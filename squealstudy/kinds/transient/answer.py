@@ -11,6 +11,7 @@ import pandas as pd
 from squealstudy.wording import (
     LIMIT_CYCLE,
     SUSTAINED,
+    UNDECIDED,
     amount,
     by_ranges,
     figure,
@@ -35,11 +36,13 @@ def lasting_in_words(
 
     `unit` is N m of torques, N of friction forces.
     """
+    what = "torque" if unit == "N m" else "force of friction"
     lasting = table[table["class"].isin(SUSTAINED).to_numpy(bool)]
+    if len(table) == 1 and table["class"].iloc[0] == UNDECIDED:
+        return _until_its_end(table.iloc[0], what, unit)
     if not len(lasting):
         return ""
     row = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmax())]
-    what = "torque" if unit == "N m" else "force of friction"
     level = with_error(float(row["torque_rms"]), level_error(row))
     varied = [p for p in parameters if len(set(table[p].tolist())) > 1]
     where = ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied[:MOST_SETTINGS])
@@ -67,6 +70,15 @@ def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:
     begin = "No" if n_runs == 1 else f"In {len(spread)} of {plural(len(cycles), 'limit cycle')} no"
     of_mean = f"{100 * float(spread.max()):.0f} % of their mean"
     return f" {begin} period was seen: peaks to peak of single swings differ by up to {of_mean}."
+
+
+def _until_its_end(row: pd.Series, what: str, unit: str) -> str:
+    """What an undecided run is known to have come to; empty where its level is not known."""
+    if not row["torque_rms"] > 0.0:
+        return ""
+    level = with_error(float(row["torque_rms"]), level_error(row))
+    text = f" Over its end the RMS of the {what} is {level} {unit}, {heard(row)}{_sticking(row)}."
+    return f"{text} Whether it stays so is open.{_growth(row)}"
 
 
 def level_error(row: Mapping[Hashable, Any] | pd.Series) -> float:

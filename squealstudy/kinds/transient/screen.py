@@ -214,8 +214,9 @@ def _undecided(table: pd.DataFrame) -> list[RenderableType]:
     n_short = len(undecided) - coarse
     texts: list[RenderableType] = []
     if coarse:
-        runs = "run is" if coarse == 1 else "runs are"
-        texts.append(f"undecided: {coarse} of {len(table)} {runs} made with too long a step")
+        runs = "run" if len(table) == 1 else "runs"
+        verb = "is" if coarse == 1 else "are"
+        texts.append(f"undecided: {coarse} of {len(table)} {runs} {verb} made with too long a step")
     if not n_short:
         return texts
     untils = _worth_waiting(table)

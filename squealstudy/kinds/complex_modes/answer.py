@@ -1,0 +1,124 @@
+"""What was found of complex modes, in sentences."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pandas as pd
+from rich.console import RenderableType
+
+from squealstudy.kinds.complex_modes.design_lines import (
+    DesignLine,
+    extremes_in_words,
+    onsets_in_words,
+)
+from squealstudy.kinds.complex_modes.outside_text import grows_outside
+from squealstudy.kinds.complex_modes.random_screen import random_answer
+from squealstudy.screen import Rows
+from squealstudy.study.sweeps import RANDOM_DESIGNS
+from squealstudy.tables.mode_ranking import frequency_text, group_kind, parameter_columns
+from squealstudy.tables.stability import BELOW_RANGE
+from squealstudy.wording import amount, band_text, in_digits, plural, track_number
+
+OPEN, LARGEST_PRESSURE = "open_share", "contact_pressure_max"  # columns of points
+LEAST_CONTACT_CHANGE = 0.1  # percent: less is no news
+
+if TYPE_CHECKING:
+    from squealstudy.engine.result_tables import ResultTables
+
+
+def how_many(results: ResultTables, table: pd.DataFrame) -> str:
+    """How many modes are unstable, in which band, and from where on each."""
+    tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
+    named = int(tracked.drop_duplicates("family")["family_modes"].sum())
+    others = len(table) - len(tracked)
+    text = (plural(named, "mode") if named else "") + (" and " if named and others else "")
+    text += plural(others, "group of modes", "groups of modes") if others else ""
+    text += f" {'is' if named + others == 1 else 'are'} unstable "
+    text += band_text(results.fact("band_hz"))
+    onsets = onsets_in_words(results, table)
+    return text + (f": {onsets}" if onsets else "")
+
+
+def answer(
+    results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]
+) -> list[RenderableType]:
+    """What was found, in a sentence; nothing where the ranking alone tells it."""
+    if results.design in RANDOM_DESIGNS and len(table):
+        outside = grows_outside(results.manifest, results.units)
+        return [*(f"{text}{outside}" for text in random_answer(results)), ""]
+    if len(table) and results.boundary is not None:
+        outside = grows_outside(results.manifest, results.units)
+        return [f"{how_many(results, table)}: {_over_the_map(results, table)}.{outside}", ""]
+    if not len(table) or not onsets_in_words(results, table):
+        return []
+    text = f"{over_designs(lines)}{how_many(results, table)}."
+    text += extremes_in_words(results, lines) or _growth_in_words(results, lines)
+    return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
+
+
+def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
+    """The first onset on a boundary map, its most widespread mode, and the fastest growth."""
+    wide = table.iloc[int(table["family_points"].to_numpy().argmax())]
+    fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
+    along = results.along or ""
+    least = table["threshold"].min()
+    first = f"first at {along} {amount(least, results.units.get(along, ''))}, "
+    share = in_digits(100 * wide["family_points"] / wide["points"])
+    fastest = f"{row_text(fast)} fastest, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
+    text = f"{first if least == least else ''}{row_text(wide)} at most nodes of the map ({share} %)"
+    return f"{text}, {fastest}"
+
+
+def over_designs(lines: list[DesignLine]) -> str:
+    """What a sentence on all designs begins with; empty of one design."""
+    return f"Over all {len(lines)} designs " if lines else ""
+
+
+def row_text(row: pd.Series) -> str:
+    """A line of the ranking in words."""
+    values = row.to_dict()
+    hz = frequency_text(values)
+    name = track_number(values["track"]) if values["track"] > 0 else str(values["kind"])
+    return f"{name} at {hz} Hz" if hz else name
+
+
+def _growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
+    """Where the fastest mode grows least and most, where all designs are unstable throughout.
+
+    To follow others; empty elsewhere.
+    """
+    if not lines or any(line.kind != BELOW_RANGE or line.unstable < line.solved for line in lines):
+        return ""
+    fastest = results.table("modes").groupby("point_id")["growth_rate"].max()
+    points = results.points[results.points["point_id"].isin(fastest.index).to_numpy(bool)]
+    growth = points["point_id"].map(fastest).to_numpy(float)
+    texts = []
+    for row in (growth.argmin(), growth.argmax()):
+        values = [
+            f"{name} {amount(float(points[name].iloc[row]), results.units.get(name, ''))}"
+            for name in parameter_columns(points, varied=True)
+        ]
+        texts.append(f"{in_digits(growth[row], 1)} 1/s at {', '.join(values)}")
+    return f" Some mode grows at every point, the fastest by {texts[0]} to {texts[1]}."
+
+
+def contact_rows(results: ResultTables, lines: list[DesignLine]) -> Rows:
+    """How much of the contact is open, and what designs change of it; nothing where none is."""
+    points, along = results.points, results.along or ""
+    if not lines or not {OPEN, LARGEST_PRESSURE} <= set(points.columns):
+        return []
+    solved = points[(points["status"] == "ok").to_numpy(bool)]
+    at_same = solved.groupby(along)[[OPEN, LARGEST_PRESSURE]]
+    low, high = at_same.min(), at_same.max()
+    opened = 100 * float((high[OPEN] - low[OPEN]).max())
+    pressed = 100 * float((high[LARGEST_PRESSURE] / low[LARGEST_PRESSURE] - 1.0).max())
+    if not high[OPEN].max() > 0.0 or not max(opened, pressed) >= LEAST_CONTACT_CHANGE:
+        return []
+    ends = [in_digits(100 * float(end), 1) for end in (low[OPEN].min(), high[OPEN].max())]
+    text = (
+        f"{' to '.join(dict.fromkeys(ends))} % of its area is open in steady sliding; between "
+        f"designs at the same {along} that differs by up to {in_digits(opened, 1)} % of the area, "
+        f"and the largest pressure by up to {in_digits(pressed, 1)} %"
+    )
+    return [("contact", text)]
