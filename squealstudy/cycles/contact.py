@@ -95,6 +95,18 @@ class ContactOscillator:
         w = self._observed(motion, LEVEL_SAMPLES // 4)[1][:, self.system.touching]
         return float(np.sqrt((w**2).sum(axis=2).max(initial=0.0)))
 
+    def velocity_between_samples(self, motion: PeriodicMotion) -> float:
+        """By how much `contact_velocity` of `levels` may miss a peak between samples, m/s.
+
+        A parabola of the largest curvature over the phase rises so much within half a sample.
+        """
+        w = self._observed(motion, LEVEL_SAMPLES)[1][:, self.system.touching]
+        spectrum = np.fft.rfft(w, axis=0)
+        order = np.arange(len(spectrum))[:, None, None]
+        curvature = np.fft.irfft(order**2 * spectrum, LEVEL_SAMPLES, axis=0)
+        largest = np.sqrt((curvature**2).sum(axis=2).max(initial=0.0))
+        return 0.5 * (np.pi / LEVEL_SAMPLES) ** 2 * float(largest)
+
     def slip_apart(self, one: PeriodicMotion, other: PeriodicMotion) -> float:
         """Largest difference of two motions in the sliding velocity of a point, m/s."""
         touching = self.system.touching

@@ -294,19 +294,21 @@ def with_peak_and_tolerance(
 ) -> SeriesErrors:
     """Errors with those of the balances' tolerance; of peaks also those of samples and corners.
 
-    Between the samples of levels a peak is missed by at most its curvature times the square of half
-    a sample, over two. Where sliding comes to rest or turns, its own error leads up and down the
-    steep slope of the law, and all motions that overshoot there have the law's peak: sliding is
-    moved by what it differs by from an `other` finding of the cycle.
+    Between the samples of levels a peak, of velocity too, is missed by at most its curvature times
+    the square of half a sample, over two. Where sliding comes to rest or turns, its own error leads
+    up and down the steep slope of the law, and all motions that overshoot there have the law's
+    peak: sliding is moved by what it differs by from an `other` finding of the cycle.
     """
-    torque = contact.torque(cycle_levels.motion)
+    torque, velocity = contact.torque(cycle_levels.motion), cycle_levels.levels["contact_velocity"]
+    between = contact.velocity_between_samples(cycle_levels.motion)
+    of_velocity = SOLVED + (between / velocity if velocity > 0.0 else 0.0)
     peak = float(np.abs(torque - torque.mean()).max())
     if not peak > 0.0:
-        return errors + SeriesErrors(SOLVED, SOLVED, np.nan, SOLVED)
+        return errors + SeriesErrors(SOLVED, of_velocity, np.nan, SOLVED)
     spectrum = np.abs(np.fft.rfft(torque))[1:] * 2.0 / len(torque)
     h = np.arange(1, cycle_levels.motion.harmonics + 1)
     missed = 0.5 * (np.pi / len(torque)) ** 2 * float(h**2 @ spectrum[: len(h)])
     slip = contact.slip_apart(cycle_levels.motion, other)
     shifted_torques = (contact.torque(cycle_levels.motion, side * slip) for side in (-1.0, 1.0))
     led = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in shifted_torques)
-    return errors + SeriesErrors(SOLVED, SOLVED, (missed + led) / peak + SOLVED, SOLVED)
+    return errors + SeriesErrors(SOLVED, of_velocity, (missed + led) / peak + SOLVED, SOLVED)

@@ -7,6 +7,7 @@ torque where all rungs overshoot.
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies" / "benchm
 from column_cases import Case
 from column_truth import compared
 
+import squealstudy as sq
 from squealstudy.cycles.cycle import (
     MAX_CHANGE_RATIO,
     SERIES_SAFETY_FACTOR,
@@ -105,3 +107,30 @@ def test_rungs_that_agree_by_chance_have_the_error_of_the_change_before():
         SERIES_SAFETY_FACTOR * 0.1
     )
     assert (by_chance.velocity, by_chance.peak, by_chance.frequency) == (0.0, 0.0, 0.0)
+
+
+def shifted(motion, phase):
+    """A motion that begins at another phase."""
+    H = motion.harmonics
+    cosine, sine = motion.Q[1 : H + 1], motion.Q[H + 1 :]
+    angle = phase * np.arange(1, H + 1)[:, None]
+    turned = cosine * np.cos(angle) + sine * np.sin(angle)
+    beside = sine * np.cos(angle) - cosine * np.sin(angle)
+    return replace(motion, Q=np.vstack([motion.Q[:1], turned, beside]))
+
+
+@pytest.mark.parametrize("friction", [0.31, 0.36])
+def test_a_peak_of_velocity_between_samples_is_within_its_error(friction):
+    """The phase is free, and with it where samples fall: at some, half of one beside the peak."""
+    laws = {"contact_law": "cubic", "contact.cubic_stiffness": 5e17}
+    system = sq.model("hulten", friction=friction, damping_ratio=0.01, **laws).at()
+    found = system.limit_cycles(12)
+    (_, cycle), contact = found.cycles[0], found.contact
+    motion = cycle.motion
+    largest = contact.levels(motion, 200 * 512)["contact_velocity"]
+    for phase in np.linspace(0.0, 2.0 * np.pi / 512, 8, endpoint=False):
+        told = contact.levels(shifted(motion, phase))["contact_velocity"]
+        missed = 1.0 - told / largest
+        between = contact.velocity_between_samples(motion) / told
+        assert -1e-9 < missed < between < cycle.velocity_error
+        assert between < 1e-4
