@@ -58,8 +58,9 @@ def stability_map(
     A cell has the value of the design point in it, on both sides of a boundary that passes through.
     A line parts the points at which any mode is unstable from those at which none is; ticks point
     to the unstable side (plots.boundary_lines). It is dashed, for it joins crossings straight on
-    where nothing was solved: the onset may jump between two lines. Refined onsets on it are dots.
-    The nodes of a boundary design that were solved are marked.
+    where nothing was solved: the onset may jump between two lines. Refined onsets on it are dots,
+    alone beside a parameter that is 0 or 1, as a state of contact is: nothing is between. The
+    nodes of a boundary design that were solved are marked.
 
     Parameters
     ----------
@@ -106,6 +107,8 @@ def stability_map(
         bar.minorticks_off()
     if not plane.others_vary:
         boundary = stability_boundary(plane, results.onsets, results.along)
+        if any(_is_switch(results, shown.name) for shown in (plane.across, plane.up)):
+            boundary = boundary._replace(lines=[])
         handles = _boundary(axes, boundary, results.along, plane.gridded)
         if ax is None:
             legend_below(figure, handles, 1)
@@ -173,9 +176,14 @@ def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> st
     return f"{here.sum()} of {len(here)} nodes solved (dots)"
 
 
+def _is_switch(results: Results, parameter: str) -> bool:
+    """Whether a parameter is 0 or 1 and nothing else."""
+    return set(results.points[parameter]) == {0.0, 1.0}
+
+
 def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) -> list[Line2D]:
     """The lines, ticks to the unstable side, and for a legend how they were placed."""
-    if not boundary.lines:
+    if not boundary.lines and not len(boundary.solved):
         return []
     for line in boundary.lines:
         (ticks,) = axes.plot(*line.T, color=BOUNDARY, linewidth=1.0)
@@ -192,7 +200,9 @@ def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) ->
     label = "boundary of stability of any mode, ticks to the unstable side: dashed where joined, "
     label += f"not solved; {how}"
     style: dict[str, Any] = {"color": BOUNDARY, "linewidth": 1.8, "linestyle": JOIN_DASHES}
-    handles = [Line2D([], [], label=fill(label, LEGEND_LINE_CHARACTERS), **style)]
+    handles = []
+    if boundary.lines:
+        handles.append(Line2D([], [], label=fill(label, LEGEND_LINE_CHARACTERS), **style))
     if refined:
         dot: dict[str, Any] = {
             "color": BOUNDARY,
@@ -202,8 +212,7 @@ def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) ->
         }
         handles.append(Line2D([], [], label="onset that was solved", **dot))
     if cells:
-        label = (
-            "a cell is coloured by the point in it, also beyond the boundary; grey: none unstable"
-        )
+        side = "also beyond the boundary" if boundary.lines else "on both sides of an onset"
+        label = f"a cell is coloured by the point in it, {side}; grey: none unstable"
         handles.append(Line2D([], [], linestyle="none", label=label))
     return handles

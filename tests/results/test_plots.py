@@ -532,6 +532,18 @@ def test_a_change_of_track_is_no_boundary():
     assert np.allclose(line.get_xdata(), 0.4)
 
 
+def test_no_boundary_is_drawn_from_one_state_of_a_contact_to_another():
+    points, modes = grid()
+    points = points[points["pressure"].isin(points["pressure"].unique()[:2])].copy()
+    modes = modes[modes["point_id"].isin(points["point_id"])]
+    points["pressure"] = (points["pressure"] > points["pressure"].min()).astype(float)
+    figure = stability_map(points, modes, "friction", "pressure")  # as a state: 0 or 1
+    assert not figure.axes[0].lines
+    assert not any("boundary" in text for text in drawn(figure))
+    points["pressure"] += 1.0
+    assert stability_map(points, modes, "friction", "pressure").axes[0].lines
+
+
 def test_without_damping_an_unrefined_boundary_is_in_the_middle():
     """Linear interpolation would put it at the last stable points."""
     points, modes = grid()
