@@ -135,7 +135,7 @@ def test_tables_of_a_study(tmp_path):
     one = table[table["point_id"] == plan.tasks[2].point_id]
     assert one["growth_rate"].tolist() == modes[2].lam.real.tolist()
     assert one["energy_mass"].tolist() == modes[2].energies[0].tolist()
-    assert set(facts) == {"tracking", "onsets", "errors", "outside_band", "seconds"}
+    assert set(facts) == {"tracking", "onsets", "errors", "outside_band", "turning", "seconds"}
 
 
 def test_growth_within_its_error_is_no_instability(tmp_path):
