@@ -249,10 +249,8 @@ def test_medium_brake():
     compare(medium, model, DesignState(NOMINAL), 1e-5, **size)
     shifted = {("caliper", j): 1.5 for j in (7, 8, 9)}
     for state in (
-        DesignState(replace(NOMINAL, brake_pressure=2e5)),
-        DesignState(replace(NOMINAL, brake_pressure=30e5)),
-        DesignState(NOMINAL, shifted),
-        DesignState(NOMINAL, dict.fromkeys(shifted, 0.5)),
+        DesignState(replace(NOMINAL, brake_pressure=2e5), shifted),
+        DesignState(replace(NOMINAL, brake_pressure=30e5), dict.fromkeys(shifted, 0.5)),
     ):
         compare(medium, model, state, 1e-3, **size)
 
