@@ -241,7 +241,7 @@ def test_complex_modes_with_modes_shifted_up_and_damped(brake, reduced):
     compare(brake, reduced[0], state, 1e-3)
 
 
-@pytest.mark.full_size
+@pytest.mark.full_size("medium brake")  # has a day apart from other long ones
 def test_medium_brake():
     medium = prepare_brake("medium", FULL_SIZE_TOP)
     model, _ = reduce_brake(medium, FULL_SIZE_TOP)

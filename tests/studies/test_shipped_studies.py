@@ -108,7 +108,7 @@ def test_own_brake() -> None:
     assert sum(p.stat().st_size for p in (SHIPPED / "own_brake").iterdir()) < 3e6
 
 
-@pytest.mark.full_size
+@pytest.mark.full_size("a worn pad")  # has a day apart from other long ones
 def test_worn_pad(tmp_path: Path) -> None:
     """As the gallery says: worn pads squeal near 3.15 kHz, and hardly at 3.8 kHz as new ones do."""
     path = SHIPPED / "own_brake" / "worn_pad.toml"
@@ -125,7 +125,7 @@ def test_worn_pad(tmp_path: Path) -> None:
     assert growth(1e4, 3050.0, 3250.0) == pytest.approx(300.0, rel=0.05)
 
 
-@pytest.mark.full_size
+@pytest.mark.full_size("an own brake with brackets")  # has a day apart from other long ones
 def test_own_abutment(tmp_path: Path) -> None:
     """As the gallery says: pads that slide on their brackets squeal sooner and faster."""
     path = SHIPPED / "own_brake" / "own_abutment.toml"
