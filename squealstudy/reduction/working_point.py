@@ -40,8 +40,8 @@ SPRING_AT_CORNER = (
 )
 PRESSES_OPEN = (
     "the softening contact gives way under the load: it is balanced beyond the gap at which its "
-    "force turns round, where an open gap presses and a closed one pulls; expected less load, or a "
-    "contact.cubic_stiffness nearer to 0"
+    "force turns round, where an open gap presses and a closed one pulls; expected less load, or "
+    "contact that softens less (contact.cubic_stiffness nearer to 0)"
 )
 
 

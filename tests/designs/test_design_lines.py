@@ -11,7 +11,7 @@ from reference import MU_C
 from study_runs import solved
 from study_texts import study_text
 
-from squealstudy.kinds.complex_modes.answer import answer, contact_rows
+from squealstudy.kinds.complex_modes.answer import _over_the_map, answer, contact_rows
 from squealstudy.kinds.complex_modes.design_lines import (
     ALIKE_ONSETS,
     MOST_DESIGNS,
@@ -139,6 +139,34 @@ def test_the_onset_of_a_mode_is_seen_where_another_is_first():
     assert _onsets_by_mode(["0 g", "100 g"], [one, one]) == []  # the row of a design has it
 
 
+@pytest.mark.parametrize(
+    ("kind", "threshold", "begins"),
+    [
+        ("refined", 0.2854, "first at friction 0.2854, T1"),
+        ("bracketed", 0.2, "first at friction 0.2 or less, T1"),
+        ("below range", np.nan, "already at the least friction, T1"),
+        ("", np.nan, "first at friction 0.41, T1"),
+    ],
+)
+def test_a_boundary_map_says_how_its_first_onset_is_known(kind, threshold, begins):
+    table = pd.DataFrame(
+        {
+            "track": [1, 2],
+            "kind": "mode",
+            "frequency_hz": [3155.0, 3057.0],
+            "frequency_min_hz": [3155.0, 3057.0],
+            "frequency_max_hz": [3155.0, 3057.0],
+            "threshold": [threshold, 0.41],
+            "threshold_kind": [kind, "refined"],
+            "family_points": [160, 70],
+            "points": 625,
+            "max_growth_rate": [424.4, 464.6],
+        }
+    )
+    text = _over_the_map(SimpleNamespace(along="friction", units={}), table)
+    assert text.startswith(f"{begins} at 3155 Hz most widespread (26 % of the nodes)")
+
+
 def test_one_design_has_no_table(tmp_path):
     one = results_of(tmp_path / "one", [0.2, 0.4], [75.0])
     assert design_lines(one) == []
@@ -170,6 +198,8 @@ def test_the_designs_that_turn_unstable_first_and_last_are_named(tmp_path):
         lines[2]._replace(unstable=1),
     ):
         assert extremes_in_words(results, [lines[1], doubtful]) == ""
+    bound = lines[0]._replace(onset=0.35, kind="bracketed")  # its true onset may be the earliest
+    assert extremes_in_words(results, [lines[1], bound, lines[2]]) == ""
 
 
 def test_a_mode_that_is_unstable_from_the_first_value_says_until_where(tmp_path):
@@ -189,7 +219,7 @@ def many(tmp_path_factory):
 
 def test_many_designs_have_their_first_onsets_in_a_table(many):
     assert design_lines(many) == []
-    onsets = first_onsets(many, "friction")
+    onsets = first_onsets(many, "friction")["onset"]
     for second, onset in onsets.items():
         unstable = many.points.query(f"frequency_2 == {second} and n_unstable > 0")["friction"]
         if not len(unstable):
@@ -216,8 +246,24 @@ def test_a_point_that_failed_or_is_uncertain_leaves_its_design_without_an_answer
     for change in ({"status": "failed"}, {"n_unstable_high": 1}):
         points = many.points.copy()
         points.loc[stable & (points["friction"] == 0.2), list(change)] = list(change.values())
-        onsets = first_onsets(many.with_tables(points=points), "friction")
+        onsets = first_onsets(many.with_tables(points=points), "friction")["onset"]
         assert np.isnan(onsets[60.0])
+
+
+def test_a_point_that_grows_below_all_onsets_is_a_bound_and_what_is_not_refined_is_marked(many):
+    """As real roots do, which have no track and no onset."""
+    known = first_onsets(many, "friction")
+    second = known.index[np.isfinite(known["onset"])][0]
+    assert (known["mark"] == "").all()
+    points = many.points.copy()
+    points.loc[(points["frequency_2"] == second) & (points["friction"] == 0.2), "n_unstable"] = 1
+    later = many.onsets.copy()
+    later.loc[np.isclose(later["frequency_2"], second), "onset"] = 0.3
+    first = first_onsets(many.with_tables(points=points, onsets=later), "friction")
+    assert first.loc[second].tolist() == [0.2, "<= "]
+    assert "<= 0.2" in as_text(onset_table(many.with_tables(points=points, onsets=later)))
+    rough = many.onsets.assign(status="interpolated")
+    assert first_onsets(many.with_tables(onsets=rough), "friction").loc[second, "mark"] == "~"
 
 
 def test_of_several_parameters_that_of_most_values_runs_down(tmp_path):
@@ -225,7 +271,7 @@ def test_of_several_parameters_that_of_most_values_runs_down(tmp_path):
     results = results_of(tmp_path / "r", [0.1, 0.4], np.linspace(74, 80, 7).tolist(), tables=more)
     lines = as_text(onset_table(results)).splitlines()
     assert lines[0].split() == ["frequency_2", "Hz", "damping_ratio", "0", "damping_ratio", "0.01"]
-    table = first_onsets(results, "friction").unstack("damping_ratio")  # noqa: PD010 - of a grid
+    table = first_onsets(results, "friction")["onset"].unstack("damping_ratio")  # noqa: PD010 - of a grid
     assert [line.split()[1:] for line in lines[1:8]] == [
         [f"{onset:.4g}" for onset in row] for row in table.to_numpy()
     ]

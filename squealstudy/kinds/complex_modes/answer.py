@@ -10,6 +10,8 @@ from rich.console import RenderableType
 from squealstudy.kinds.complex_modes.design_lines import (
     DesignLine,
     extremes_in_words,
+    first_at,
+    first_onset,
     onsets_in_words,
 )
 from squealstudy.kinds.complex_modes.outside_text import grows_outside
@@ -62,11 +64,11 @@ def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
     wide = table.iloc[int(table["family_points"].to_numpy().argmax())]
     fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
     along = results.along or ""
-    least = table["threshold"].min()
-    first = f"first at {along} {amount(least, results.units.get(along, ''))}, "
+    row = first_onset(table)
+    first = first_at(row, along, results.units.get(along, "")).strip() if row else ""
     share = in_digits(100 * wide["family_points"] / wide["points"])
     fastest = f"{row_text(fast)} fastest, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
-    text = f"{first if least == least else ''}{row_text(wide)} at most nodes of the map ({share} %)"
+    text = f"{first}{', ' * bool(first)}{row_text(wide)} most widespread ({share} % of the nodes)"
     return f"{text}, {fastest}"
 
 
@@ -100,7 +102,8 @@ def _growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
             for name in parameter_columns(points, varied=True)
         ]
         texts.append(f"{in_digits(growth[row], 1)} 1/s at {', '.join(values)}")
-    return f" Some mode grows at every point, the fastest by {texts[0]} to {texts[1]}."
+    every = "every point" if all(line.sure for line in lines) else "every solved point"
+    return f" Some mode grows at {every}, the fastest by {texts[0]} to {texts[1]}."
 
 
 def contact_rows(results: ResultTables, lines: list[DesignLine]) -> Rows:

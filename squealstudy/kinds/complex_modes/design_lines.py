@@ -196,7 +196,7 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
 def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
     """Which design turns unstable first and which last, to follow others.
 
-    Empty where that is not known of each, or where they are alike.
+    Empty where that is not known of each, of a bound neither, or where they are alike.
     """
     along = results.along or ""
     if len(lines) < 2:
@@ -205,12 +205,12 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
     ends = min(first_onsets), max(first_onsets)
     if _same_onset(*ends) or np.isnan(first_onsets).any():
         return ""
+    if any(INEXACT.get(line.kind) for line in lines):  # it may be less than the earliest
+        return ""
     top, unit = float(results.points[along].max()), results.units.get(along, "")
     texts = []
     for end in ends:
         there = [x for x, onset in zip(lines, first_onsets, strict=True) if _same_onset(onset, end)]
-        if any(INEXACT.get(line.kind) for line in there):
-            return ""
         values = [f"{n} {amount(v, results.units.get(n, ''))}" for n, v in there[0].design.items()]
         design = ", ".join(values) if len(there) == 1 else f"{len(there)} of the designs"
         onset_text = f"{along} {amount(end, unit)}" if np.isfinite(end) else ""

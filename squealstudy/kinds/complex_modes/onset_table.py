@@ -13,8 +13,8 @@ from rich.console import RenderableType
 
 from squealstudy.kinds.complex_modes.design_lines import GRID, MOST_DESIGNS
 from squealstudy.screen import grid, notes
-from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.tables.stability import INTO
+from squealstudy.tables.mode_ranking import CUBIC, REFINED, parameter_columns
+from squealstudy.tables.stability import CROSSING, FIRST_SEEN, INEXACT, INTO
 from squealstudy.wording import amount, with_unit
 
 if TYPE_CHECKING:
@@ -22,22 +22,25 @@ if TYPE_CHECKING:
 
 MOST_ROWS, MOST_COLUMNS = 13, 6  # of the table; of more values some are shown
 BELOW, NEVER = -np.inf, np.inf  # in place of an onset
-RUNS_BELOW_RANGE = "below_range"  # status of an onset
 
 
 def onset_table(results: ResultTables) -> list[RenderableType]:
-    """First onset of each design; nothing where there are few, or too many for a table.
-
-    Those of real roots, which have no track, are not known: such a design has none.
-    """
+    """First onset of each design; nothing where there are few, or too many for a table."""
     along = results.along
     if not along or results.design != GRID or results.boundary is not None:
         return []
-    onsets = first_onsets(results, along)
-    names = [str(name) for name in onsets.index.names]
-    if len(onsets) <= MOST_DESIGNS or "onsets" not in results.tables:
+    if "onsets" not in results.tables:
         return []
-    counts = {name: onsets.index.get_level_values(name).nunique() for name in names}
+    first = first_onsets(results, along)
+    names = [str(name) for name in first.index.names]
+    if len(first) <= MOST_DESIGNS:
+        return []
+    units, top = results.units, float(results.points[along].max())
+    unit = units.get(along, "")
+    onsets = pd.Series(
+        [_cell(onset, mark, top, unit) for onset, mark in first.to_numpy()], first.index
+    )
+    counts = {name: first.index.get_level_values(name).nunique() for name in names}
     down = max(names, key=counts.__getitem__)
     others = [name for name in names if name != down]
     table = onsets.unstack(others) if others else onsets.to_frame("")  # noqa: PD010 - of a grid
@@ -45,41 +48,61 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
         return []
     every = len(table)
     table = table.iloc[np.unique(np.linspace(0, every - 1, MOST_ROWS).round().astype(int))]
-    units, top = results.units, float(results.points[along].max())
     shown = grid(
         f"value:{with_unit(down, units)}",
         *(f"value:{_title(column, others, units, along)}" for column in table.columns),
         rows=(
-            [f"{number:.6g}", *(_cell(onset, top, units.get(along, "")) for onset in row)]
-            for number, row in zip(table.index, table.to_numpy(float), strict=True)
+            [f"{number:.6g}", *row]
+            for number, row in zip(table.index, table.to_numpy(), strict=True)
         ),
     )
+    shown_marks = set(first["mark"])
     fewer = f"; {len(table)} of {every} values of {down}" if len(table) < every else ""
     columns = f" at each {', '.join(others)}, a column each" if others else ""
     return [
         shown,
-        notes(f"least {along} at which a mode turns unstable{columns}{fewer}\n"),
+        notes(
+            f"least {along} at which a mode turns unstable{columns}{fewer}",
+            "~: interpolated, not refined" if INEXACT[CROSSING] in shown_marks else "",
+            f"<=: the least {along} of a solved point at which some mode is unstable"
+            if INEXACT[FIRST_SEEN] in shown_marks
+            else "",
+            "\n",
+        ),
     ]
 
 
-def first_onsets(results: ResultTables, along: str) -> pd.Series:
-    """Least onset by the values of all other varied parameters.
+def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
+    """Least `onset` by the values of all other varied parameters, and its `mark`.
 
     BELOW where a mode is unstable at the least value; NEVER where all points are solved and surely
-    stable; NaN where none is known.
+    stable; NaN where none is known. Where a mode grows at a lesser value than that of any onset
+    (real roots have none), that point is a bound, marked so, as is what is not refined.
     """
     points = results.points
     names = [n for n in parameter_columns(points, varied=True) if n != along]
     if not names:
-        return pd.Series(dtype=float, index=pd.MultiIndex.from_arrays([[]], names=[""]))
+        nowhere = pd.MultiIndex.from_arrays([[]], names=[""])
+        return pd.DataFrame({"onset": [], "mark": []}, index=nowhere)
     quiet = (points["status"] == "ok") & (points["n_unstable_high"] == 0).fillna(False)
-    surely_quiet = quiet.astype(bool).groupby([points[name] for name in names]).all()
-    onsets = results.table("onsets")
-    into = onsets[(onsets["direction"] == INTO).to_numpy(bool)]
-    values = into["onset"].where(into["status"] != RUNS_BELOW_RANGE, BELOW)
-    first = values.groupby([into[name] for name in names]).min()
-    first = first.reindex(surely_quiet.index)
-    return first.where(first.notna() | ~surely_quiet, NEVER)
+    designs = [points[name] for name in names]
+    surely_quiet = quiet.astype(bool).groupby(designs).all()
+    least = points[along].groupby(designs).min()
+    unstable = ((points["status"] == "ok") & (points["n_unstable"] > 0)).fillna(False)
+    least_unstable = points[along].where(unstable.astype(bool)).groupby(designs).min()
+    into = results.table("onsets")
+    into = into[(into["direction"] == INTO).to_numpy(bool) & into["onset"].notna().to_numpy(bool)]
+    into = into.sort_values("onset", kind="stable").drop_duplicates(names).set_index(names)
+    first = into[["onset", "status"]].reindex(surely_quiet.index)
+    exact = first["status"].isin([REFINED, CUBIC]) | first["onset"].isna()
+    is_bound = ~(first["onset"] <= least_unstable) & least_unstable.notna()
+    onset = first["onset"].where(~is_bound, least_unstable)
+    is_below = least_unstable == least
+    onset = onset.where(~is_below, BELOW)
+    onset = onset.where(onset.notna() | ~surely_quiet, NEVER)
+    of_points = np.where(exact, "", INEXACT[CROSSING])
+    mark = np.where(is_bound, INEXACT[FIRST_SEEN], of_points)
+    return pd.DataFrame({"onset": onset, "mark": np.where(np.isfinite(onset), mark, "")})
 
 
 def _title(column: object, others: list[str], units: dict[str, str], along: str) -> str:
@@ -93,9 +116,9 @@ def _title(column: object, others: list[str], units: dict[str, str], along: str)
     return ", ".join(amount(number, units.get(name, "")) for name, number in shown)
 
 
-def _cell(onset: float, top: float, unit: str) -> str:
+def _cell(onset: float, mark: str, top: float, unit: str) -> str:
     if onset == BELOW:
         return "below range"
     if onset == NEVER:
         return f"none up to {amount(top, unit)}"
-    return amount(onset, unit) if onset == onset else "-"
+    return f"{mark}{amount(onset, unit)}" if onset == onset else "-"

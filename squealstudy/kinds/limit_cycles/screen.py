@@ -262,9 +262,12 @@ def levels_in_words(points: pd.DataFrame, unit: str) -> str:
     kicked = points[points["threshold_velocity"].notna().to_numpy(bool)]
     if not len(kicked):
         return text
-    kick = f"a kick of {_ends(kicked['threshold_velocity'], 2)} m/s at a contact point starts it"
+    speeds = f"{_ends(kicked['threshold_velocity'], 2)} m/s at a contact point"
     share = f"{_ends(100 * kicked['threshold_share'])} % of the speed in the cycle"
-    return f"{text} Where it squeals if kicked, {kick}: {share}."
+    return (
+        f"{text} Where it squeals if kicked, a kick along the unstable cycle by {speeds} starts it "
+        f"({share}); others may need less."
+    )
 
 
 def _ends(values: pd.Series, decimals: int = 0) -> str:

@@ -107,11 +107,12 @@ def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:
     texts = []
     for sign, verb in ((-1.0, "falls"), (1.0, "rises")):
         with_sign = [row for row in rows if sign * row["predicted_growth_change"] > 0.0]
+        with_sign.sort(key=lambda row: -abs(float(row["predicted_growth_change"])))
         named = [
             f"{parameter_text(row)} {step_text(row)} ({row['predicted_growth_change']:+.3g} 1/s)"
             for row in with_sign[:MOST_NAMED]
         ]
-        texts += [f"Growth {verb} most by {', '.join(named)}."] if named else []
+        texts += [f"Of these steps growth {verb} most by {', '.join(named)}."] if named else []
     return " ".join(texts)
 
 
