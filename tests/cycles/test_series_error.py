@@ -119,12 +119,11 @@ def shifted(motion, phase):
     return replace(motion, Q=np.vstack([motion.Q[:1], turned, beside]))
 
 
-@pytest.mark.parametrize("friction", [0.31, 0.36])
-def test_a_peak_of_velocity_between_samples_is_within_its_error(friction):
+def test_a_peak_of_velocity_between_samples_is_within_its_error():
     """The phase is free, and with it where samples fall: at some, half of one beside the peak."""
     laws = {"contact_law": "cubic", "contact.cubic_stiffness": 5e17}
-    system = sq.model("hulten", friction=friction, damping_ratio=0.01, **laws).at()
-    found = system.limit_cycles(12)
+    system = sq.model("hulten", friction=0.31, damping_ratio=0.01, **laws).at()
+    found = system.limit_cycles(60)  # the error of the series is far less
     (_, cycle), contact = found.cycles[0], found.contact
     motion = cycle.motion
     largest = contact.levels(motion, 200 * 512)["contact_velocity"]
