@@ -225,17 +225,17 @@ class Lines:
         self._write(f"{stage}: {text}" + (f", {failed:,} failed" if failed else ""))
 
     @staticmethod
-    def _due(known: _Stage, now: float, done: int, total: int) -> bool:
-        waited = now - known.told_at
-        far = done - known.told >= PROGRESS_STEP * total and waited >= MIN_PROGRESS_INTERVAL_S
-        return far or (waited >= MAX_PROGRESS_INTERVAL_S and done > known.at_first)
+    def _due(stage: _Stage, now: float, done: int, total: int) -> bool:
+        waited = now - stage.told_at
+        far = done - stage.told >= PROGRESS_STEP * total and waited >= MIN_PROGRESS_INTERVAL_S
+        return far or (waited >= MAX_PROGRESS_INTERVAL_S and done > stage.at_first)
 
     @staticmethod
-    def _left(known: _Stage, now: float, done: int, total: int) -> float:
-        return (now - known.began) / (done - known.at_first) * (total - done)
+    def _left(stage: _Stage, now: float, done: int, total: int) -> float:
+        return (now - stage.began) / (done - stage.at_first) * (total - done)
 
     @staticmethod
-    def _rate(known: _Stage, now: float, done: int) -> str:
-        each = (done - known.at_first) / (now - known.began)
+    def _rate(stage: _Stage, now: float, done: int) -> str:
+        each = (done - stage.at_first) / (now - stage.began)
         unit, seconds = next((r for r in RATES if each * r[1] >= 1.0), RATES[-1])
         return f"{in_digits(each * seconds)} {unit}"

@@ -48,9 +48,9 @@ def _finder(path: str) -> FileFinder:
     )
 
 
-def _is_package(here: Path, folder: Path) -> bool:
+def _is_package(path: Path, folder: Path) -> bool:
     """Whether a path is that of a package in a folder: not what Python finds elsewhere."""
-    if not here.is_relative_to(folder):
+    if not path.is_relative_to(folder):
         return False
-    between = {here, *here.parents} - {folder, *folder.parents}
+    between = {path, *path.parents} - {folder, *folder.parents}
     return not between & {Path(entry) for entry in sys.path if entry}

@@ -221,21 +221,21 @@ def error_percent(share: float) -> str:
     return f"{text.replace('<', 'less than ')} %"
 
 
-def units_of(names: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
+def units_of(names: Iterable[str], units: Mapping[str, str]) -> dict[str, str]:
     """Unit of each column that has one, empty for pure numbers.
 
     Parameters
     ----------
     names : iterable of str
         Columns of a table of results.
-    known : mapping of name -> unit
+    units : mapping of name -> unit
         Of parameters, and under ``torque`` the unit of the columns ``torque_*``.
     """
     unit_of = {}
     for name in names:
-        unit = known.get(name)
+        unit = units.get(name)
         if TORQUE_COLUMN.fullmatch(name):
-            unit = known.get(TORQUE, "N m")
+            unit = units.get(TORQUE, "N m")
         if unit is None:
             unit = _unit_by_name(name)
         if unit is not None:
@@ -367,9 +367,9 @@ def real_mode_number(mode: int) -> str:
     return f"R{mode}"
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, known_words: Iterable[str]) -> str:
     """Ending of a message: the closest of the known words, or nothing."""
-    matches = difflib.get_close_matches(word, list(dict.fromkeys(known)), n=3, cutoff=0.6)
+    matches = difflib.get_close_matches(word, list(dict.fromkeys(known_words)), n=3, cutoff=0.6)
     return f"; did you mean {' or '.join(map(repr, matches))}?" if matches else ""
 
 

@@ -41,9 +41,9 @@ def described(kind: str, table: str | None) -> Iterator[RenderableType]:
         yield ""
 
 
-def _expected(name: str, names: Iterable[str], what: str) -> str:
+def _expected(name: str, names: Iterable[str], noun: str) -> str:
     expected = list(names)
     if name not in expected:
-        text = f"there is no {what} '{name}': expected one of {listed(expected)}"
+        text = f"there is no {noun} '{name}': expected one of {listed(expected)}"
         raise SquealstudyError(f"columns: {text}{did_you_mean(name, expected)}")
     return name

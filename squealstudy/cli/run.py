@@ -96,24 +96,30 @@ def outside(results: Results, head: str = "") -> list[str]:
     return [text] if text else []
 
 
-def fidelity(found: Mapping[str, Any] | None) -> Rows:
+def fidelity(fidelity_facts: Mapping[str, Any] | None) -> Rows:
     """The settings that [fidelity] chose, their neighbours and the audit; nothing without one."""
-    if found is None:
+    if fidelity_facts is None:
         return []
-    rows = [("fidelity", f"{_choice(found['chosen'])}: {found['reason']}")]
-    rows += [(f"  next {name}", _choice(found[name])) for name in ("cheaper", "dearer")]
-    audit = found.get("audit")
+    rows = [("fidelity", f"{_choice(fidelity_facts['chosen'])}: {fidelity_facts['reason']}")]
+    rows += [(f"  next {name}", _choice(fidelity_facts[name])) for name in ("cheaper", "dearer")]
+    audit = fidelity_facts.get("audit")
     if audit is not None and audit["error"] is not None:
         verdict = "passed" if audit["passed"] else "MISSED"
         points = plural(len(audit["points"]), "random point")
-        text = f"{verdict}: error {audit['error']:.1e} of {found['tolerance']:g} allowed, at "
+        text = (
+            f"{verdict}: error {audit['error']:.1e} of {fidelity_facts['tolerance']:g} allowed, at "
+        )
         rows.append(("  audit", f"{text}{points} against {audit['against']}"))
     return rows
 
 
-def _choice(one: Mapping[str, Any]) -> str:
-    seconds = one["seconds"]
+def _choice(setting: Mapping[str, Any]) -> str:
+    seconds = setting["seconds"]
     if seconds is None:
-        return f"{one['settings']}: {one['reason']}" if one["settings"] else str(one["reason"])
+        return (
+            f"{setting['settings']}: {setting['reason']}"
+            if setting["settings"]
+            else str(setting["reason"])
+        )
     time = f"{seconds:.3g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
-    return f"{one['settings']}; estimated error {one['estimated_error']:.1e}, about {time}"
+    return f"{setting['settings']}; estimated error {setting['estimated_error']:.1e}, about {time}"

@@ -175,11 +175,13 @@ def _border_coordinates(motion: PeriodicMotion, width: float) -> np.ndarray:
     return np.array([motion.parameter / width, motion.size, motion.omega])
 
 
-def _largest_rel_difference(one: PeriodicMotion, other: PeriodicMotion, width: float) -> float:
+def _largest_rel_difference(motion: PeriodicMotion, other: PeriodicMotion, width: float) -> float:
     """Largest of the differences in parameter, size and frequency, relative."""
-    scale = np.array([1.0, max(one.size, 1e-300), one.omega])
+    scale = np.array([1.0, max(motion.size, 1e-300), motion.omega])
     return float(
-        np.abs((_border_coordinates(other, width) - _border_coordinates(one, width)) / scale).max()
+        np.abs(
+            (_border_coordinates(other, width) - _border_coordinates(motion, width)) / scale
+        ).max()
     )
 
 

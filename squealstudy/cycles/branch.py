@@ -311,41 +311,41 @@ def _outside(multipliers: Floquet) -> int:
 
 
 def _changes(
-    moving: Moving, one: BranchPoint, other: BranchPoint, highest: float, width: float
+    moving: Moving, before: BranchPoint, after: BranchPoint, highest: float, width: float
 ) -> list[BranchPoint]:
     """Where multipliers pass the unit circle between two points: a pair, or one after the other."""
-    counts = sorted((_outside(one.multipliers), _outside(other.multipliers)))
+    counts = sorted((_outside(before.multipliers), _outside(after.multipliers)))
     passing, events = counts[0], []
     while passing < counts[1]:
-        event = _passing(moving, one, other, passing, highest, width)
+        event = _passing(moving, before, after, passing, highest, width)
         events.append(event)
         passing += 2 if event.event == NS else 1
-    back = other.motion.parameter < one.motion.parameter
+    back = after.motion.parameter < before.motion.parameter
     return sorted(events, key=lambda p: -p.motion.parameter if back else p.motion.parameter)
 
 
 def _passing(
     moving: Moving,
-    one: BranchPoint,
-    other: BranchPoint,
+    before: BranchPoint,
+    after: BranchPoint,
     number: int,
     highest: float,
     width: float,
 ) -> BranchPoint:
     """Where the multiplier of a number by size passes the unit circle."""
-    ends = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (one, other)]
+    ends = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (before, after)]
     share = ends[0] / (ends[0] - ends[1])
-    apart = abs(other.motion.parameter - one.motion.parameter)
-    near = min((one, other), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
+    apart = abs(after.motion.parameter - before.motion.parameter)
+    near = min((before, after), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
     # sizes near the circle: what they err by moves the passing by so many steps
-    wrong = max(float(p.multipliers.errors[number]) for p in (one, other))
+    wrong = max(float(p.multipliers.errors[number]) for p in (before, after))
     beside = wrong / abs(ends[0] - ends[1]) if apart else 0.0
-    motion = between(one.motion, other.motion, share)
+    motion = between(before.motion, after.motion, share)
     point = replace(near, motion=motion, apart=apart * (1.0 + beside))
     if moving.complete:  # small: each try costs little
 
         def at(share: float) -> BranchPoint:
-            motion, residual = moving.at_value(between(one.motion, other.motion, share))
+            motion, residual = moving.at_value(between(before.motion, after.motion, share))
             return BranchPoint(motion, moving.stability(motion, highest, False), residual)
 
         def size(share: float) -> float:

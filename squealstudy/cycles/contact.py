@@ -107,10 +107,10 @@ class ContactOscillator:
         largest = np.sqrt((curvature**2).sum(axis=2).max(initial=0.0))
         return 0.5 * (np.pi / LEVEL_SAMPLES) ** 2 * float(largest)
 
-    def slip_apart(self, one: PeriodicMotion, other: PeriodicMotion) -> float:
+    def slip_apart(self, motion: PeriodicMotion, other: PeriodicMotion) -> float:
         """Largest difference of two motions in the sliding velocity of a point, m/s."""
         touching = self.system.touching
-        a, b = (self._observed(m, LEVEL_SAMPLES)[1][:, touching, 1] for m in (one, other))
+        a, b = (self._observed(m, LEVEL_SAMPLES)[1][:, touching, 1] for m in (motion, other))
         return float(np.abs(a - b).max(initial=0.0))
 
     def energy(self, motion: PeriodicMotion) -> float:

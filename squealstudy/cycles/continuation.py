@@ -294,7 +294,7 @@ def grown(taken: float, iterations: int, steps: Steps, turn: float) -> float:
 
 def next_point(
     equations: Equations,
-    here: CurvePoint,
+    current: CurvePoint,
     h: float,
     least: float,
     tests: Mapping[str, Test],
@@ -308,32 +308,32 @@ def next_point(
     """
     while h >= least:
         try:
-            there, iterations = _corrected(equations, here, h)
-            distance_from_tangent = float(np.linalg.norm(there.u - here.u - h * here.tangent))
+            there, iterations = _corrected(equations, current, h)
+            distance_from_tangent = float(np.linalg.norm(there.u - current.u - h * current.tangent))
             smooth = (
-                there.tangent @ here.tangent >= MIN_TANGENT_COSINE
+                there.tangent @ current.tangent >= MIN_TANGENT_COSINE
                 and distance_from_tangent <= FAR_OFF * h
             )
             no_dip = (
                 watched is None
                 or h <= DIP_TEST_MIN_ARC_LENGTH
-                or not _dips(here, there, watched, h)
+                or not _dips(current, there, watched, h)
             )
             if (smooth and no_dip) or (
                 h <= CORNER_ARC_LENGTH and distance_from_tangent <= h and no_dip
             ):
-                return there, _events(equations, here, there, h, tests, located), h, iterations
+                return there, _events(equations, current, there, h, tests, located), h, iterations
         except ConvergenceError:
             pass
         h *= 0.5
     return None
 
 
-def _dips(here: CurvePoint, there: CurvePoint, k: int, h: float) -> bool:
+def _dips(current: CurvePoint, following: CurvePoint, k: int, h: float) -> bool:
     """Whether an unknown may have two more zeros between two points than its signs there tell."""
-    y0, y1 = float(here.u[k]), float(there.u[k])
+    y0, y1 = float(current.u[k]), float(following.u[k])
     s = np.linspace(0.0, 1.0, 17)
-    slopes = h * float(here.tangent[k]), h * float(there.tangent[k])
+    slopes = h * float(current.tangent[k]), h * float(following.tangent[k])
     cubic = y0 * (1 - s) ** 2 * (1 + 2 * s) + y1 * s**2 * (3 - 2 * s)
     cubic += slopes[0] * s * (1 - s) ** 2 - slopes[1] * s**2 * (1 - s)
     if y0 * y1 > 0.0:
@@ -342,18 +342,18 @@ def _dips(here: CurvePoint, there: CurvePoint, k: int, h: float) -> bool:
 
 
 def _corrected(
-    equations: Equations, here: CurvePoint, h: float, start: np.ndarray | None = None
+    equations: Equations, current: CurvePoint, h: float, start: np.ndarray | None = None
 ) -> tuple[CurvePoint, int]:
-    predicted = here.u + h * here.tangent if start is None else start
-    offset = float(here.tangent @ predicted)
-    u, residual, iterations, there = newton(equations, predicted, here.tangent, offset)
+    predicted = current.u + h * current.tangent if start is None else start
+    offset = float(current.tangent @ predicted)
+    u, residual, iterations, there = newton(equations, predicted, current.tangent, offset)
     return CurvePoint(u, there.tangent, residual), iterations
 
 
 def _events(
     equations: Equations,
-    here: CurvePoint,
-    there: CurvePoint,
+    current: CurvePoint,
+    following: CurvePoint,
     h: float,
     tests: Mapping[str, Test],
     located: float,
@@ -363,18 +363,18 @@ def _events(
     Raises ConvergenceError where one cannot be located.
     """
     event_points: list[tuple[float, CurvePoint]] = []
-    solutions = {0.0: here, h: there}  # by arc-length from here
+    solutions = {0.0: current, h: following}  # by arc length from `current`
 
     def at(s: float) -> CurvePoint:
         if s not in solutions:
             low, high = max(x for x in solutions if x < s), min(x for x in solutions if x > s)
             share = (s - low) / (high - low)
             start = solutions[low].u + share * (solutions[high].u - solutions[low].u)
-            solutions[s] = _corrected(equations, here, s, start)[0]
+            solutions[s] = _corrected(equations, current, s, start)[0]
         return solutions[s]
 
     for name, test in tests.items():
-        before, behind = test(here.u, here.tangent), test(there.u, there.tangent)
+        before, behind = test(current.u, current.tangent), test(following.u, following.tangent)
         if not before * behind < 0:
             continue
 

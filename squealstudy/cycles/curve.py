@@ -279,7 +279,7 @@ class Path:
     def _grown(
         self,
         equations: CycleEquations,
-        here: CurvePoint,
+        current: CurvePoint,
         motion: PeriodicMotion,
         local: LocalForces | None = None,
     ) -> tuple[PeriodicMotion, PeriodicMotion] | None:
@@ -289,7 +289,7 @@ class Path:
         """
         projection = self.projection
         start, ahead = (
-            equations.motion(here.u + length * here.tangent)
+            equations.motion(current.u + length * current.tangent)
             for length in (0.0, DIRECTION_PROBE_LENGTH)
         )
         projection.remember(ahead)
@@ -343,12 +343,12 @@ class Path:
         return equations, CurvePoint(u, tangent, residual)
 
 
-def _change(one: PeriodicMotion, other: PeriodicMotion) -> PeriodicMotion:
-    return PeriodicMotion(other.Q - one.Q, other.omega - one.omega)
+def _change(before: PeriodicMotion, after: PeriodicMotion) -> PeriodicMotion:
+    return PeriodicMotion(after.Q - before.Q, after.omega - before.omega)
 
 
-def between(one: PeriodicMotion, other: PeriodicMotion, share: float) -> PeriodicMotion:
+def between(first: PeriodicMotion, second: PeriodicMotion, share: float) -> PeriodicMotion:
     """A motion on the way from one to another of as many harmonics, in phase with it."""
-    omega = one.omega + share * (other.omega - one.omega)
-    parameter = one.parameter + share * (other.parameter - one.parameter)
-    return PeriodicMotion(one.Q + share * (other.Q - one.Q), omega, parameter)
+    omega = first.omega + share * (second.omega - first.omega)
+    parameter = first.parameter + share * (second.parameter - first.parameter)
+    return PeriodicMotion(first.Q + share * (second.Q - first.Q), omega, parameter)

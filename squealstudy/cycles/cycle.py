@@ -182,16 +182,16 @@ def _pair(harmonics: int) -> tuple[int, int]:
     return max(1, min(harmonics - 1, round(harmonics / 1.5))), harmonics
 
 
-def same_cycle(one: Cycle, other: Cycle) -> bool:
+def same_cycle(cycle: Cycle, other: Cycle) -> bool:
     """Whether two families have found one cycle."""
-    a, b = ([c.motion.omega, *(c.levels[n] for n in LEVELS)] for c in (one, other))
-    return are_one_cycle(a, b, one.error + other.error)
+    a, b = ([c.motion.omega, *(c.levels[n] for n in LEVELS)] for c in (cycle, other))
+    return are_one_cycle(a, b, cycle.error + other.error)
 
 
-def are_one_cycle(one: Sequence[float], other: Sequence[float], errors: float) -> bool:
+def are_one_cycle(numbers: Sequence[float], other_numbers: Sequence[float], errors: float) -> bool:
     """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
     near = min(SAME_CYCLE_REL_TOLERANCE + errors, SAME_CYCLE_MAX_REL_TOLERANCE)
-    return all(abs(a - b) <= near * abs(b) for a, b in zip(one, other, strict=True))
+    return all(abs(a - b) <= near * abs(b) for a, b in zip(numbers, other_numbers, strict=True))
 
 
 @dataclass(frozen=True)
@@ -248,9 +248,9 @@ def _rel_change(before: float, now: float) -> float:
     return abs(before - now) / now if now > 0 else np.nan
 
 
-def errors_by_changes(found: Sequence[CycleLevels]) -> SeriesErrors:
+def errors_by_changes(cycle_levels: Sequence[CycleLevels]) -> SeriesErrors:
     """Errors of the last of some cycles with ever more harmonics, by the last two changes."""
-    changes = [change(a, b) for a, b in itertools.pairwise(found[-3:])]
+    changes = [change(a, b) for a, b in itertools.pairwise(cycle_levels[-3:])]
     last = (
         changes[-1]
         if len(changes) == 1

@@ -261,16 +261,16 @@ def _larger_harmonic_counts(harmonics: int) -> list[int]:
 
 
 def _confirmed(
-    contact: ContactOscillator, curve: Iterable[CurveMotion], search: Search, known: list[Cycle]
+    contact: ContactOscillator, curve: Iterable[CurveMotion], search: Search, cycles: list[Cycle]
 ) -> int:
     """The cycles at the zeros of a curve join those known; how many zeros lead to no new one."""
     lost = 0
     for point in curve:
         if point.event == ZERO:
             near = _cycles_at(contact, point.motion, search)
-            new = [c for c in near if not any(same_cycle(c, other) for other in known)]
+            new = [c for c in near if not any(same_cycle(c, other) for other in cycles)]
             lost += not new
-            known += new
+            cycles += new
     return lost
 
 

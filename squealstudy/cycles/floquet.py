@@ -238,22 +238,22 @@ def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
     return float(np.abs(not_small[:, None] - coarse).min(axis=1).max())
 
 
-def _size_change(found: Floquet, other: Floquet) -> float:
+def _size_change(floquet: Floquet, other: Floquet) -> float:
     """Largest difference of sizes of multipliers that are not small, each beside its like."""
-    fine, coarse = found.multipliers[:-1], other.multipliers[:-1]
+    fine, coarse = floquet.multipliers[:-1], other.multipliers[:-1]
     mine, pairs = least_assignment(np.abs(fine[:, None] - coarse))
     change = np.abs(np.abs(fine[mine]) - np.abs(coarse[pairs]))
     return float(change[np.abs(fine[mine]) > LEAST_MULTIPLIER].max(initial=0.0))
 
 
-def _changes(found: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarray:
+def _changes(floquet: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """What the coarse multipliers change of the sizes of the fine ones (2 n,).
 
     Those near the unit circle whose deviations lie `inside` the smaller basis, and the trivial one,
     are paired with the coarse ones; others have the largest change of these. One that would leave
     through 1 is as uncertain as the one that must be 1.
     """
-    fine = found.multipliers
+    fine = floquet.multipliers
     mine = np.flatnonzero((np.abs(fine) > ERROR_MIN_MULTIPLIER) & inside)
     mine = np.union1d(mine, [len(fine) - 1])
     rows, pairs = least_assignment(np.abs(fine[mine, None] - coarse))
@@ -261,7 +261,7 @@ def _changes(found: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarr
     errors = np.full(len(fine), changes.max())
     errors[mine[rows]] = changes
     slow = (np.abs(fine.imag) <= errors) & (fine.real > 0)
-    errors[slow] = np.maximum(errors[slow], abs(found.trivial - 1.0))
+    errors[slow] = np.maximum(errors[slow], abs(floquet.trivial - 1.0))
     return errors
 
 

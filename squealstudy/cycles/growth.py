@@ -264,10 +264,10 @@ def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
         return False
 
 
-def _rel_distance(weight: np.ndarray, one: PeriodicMotion, other: PeriodicMotion) -> float:
+def _rel_distance(weight: np.ndarray, motion: PeriodicMotion, other: PeriodicMotion) -> float:
     """Norm of the difference of two motions of nearly one phase, each over its first harmonic."""
-    H = max(one.harmonics, other.harmonics)
-    a, b = (with_harmonics(m.Q, H) * weight for m in (one, other))
+    H = max(motion.harmonics, other.harmonics)
+    a, b = (with_harmonics(m.Q, H) * weight for m in (motion, other))
     a, b = (Q / np.linalg.norm(Q[[1, H + 1]]) for Q in (a, b))
     turn = derivative(a)
     off = b - a - turn * (turn * (b - a)).sum() / (turn**2).sum()
@@ -310,21 +310,23 @@ def _with_more(
     return projection, CurveMotion(better, residual, error)
 
 
-def _settle(osc: Oscillator, top: PeriodicMotion, ladder: Sequence[int], found: SecondLook) -> None:
+def _settle(
+    osc: Oscillator, top: PeriodicMotion, ladder: Sequence[int], second_look: SecondLook
+) -> None:
     """A top below zero with still more harmonics, until it is clear; else it is left open."""
     for harmonics in ladder:
         try:
             better = _with_more(osc, top, harmonics)[1].motion
         except ConvergenceError:
             break
-        found.harmonics, change = (
-            max(found.harmonics, harmonics),
+        second_look.harmonics, change = (
+            max(second_look.harmonics, harmonics),
             abs(better.parameter - top.parameter),
         )
         if better.parameter + HARMONIC_SAFETY_FACTOR * change < 0.0:
             return
         top = better
-    found.open.append(top)
+    second_look.open.append(top)
 
 
 def found_again(osc: Oscillator, zero: PeriodicMotion, harmonics: int) -> list[PeriodicMotion]:

@@ -226,12 +226,12 @@ def _searched(family: Family, look: SecondLook) -> str:
     )
 
 
-def alone(number: int, family: Family, found: Sequence[tuple[int, Family]]) -> Family:
+def alone(number: int, family: Family, families: Sequence[tuple[int, Family]]) -> Family:
     """A family without its threshold where another grows at smaller motions, or may."""
     if family.threshold is None:
         return family
     mine = family.threshold
-    for other, other_family in found:
+    for other, other_family in families:
         smaller = any(
             cycle.levels["energy"] < mine.levels["energy"] and not same_cycle(cycle, mine)
             for cycle in other_family.cycles

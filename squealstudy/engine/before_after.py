@@ -94,10 +94,10 @@ def _marked(rows: np.ndarray, count: int) -> np.ndarray:
     return is_named
 
 
-def _expect_alike(what: str, texts: list[str], both: tuple[ResultTables, ResultTables]) -> None:
+def _expect_alike(noun: str, texts: list[str], both: tuple[ResultTables, ResultTables]) -> None:
     if texts[0] != texts[1]:
         each = ", ".join(f"{r.directory}: {text}" for r, text in zip(both, texts, strict=True))
-        raise ResultsError(f"the two studies have different {what} ({each})")
+        raise ResultsError(f"the two studies have different {noun} ({each})")
 
 
 def _changes(before: ResultTables, after: ResultTables) -> list[str]:

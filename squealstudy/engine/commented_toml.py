@@ -17,7 +17,7 @@ MAX_LINE_CHARACTERS = 100
 def table_lines(
     head: str,
     fields: Mapping[str, FieldInfo],
-    given: Mapping[str, Any] | None = None,
+    values: Mapping[str, Any] | None = None,
     with_defaults: bool = True,
     comments: bool = True,
 ) -> Iterator[str]:
@@ -25,29 +25,29 @@ def table_lines(
 
     Where no table is given, all of it is a comment.
     """
-    yield head if given is not None else f"# {head}"
+    yield head if values is not None else f"# {head}"
     for key, field in fields.items():
-        is_given = given is not None and key in given
+        is_given = values is not None and key in values
         if not is_given and not with_defaults:
             continue
         if comments:
             yield from comment_lines(described(field))
-        yield f"{key} = {toml_value((given or {})[key])}" if is_given else default_line(key, field)
+        yield f"{key} = {toml_value((values or {})[key])}" if is_given else default_line(key, field)
     yield ""
 
 
 def section_lines(
     name: str,
     section: BaseModel,
-    given: Mapping[str, Any],
+    values: Mapping[str, Any],
     always_shown: Collection[str] | None,
     commented: bool = False,
 ) -> Iterator[str]:
     """A section with the keys that are given, and those of `always_shown` at their defaults."""
     yield f"# [{name}]" if commented else f"[{name}]"
     for key, field in type(section).model_fields.items():
-        if always_shown is None or key in always_shown or key in given:
-            yield from key_lines(key, getattr(section, key), described(field), given)
+        if always_shown is None or key in always_shown or key in values:
+            yield from key_lines(key, getattr(section, key), described(field), values)
     yield ""
 
 
@@ -58,12 +58,12 @@ def section_fields(field: FieldInfo) -> dict[str, FieldInfo]:
 
 
 def key_lines(
-    name: str, default: object, described: str, given: Mapping[str, Any]
+    name: str, default: object, described: str, values: Mapping[str, Any]
 ) -> Iterator[str]:
     """A key below its description: as given, else as a comment with its default."""
     yield from comment_lines(described)
-    if name in given:
-        yield f"{toml_key(name)} = {toml_value(given[name])}"
+    if name in values:
+        yield f"{toml_key(name)} = {toml_value(values[name])}"
         return
     if isinstance(default, BaseModel):
         default = default.model_dump(exclude_none=True)

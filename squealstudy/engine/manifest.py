@@ -239,12 +239,12 @@ def _foreign(path: Path) -> bool:
     return path.name not in (LOCK, JOURNAL) and not path.match(TEMPORARY)
 
 
-def outdated(directory: Path, found: dict[str, Any] | None) -> str:
+def outdated(directory: Path, manifest: dict[str, Any] | None) -> str:
     """Why a directory's numbers are not those of this version of squealstudy; empty if they are."""
-    if found is None or found["model"] not in MODELS:
+    if manifest is None or manifest["model"] not in MODELS:
         return ""
-    made_by = version_of(found)
-    changes = MODELS[str(found["model"])].changed_since(made_by)
+    made_by = version_of(manifest)
+    changes = MODELS[str(manifest["model"])].changed_since(made_by)
     if not changes:
         return ""
     what = "; ".join(change.what for change in changes)

@@ -23,10 +23,10 @@ MAX_BYTES = 2**28  # of a manifest; one of 20,000 design points with checks has 
 Table = dict[str, Any]
 
 
-def _name_pattern(pattern: re.Pattern[str], what: str) -> AfterValidator:
+def _name_pattern(pattern: re.Pattern[str], noun: str) -> AfterValidator:
     def check(name: str) -> str:
         if not pattern.fullmatch(name):
-            raise ValueError(f"'{printable(name)[:100]}' is not the name of {what}")
+            raise ValueError(f"'{printable(name)[:100]}' is not the name of {noun}")
         return name
 
     return AfterValidator(check)

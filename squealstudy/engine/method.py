@@ -123,7 +123,7 @@ def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]
     paying = [(rung, offer.reason) for rung, offer in offers if offer.pays]
     if not paying:
         return exact, "; ".join(offer.reason for _, offer in offers if offer.reason)
-    rung, why = min(paying, key=lambda found: found[0].relative_cost(scope.points, scope.varied))
+    rung, why = min(paying, key=lambda offer: offer[0].relative_cost(scope.points, scope.varied))
     return rung.name, why
 
 

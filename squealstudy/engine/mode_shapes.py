@@ -126,13 +126,15 @@ def expect_complex_modes(results: ResultTables) -> None:
         )
 
 
-def _no_mode(own: pd.DataFrame, row: int, mode: int | None, track: int | None) -> ResultsError:
-    """Why a point, whose modes are `own`, has not the one asked for."""
-    if mode in set(own["mode"]):
+def _no_mode(
+    point_modes: pd.DataFrame, row: int, mode: int | None, track: int | None
+) -> ResultsError:
+    """Why a point, whose modes are `point_modes`, has not the one asked for."""
+    if mode in set(point_modes["mode"]):
         return ResultsError(f"mode {mode} of design point {row} is overdamped: it has no shape")
     if mode is None:
         return ResultsError(f"track {track} has no mode at design point {row}")
-    return ResultsError(f"design point {row} has no mode {mode}: it has 1 to {len(own)}")
+    return ResultsError(f"design point {row} has no mode {mode}: it has 1 to {len(point_modes)}")
 
 
 _last: dict[tuple[str, str, int], PointShapes] = {}
@@ -209,9 +211,9 @@ class PointShapes:
             self._label(mode, track if track >= 0 else None),
         )
 
-    def motion(self, u: np.ndarray, lam: complex, what: str) -> Shape:
+    def motion(self, u: np.ndarray, lam: complex, motion_name: str) -> Shape:
         """A harmonic motion u (n,) exp(lam t) that is no mode."""
-        label = replace(self._label(0, None), motion=what)
+        label = replace(self._label(0, None), motion=motion_name)
         system = self.system
         return shape_of(self._assembly, self._expansion, self._point, system, lam, u, label)
 
@@ -265,19 +267,22 @@ class PointShapes:
             )
         return partner
 
-    def _other(self, roots: np.ndarray, found: int) -> int:
+    def _other(self, roots: np.ndarray, number: int) -> int:
         """Which root of the table is nearest to one found now."""
-        return int(np.abs(roots - self.lam[found]).argmin())
+        return int(np.abs(roots - self.lam[number]).argmin())
 
 
-def same_coordinates(made: ReducedModel, kept: ReducedModel) -> bool:
+def same_coordinates(rebuilt: ReducedModel, stored: ReducedModel) -> bool:
     """Whether a model that was made again has the coordinates of the one that is kept."""
-    return made.n == kept.n and all(
+    return rebuilt.n == stored.n and all(
         np.allclose(
-            getattr(made, name), getattr(kept, name), rtol=0.0, atol=SAME_ROOT_REL_DISTANCE * size
+            getattr(rebuilt, name),
+            getattr(stored, name),
+            rtol=0.0,
+            atol=SAME_ROOT_REL_DISTANCE * size,
         )
         for name in ("N", "T", "T_perp")
-        for size in [np.abs(getattr(kept, name)).max()]
+        for size in [np.abs(getattr(stored, name)).max()]
     )
 
 

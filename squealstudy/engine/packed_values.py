@@ -84,28 +84,28 @@ def array_names(content: Any) -> set[str]:
     return set().union(*map(array_names, content)) if isinstance(content, list) else set()
 
 
-def unpacked(found: Any, folder: Path, thoroughly: bool = False) -> Any:
+def unpacked(packed: Any, folder: Path, thoroughly: bool = False) -> Any:
     """A packed value; indices of sparse matrices are looked at where `thoroughly`."""
     inner = partial(unpacked, folder=folder, thoroughly=thoroughly)
-    if not isinstance(found, dict):
-        return found
-    if "array" in found:
-        path = folder / f"{found['array']}.npy"
+    if not isinstance(packed, dict):
+        return packed
+    if "array" in packed:
+        path = folder / f"{packed['array']}.npy"
         return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
-    if "entries" in found:
-        return _inline_array(found["entries"], found["type"], found["shape"])
-    if "csr" in found:
-        matrix = sp.csr_matrix(tuple(map(inner, found["csr"])), shape=found["shape"])
+    if "entries" in packed:
+        return _inline_array(packed["entries"], packed["type"], packed["shape"])
+    if "csr" in packed:
+        matrix = sp.csr_matrix(tuple(map(inner, packed["csr"])), shape=packed["shape"])
         if thoroughly:  # compiled code follows them without a look
             matrix.check_format(full_check=True)
         return matrix
-    if "tuple" in found:
-        return tuple(map(inner, found["tuple"]))
-    if "mapping" in found:
-        return {k: inner(v) for k, v in found["mapping"].items()}
-    module, _, name = found["class"].rpartition(".")
+    if "tuple" in packed:
+        return tuple(map(inner, packed["tuple"]))
+    if "mapping" in packed:
+        return {k: inner(v) for k, v in packed["mapping"].items()}
+    module, _, name = packed["class"].rpartition(".")
     kind = getattr(import_module(module), name)
-    return kind(**{n: inner(v) for n, v in found["fields"].items()})
+    return kind(**{n: inner(v) for n, v in packed["fields"].items()})
 
 
 def _inline_array(entries: Any, code: Any, shape: Any) -> np.ndarray:

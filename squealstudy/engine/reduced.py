@@ -112,23 +112,24 @@ class BuildTask:
 
 
 def reduced_with_basis(
-    task: BuildTask, known: ContactSpace | None = None
+    task: BuildTask, contact: ContactSpace | None = None
 ) -> tuple[PreparedModel, tuple[np.ndarray, ...]]:
     """Assemble and reduce: the prepared model, and the blocks (n_component, k) of its basis.
 
-    `known` is the contact space of the same structure; that of a coarser model of it is looked for.
+    `contact` is the contact space of the same structure, by default that of its coarser model where
+    the cache has one.
     """
     shared = None if task.shared is None else _shared_of(task, task.shared)
     with threadpool_limits(1), solve_threads(task.threads):
         started = time.perf_counter()
         assembly = task.point.assembly()
         assembly_s = time.perf_counter() - started
-        if known is None and is_prepared(task.coarse_key):
-            known = load_prepared(task.coarse_key).space
+        if contact is None and is_prepared(task.coarse_key):
+            contact = load_prepared(task.coarse_key).space
         if shared is not None and shared.serves(assembly):
-            prepared, blocks = _by_shared(task, shared, assembly, known)
+            prepared, blocks = _by_shared(task, shared, assembly, contact)
         else:
-            prepared, basis = _reduced(task, assembly, known)
+            prepared, basis = _reduced(task, assembly, contact)
             blocks = basis.blocks
     return replace(prepared, timings={"assembly_s": assembly_s, **prepared.timings}), blocks
 
@@ -155,14 +156,14 @@ def _reduced(
 
 
 def _by_shared(
-    task: BuildTask, shared: SharedBasis, assembly: Assembly, known: ContactSpace | None = None
+    task: BuildTask, shared: SharedBasis, assembly: Assembly, contact: ContactSpace | None = None
 ) -> tuple[PreparedModel, tuple[np.ndarray, ...]]:
-    """As `_reduced`, of what the assembly is on the shared basis."""
+    """The assembly reduced as by `_reduced`, after its projection on the shared basis."""
     started = time.perf_counter()
     V = [np.asarray(block) for block in shared.blocks]
     small = projected(assembly, V)
     projection_s = time.perf_counter() - started
-    space = known or (lambda modes: shared.space(small, mode_shapes(small, modes)))
+    space = contact or (lambda modes: shared.space(small, mode_shapes(small, modes)))
     prepared, basis = _reduced(task, small, space)
     blocks = tuple(
         block @ component_block for block, component_block in zip(V, basis.blocks, strict=True)

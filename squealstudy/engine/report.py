@@ -106,20 +106,20 @@ def _overview(results: Sequence[Results]) -> str:
     return "<h1>Overview</h1>" + _html_table(["study", "kind", "model", "verdict"], rows)
 
 
-def _whose(one: Results) -> tuple[str, str, str]:
-    texts = (_said_first(one), one.screen.verdict(one), _lost(one))
+def _whose(results: Results) -> tuple[str, str, str]:
+    texts = (_said_first(results), results.screen.verdict(results), _lost(results))
     verdict_text = " ".join(filter(None, texts))
-    return str(one.kind), str(one.manifest["model"]), verdict_text
+    return str(results.kind), str(results.manifest["model"]), verdict_text
 
 
-def _said_first(one: Results) -> str:
+def _said_first(results: Results) -> str:
     """What makes the answers of a study doubtful, in sentences."""
-    return said_first(one.points) if "points" in one.tables else ""
+    return said_first(results.points) if "points" in results.tables else ""
 
 
-def _lost(one: Results) -> str:
+def _lost(results: Results) -> str:
     """How many design points of a study have no result, in a sentence; empty where all have."""
-    status = one.points["status"] if "points" in one.tables else pd.Series(dtype=str)
+    status = results.points["status"] if "points" in results.tables else pd.Series(dtype=str)
     lost = int((status != "ok").sum())
     if not lost:
         return ""
@@ -127,33 +127,35 @@ def _lost(one: Results) -> str:
     return f"{lost} of {plural(len(status), 'point')} {verb} not ok ({failure_counts(status)})."
 
 
-def _head(one: Results, all_of_them: Sequence[Results]) -> Iterator[str]:
-    kind, model, verdict_text = _whose(one)
-    yield f"<h1>{escape(str(one.manifest['name']))}</h1>"
-    yield f'<p class="question">{escape(_description(one))}</p>'
+def _head(results: Results, all_of_them: Sequence[Results]) -> Iterator[str]:
+    kind, model, verdict_text = _whose(results)
+    yield f"<h1>{escape(str(results.manifest['name']))}</h1>"
+    yield f'<p class="question">{escape(_description(results))}</p>'
     yield f'<p class="verdict">{escape(verdict_text)}</p>'
-    if squeal := squeal_text(one, all_of_them):
+    if squeal := squeal_text(results, all_of_them):
         yield f'<p class="squeal">{escape(squeal)}</p>'
     yield f'<p class="note">{escape(kind.replace("_", " "))} of {escape(model)}</p>'
 
 
-def _description(one: Results) -> str:
-    study = _study_tables(one).get("study")
+def _description(results: Results) -> str:
+    study = _study_tables(results).get("study")
     return str(study.get("description", "")) if isinstance(study, dict) else ""
 
 
-def _study_tables(one: Results) -> dict[str, Any]:
+def _study_tables(results: Results) -> dict[str, Any]:
     """Tables of the study file that results keep; none of a text that is no such file."""
     try:
-        return tomllib.loads(str(one.manifest.get("study", "")))
+        return tomllib.loads(str(results.manifest.get("study", "")))
     except (ValueError, RecursionError):
         return {}
 
 
-def _findings(one: Results) -> Iterator[str]:
-    verdict_text = one.screen.verdict(one)
+def _findings(results: Results) -> Iterator[str]:
+    verdict_text = results.screen.verdict(results)
     parts = [
-        text for part in one.screen.findings(one) if part != verdict_text and (text := _html(part))
+        text
+        for part in results.screen.findings(results)
+        if part != verdict_text and (text := _html(part))
     ]
     if parts:
         yield from ("<h2>Findings</h2>", *parts)
@@ -186,17 +188,20 @@ def _html_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f'<div class="wide" tabindex="0"><table>{inside}</table></div>'
 
 
-def _shape(one: Results) -> list[str]:
+def _shape(results: Results) -> list[str]:
     """How the fastest growing mode looks, or the end of the loudest run, and why it grows.
 
     Nothing of kinds and models that have no shape.
     """
-    if not (one.kind == "transient" or ("modes" in one.tables and one.kind == "complex_modes")):
+    if not (
+        results.kind == "transient"
+        or ("modes" in results.tables and results.kind == "complex_modes")
+    ):
         return []
     try:
-        if not has_mesh(plan_of(one).study):
+        if not has_mesh(plan_of(results).study):
             return []
-        shape = one.end_motion().shape if one.kind == "transient" else one.shape()
+        shape = results.end_motion().shape if results.kind == "transient" else results.shape()
         moving, picture = shape_page([shape]), draw(shape)
     except (SquealstudyError, OSError) as error:
         return [f'<p class="note">No shape: {escape(str(error))}</p>']
@@ -215,10 +220,10 @@ def _shape(one: Results) -> list[str]:
     ]
 
 
-def _tables(one: Results) -> Iterator[str]:
+def _tables(results: Results) -> Iterator[str]:
     yield "<h2>Tables</h2>"
-    for name in one.tables:
-        table = one.table(name)
+    for name in results.tables:
+        table = results.table(name)
         if not len(table):
             continue
         shown = table.head(MOST_ROWS)
@@ -244,13 +249,13 @@ def _cell(value: Any) -> str:
     return "" if pd.isna(value) else str(value)
 
 
-def _errors(one: Results) -> Iterator[str]:
-    rows = list(one.screen.facts(one))
-    rows += [("tables", text) for text in tables_text(one.manifest)]
-    if "points" in one.tables and (text := outside_validity(one.points, "")):
+def _errors(results: Results) -> Iterator[str]:
+    rows = list(results.screen.facts(results))
+    rows += [("tables", text) for text in tables_text(results.manifest)]
+    if "points" in results.tables and (text := outside_validity(results.points, "")):
         rows.append(("validity", text))
-    if lost := _lost(one):
-        failed = one.points[(one.points["status"] != "ok").to_numpy(bool)].iloc[0]
+    if lost := _lost(results):
+        failed = results.points[(results.points["status"] != "ok").to_numpy(bool)].iloc[0]
         said = failed.get("message", "")
         rows.append(("failed", f"{lost}{f' The first: {said}' if said else ''}"))
     if rows:
@@ -267,13 +272,13 @@ def tables_text(manifest: Mapping[str, Any]) -> Iterator[str]:
         yield f"{over} acts through tables of {' and '.join(names)}{alone}"
 
 
-def named_files(given: Any) -> list[str]:
+def named_files(tables: Any) -> list[str]:
     """Files that a study's tables name, each once: models, extensions, measurements, matrices."""
-    if isinstance(given, str):
-        return [given] if given.lower().endswith(READ) else []
-    if not isinstance(given, Mapping | list):
+    if isinstance(tables, str):
+        return [tables] if tables.lower().endswith(READ) else []
+    if not isinstance(tables, Mapping | list):
         return []
-    members = given.values() if isinstance(given, Mapping) else given
+    members = tables.values() if isinstance(tables, Mapping) else tables
     return list(dict.fromkeys(name for one in members for name in named_files(one)))
 
 
@@ -282,16 +287,16 @@ def _pairs(rows: Iterable[tuple[str, str]]) -> str:
     return f'<table class="pairs">{"".join(lines)}</table>'
 
 
-def _provenance(one: Results) -> Iterator[str]:
-    m = one.manifest
+def _provenance(results: Results) -> Iterator[str]:
+    m = results.manifest
     versions = ", ".join(f"{name} {text}" for name, text in m.get("versions", {}).items())
     machine = ", ".join(f"{k} {v}" for k, v in m.get("machine", {}).items())
     seconds = m.get("timings", {}).get("total_s")
     rows = [
-        ("results", f"{one.directory}, {m.get('status', '')}"),
+        ("results", f"{results.directory}, {m.get('status', '')}"),
         ("date", str(m.get(FINISHED_AT) or "not known: results of an earlier version")),
         ("study hash", str(m.get("study_hash", ""))),
-        ("points", str(one.n_points)),
+        ("points", str(results.n_points)),
         *(("model file", str(t)) for t in (m.get("model_file") or {}).get("prepared", ())),
         ("versions", f"{versions}, Python {m.get('python', '')}"),
         ("machine", machine),
@@ -304,7 +309,7 @@ def _provenance(one: Results) -> Iterator[str]:
         yield "<h2>To reproduce</h2>"
         yield f"<p>Save what follows as {name}.toml, then <code>squealstudy run {name}.toml</code>"
         yield f" and <code>squealstudy report results/{name}</code>.</p>"
-        if files := named_files(_study_tables(one)):
+        if files := named_files(_study_tables(results)):
             yield "<p>It reads files by paths from the folder it is saved in, which this page does"
             yield f" not hold: {escape(', '.join(files))}.</p>"
         yield f"<pre>{escape(str(text))}</pre>"

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 
-def squeal_text(one: ResultTables, others: Sequence[ResultTables]) -> str:
+def squeal_text(results: ResultTables, others: Sequence[ResultTables]) -> str:
     """Which predicted mode the loudest motion of results is, in a sentence; empty where unknown.
 
     `others` are those of the same page: complex modes of the same model give the mode its name.
     """
-    loudest = _of_run(one) if one.kind == "transient" else None
-    loudest = _of_cycle(one) if one.kind == "limit_cycles" else loudest
+    loudest = _of_run(results) if results.kind == "transient" else None
+    loudest = _of_cycle(results) if results.kind == "limit_cycles" else loudest
     if loudest is None:
         return ""
     row, heard, predicted, growth = loudest
@@ -39,25 +39,25 @@ def squeal_text(one: ResultTables, others: Sequence[ResultTables]) -> str:
         if not abs(heard / predicted - 1.0) <= MAX_REL_SHIFT:
             return ""
     places = [
-        setting(name, row[name], one.units.get(name, ""))
-        for name in one.swept
+        setting(name, row[name], results.units.get(name, ""))
+        for name in results.swept
         if name in row and pd.notna(row[name])
     ]
     at = f", at {', '.join(places)}" if places else ""
     text = f"The squeal at {in_digits(heard)} Hz{at}, is the complex mode predicted at "
     text += f"{in_digits(predicted)} Hz there, with a growth rate of {growth:+.3g} 1/s"
-    names = (_name(other, one, row, predicted) for other in others)
+    names = (_name(other, results, row, predicted) for other in others)
     return f"{text}{next(filter(None, names), '')}."
 
 
-def _of_run(one: ResultTables) -> tuple[pd.Series, float, float, float] | None:
+def _of_run(results: ResultTables) -> tuple[pd.Series, float, float, float] | None:
     """The loudest run that lasts, its frequency, and the root that has most of its energy."""
-    points = one.points
+    points = results.points
     lasting = points[points["class"].isin(SUSTAINED).to_numpy()]
     if not len(lasting):
         return None
     row = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmax())]
-    modes = one.table("growth")
+    modes = results.table("growth")
     modes = modes[(modes["point_id"] == row["point_id"]).to_numpy()]
     lives = modes[modes["expressed"].fillna(False).to_numpy(bool)]
     if not len(lives):
@@ -67,28 +67,30 @@ def _of_run(one: ResultTables) -> tuple[pd.Series, float, float, float] | None:
     return row, float(heard), float(mode["frequency_hz"]), float(mode["growth_rate"])
 
 
-def _of_cycle(one: ResultTables) -> tuple[pd.Series, float, float, float] | None:
+def _of_cycle(results: ResultTables) -> tuple[pd.Series, float, float, float] | None:
     """The design of the loudest stable cycle, its frequency, and the mode that leads to it."""
-    verdicts = one.table("verdicts")
+    verdicts = results.table("verdicts")
     with_level = verdicts[verdicts["cycle_frequency_hz"].notna() & verdicts["torque_rms"].notna()]
     if not len(with_level):
         return None
     mode = with_level.iloc[int(with_level["torque_rms"].to_numpy(float).argmax())]
-    (row,) = (r for _, r in one.points[one.points["point_id"] == mode["point_id"]].iterrows())
+    (row,) = (
+        r for _, r in results.points[results.points["point_id"] == mode["point_id"]].iterrows()
+    )
     numbers = ("cycle_frequency_hz", "frequency_hz", "growth_rate")
     heard, predicted, growth = (float(mode[name]) for name in numbers)
     return row, heard, predicted, growth
 
 
-def _name(modes: ResultTables, one: ResultTables, row: pd.Series, hertz: float) -> str:
+def _name(modes: ResultTables, motions: ResultTables, row: pd.Series, hertz: float) -> str:
     """What complex modes of the same model call the root at a design point; empty of others."""
-    if modes.kind != "complex_modes" or modes.manifest["model"] != one.manifest["model"]:
+    if modes.kind != "complex_modes" or modes.manifest["model"] != motions.manifest["model"]:
         return ""
     points, there = modes.points, np.ones(len(modes.points), dtype=bool)
-    for name in {*modes.parameters, *one.parameters}:
+    for name in {*modes.parameters, *motions.parameters}:
         mine, theirs = (
             (column[name] if name in column else results.manifest["nominal"].get(name))
-            for column, results in ((row, one), (points, modes))
+            for column, results in ((row, motions), (points, modes))
         )
         if mine is None or theirs is None:
             return ""

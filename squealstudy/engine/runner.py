@@ -252,13 +252,14 @@ def _is_complete(manifest: dict[str, Any], plan: Planned, store: Store) -> bool:
     return bool(np.isin(plan.tasks.ids, store.finished_points(plan.kind.schema)).all())
 
 
-def _left_over(plan: Planned, store: Store, known: np.ndarray) -> str:
+def _left_over(plan: Planned, store: Store, solved_ids: np.ndarray) -> str:
     """How many of the rows that were solved before belong to the study; empty where all do."""
-    others = int(np.isin(known, plan.tasks.ids, invert=True).sum())
+    others = int(np.isin(solved_ids, plan.tasks.ids, invert=True).sum())
     if not others:
         return ""
     return (
-        f"{store.directory}: {len(known) - others} of {plural(len(known), plan.kind.row_word)} "
+        f"{store.directory}: {len(solved_ids) - others} of "
+        f"{plural(len(solved_ids), plan.kind.row_word)} "
         f"solved before belong to this study as it is now, for the study or the code changed; "
         f"{others} others stay in {CHUNKS}/, not in the tables (--fresh removes them)"
     )

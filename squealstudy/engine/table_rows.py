@@ -60,9 +60,11 @@ def batches(
         yield store.read_table(file, columns).to_pandas()
 
 
-def chosen_rows(found: Iterable[pd.DataFrame], keep: Keep | None) -> pd.DataFrame:
+def chosen_rows(batches: Iterable[pd.DataFrame], keep: Keep | None) -> pd.DataFrame:
     """The rows of some batches that are wanted, as one table (`ResultTables.rows`)."""
-    chosen = [part if keep is None else part[np.asarray(keep(part), dtype=bool)] for part in found]
+    chosen = [
+        part if keep is None else part[np.asarray(keep(part), dtype=bool)] for part in batches
+    ]
     names = [str(name) for name in chosen[0]]  # one after the other: all would be there twice else
     return pd.DataFrame({name: pd.concat([part.pop(name) for part in chosen]) for name in names})
 

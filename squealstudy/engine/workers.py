@@ -66,9 +66,9 @@ class Pace:
         """Learn from a finished task."""
         self.seconds = max(seconds, 1e-9) / max(points, 1)
 
-    def size(self, left: int, jobs: int) -> int:
+    def size(self, n_points: int, jobs: int) -> int:
         """Points of the next task, where so many are left for so many workers."""
-        fair = math.ceil(left / (TASKS_A_WORKER * jobs))
+        fair = math.ceil(n_points / (TASKS_A_WORKER * jobs))
         if not self.seconds:
             return max(1, min(FIRST_POINTS, fair))
         least, most = (int(s / self.seconds) for s in (LEAST_SECONDS, TARGET_TASK_S))
@@ -315,15 +315,15 @@ class Solved:
 
 
 def worker_count(
-    jobs: int | None, found: Mapping[str, Any] | None, warn: Callable[[str], None]
+    jobs: int | None, manifest: Mapping[str, Any] | None, warn: Callable[[str], None]
 ) -> int:
     """Worker processes of a run: as many as were asked for, else as cores and memory allow.
 
-    A worker is taken to need what the largest of the earlier run needed whose manifest was `found`,
-    or what this process has taken so far. `warn` is told where memory
-    decides, or where more were asked for.
+    A worker is assumed to need as much memory as the largest worker of the earlier run with this
+    `manifest`, or as this process has taken so far. `warn` is called where memory limits the
+    number, or where more workers were asked for.
     """
-    peak_memory = (found or {}).get("peak_memory_mb", {})
+    peak_memory = (manifest or {}).get("peak_memory_mb", {})
     earlier = float(peak_memory.get("largest_worker", 0.0))
     each, available, allowed = max(earlier, peak_memory_mb()), available_memory_mb(), cores()
     fit = max(1, int(available / each))

@@ -122,23 +122,24 @@ def _shades(name: str) -> list[str]:
     return [mpl.colors.to_hex(shade) for shade in shades]
 
 
-def _notes(results: Results, points: pd.DataFrame, own: Content) -> Iterator[str]:
+def _notes(results: Results, points: pd.DataFrame, content: Content) -> Iterator[str]:
     """What the page leaves out, and how far its numbers are rounded."""
     if len(points) < len(results.points):
         yield f"{len(points)} of {plural(len(results.points), 'design point')} are on this page."
-    if "frequency_hz" in own:
-        hertz, growth = (own[name]["error"] for name in ("frequency_hz", "growth_rate"))
+    if "frequency_hz" in content:
+        hertz, growth = (content[name]["error"] for name in ("frequency_hz", "growth_rate"))
         yield (
             "Numbers of modes are kept in 16 bits: frequencies are rounded by at most "
             f"{hertz:.2g} Hz, growth rates by {growth:.2g} 1/s. Whether a mode is unstable is not."
         )
-    if own.get("lightest") is not None:
+    if content.get("lightest") is not None:
         yield (
-            f"{own['n']} of {own['n_all']} modes are on this page: those that grow, and those of a "
-            f"damping ratio up to {own['lightest']:.3g}."
+            f"{content['n']} of {content['n_all']} modes are on this page: those that "
+            f"grow, and those of a damping ratio up to {content['lightest']:.3g}."
         )
-    if own.get("n_left"):
-        yield f"{plural(own['n_left'], 'history', 'histories')} found no room, or cannot be read."
+    if content.get("n_left"):
+        histories = plural(content["n_left"], "history", "histories")
+        yield f"{histories} found no room, or cannot be read."
 
 
 def _shapes_without_room(n: int) -> list[str]:

@@ -133,14 +133,14 @@ class ModeSearch:
             settings.append(TriedSetting(rung.label, rung.changes, error, cost))
         return settings
 
-    def _error(self, made: Measurement, changes: Mapping[str, Any]) -> float:
+    def _error(self, measurement: Measurement, changes: Mapping[str, Any]) -> float:
         """Largest at the pilots, one by one until one is beyond the whole tolerance.
 
         What is found so far is then enough to refuse the reduction, whatever the others say.
         """
         worst, failure = None, ""
         plan = self.fidelity.variant(changes, self.fidelity.plan.swept)
-        for finding, point in zip(made.findings.values(), self.points, strict=True):
+        for finding, point in zip(measurement.findings.values(), self.points, strict=True):
             truth, safety = self._truth(finding, plan, point)
             if truth["status"] != "ok":
                 failure = truth["message"]
@@ -188,14 +188,14 @@ class ModeSearch:
     def _pays(self, number: int) -> bool:
         return pays(self.tried[number].cost - self.making, self.making)
 
-    def study_seconds(self, made: Measurement) -> float:
+    def study_seconds(self, measurement: Measurement) -> float:
         """Seconds of the whole study, from exact solves at the pilots."""
         solves = float(len(self.fidelity.plan.tasks))
         rung = self.method.rung
         if rung.over_a_basis:
             share = point_share(self.fidelity.plan, rung) or 1.0
             solves = rung.setup_solves * self.fidelity.jobs + share * solves
-        return made.reduction_seconds + made.seconds * solves / self.fidelity.jobs
+        return measurement.reduction_seconds + measurement.seconds * solves / self.fidelity.jobs
 
 
 def exact_method(study: ResolvedStudy) -> str:

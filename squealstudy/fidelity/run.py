@@ -63,16 +63,16 @@ class Resolved:
         }
 
 
-def _plain(one: Neighbour) -> dict[str, Any]:
-    if isinstance(one, UntriedSetting):
-        reason = "not tried" if one.text else "there is none"
+def _plain(neighbour: Neighbour) -> dict[str, Any]:
+    if isinstance(neighbour, UntriedSetting):
+        reason = "not tried" if neighbour.text else "there is none"
         unknown = {"estimated_error": None, "seconds": None}
-        return {"settings": one.text or None, **unknown, "reason": reason}
+        return {"settings": neighbour.text or None, **unknown, "reason": reason}
     return {
-        "settings": one.text,
-        "changes": dict(one.changes),
-        "estimated_error": one.error,
-        "seconds": one.cost,
+        "settings": neighbour.text,
+        "changes": dict(neighbour.changes),
+        "estimated_error": neighbour.error,
+        "seconds": neighbour.cost,
     }
 
 

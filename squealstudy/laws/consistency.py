@@ -81,14 +81,14 @@ class Tried:
         return ", ".join(f"{n} = {a:g}" for n, a in zip(self._names, arguments, strict=True))
 
     def expect_slope(
-        self, what: str, slope: float, arguments: Sequence[float], k: int, size: float = 1.0
+        self, slope_name: str, slope: float, arguments: Sequence[float], k: int, size: float = 1.0
     ) -> None:
         """Compare a slope of the first result by argument k with differences to both sides.
 
         `size` is that of an argument which is 0.
         """
         if (other := self._misfit(slope, arguments, k, size)) is not None:
-            raise self.error(f"{what} is {slope:g}, differences give {other:g}")
+            raise self.error(f"{slope_name} is {slope:g}, differences give {other:g}")
 
     def _misfit(
         self, slope: float, arguments: Sequence[float], k: int, size: float, result: int = 0
@@ -133,9 +133,9 @@ class Tried:
                 text = f"{names[number]} is {slope:g}, differences give {other:g}"
                 raise slopes.error(f"{text}, with {self._given(arguments)}")
 
-    def expect_same(self, found: float, expected: float, within: float, text: str) -> None:
+    def expect_same(self, computed: float, expected: float, within: float, text: str) -> None:
         """Compare two numbers; `text` says which they are."""
-        if abs(found - expected) > within * max(abs(found), abs(expected)):
+        if abs(computed - expected) > within * max(abs(computed), abs(expected)):
             raise self.error(text)
 
 

@@ -36,50 +36,52 @@ NOT_IN_TIME = (
 )
 
 
-def has_own(own: np.ndarray) -> bool:
+def has_own(own_friction: np.ndarray) -> bool:
     """Whether points have friction of their own."""
-    return own.shape[-1] > 0
+    return own_friction.shape[-1] > 0
 
 
-def coefficients_alone(own: np.ndarray) -> np.ndarray:
+def coefficients_alone(own_friction: np.ndarray) -> np.ndarray:
     """The columns of states and coefficients, without numbers of a friction curve."""
-    return own[..., : COEFFICIENT + 1]
+    return own_friction[..., : COEFFICIENT + 1]
 
 
-def is_unmoved(own: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
+def is_unmoved(own_friction: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
     """Whether no sliding is imposed on points (.., nc)."""
-    unmoved: np.ndarray = (speed_factor == 0.0) & has_own(own)
+    unmoved: np.ndarray = (speed_factor == 0.0) & has_own(own_friction)
     return unmoved
 
 
-def sticks_in_time(own: np.ndarray) -> np.ndarray:
+def sticks_in_time(own_friction: np.ndarray) -> np.ndarray:
     """Whether points (.., nc) stick and slip by themselves: stuck without a stiffness."""
-    if not has_own(own):
-        return np.zeros(own.shape[:-1], dtype=bool)
-    stuck: np.ndarray = own[..., STATE] == STUCK
+    if not has_own(own_friction):
+        return np.zeros(own_friction.shape[:-1], dtype=bool)
+    stuck: np.ndarray = own_friction[..., STATE] == STUCK
     return stuck
 
 
-def is_linear(own: np.ndarray) -> np.ndarray:
+def is_linear(own_friction: np.ndarray) -> np.ndarray:
     """Whether all points (.., nc) have a tangent: none is stuck without a stiffness (..,)."""
-    linear: np.ndarray = (own[..., :1] != STUCK).all(axis=(-1, -2))
+    linear: np.ndarray = (own_friction[..., :1] != STUCK).all(axis=(-1, -2))
     return linear
 
 
-def starts_in_time(own: np.ndarray, speed_factor: np.ndarray) -> bool:
+def starts_in_time(own_friction: np.ndarray, speed_factor: np.ndarray) -> bool:
     """Whether all points (nc,) that no sliding is imposed on can be run in time."""
-    if not has_own(own):
+    if not has_own(own_friction):
         return True
-    return bool((own[is_unmoved(own, speed_factor), STATE] == STUCK).all())
+    return bool((own_friction[is_unmoved(own_friction, speed_factor), STATE] == STUCK).all())
 
 
-def own_values(own: np.ndarray, friction: Any, parameters: Sequence[Any]) -> list[np.ndarray]:
+def own_values(
+    own_friction: np.ndarray, friction: Any, parameters: Sequence[Any]
+) -> list[np.ndarray]:
     """Coefficients and values (.., nc) of each of the curve's parameters at the points.
 
     `friction` and `parameters` are the study's: numbers, or (m, 1).
     """
-    columns = np.moveaxis(own, -1, 0)[COEFFICIENT:]
-    missing = [np.full(own.shape[:-1], np.nan)] * (1 + len(parameters) - len(columns))
+    columns = np.moveaxis(own_friction, -1, 0)[COEFFICIENT:]
+    missing = [np.full(own_friction.shape[:-1], np.nan)] * (1 + len(parameters) - len(columns))
     return [
         np.where(np.isnan(column), of_study, column)
         for column, of_study in zip((*columns, *missing), (friction, *parameters), strict=True)
@@ -89,7 +91,7 @@ def own_values(own: np.ndarray, friction: Any, parameters: Sequence[Any]) -> lis
 def own_mu(
     curve: FrictionCurveDefinition,
     values: tuple[Any, Sequence[Any]],
-    own: np.ndarray,
+    own_friction: np.ndarray,
     speeds: np.ndarray,
     p: np.ndarray,
 ) -> np.ndarray:
@@ -97,9 +99,9 @@ def own_mu(
 
     `values` are the study's friction and parameters of the curve.
     """
-    friction, *parameters = own_values(own, *values)
+    friction, *parameters = own_values(own_friction, *values)
     of_curve = at_points(curve.mu, 3, speeds, p, friction, *parameters)
-    slipping = np.where(own[..., STATE] > 0.0, 0.0, friction)
+    slipping = np.where(own_friction[..., STATE] > 0.0, 0.0, friction)
     unmoved = np.stack([slipping, 0.0 * slipping, 0.0 * slipping])
     return np.where(speeds == 0.0, unmoved, of_curve)
 
@@ -107,7 +109,7 @@ def own_mu(
 def own_slopes(
     curve: FrictionCurveDefinition,
     values: tuple[Any, Sequence[Any]],
-    own: np.ndarray,
+    own_friction: np.ndarray,
     speeds: np.ndarray,
     p: np.ndarray,
 ) -> np.ndarray:
@@ -115,10 +117,10 @@ def own_slopes(
 
     By its friction and by each parameter of the curve: nothing where a point has its own.
     """
-    rows = curve_slopes(curve, speeds, p, own_values(own, *values))
+    rows = curve_slopes(curve, speeds, p, own_values(own_friction, *values))
     rows = np.where(speeds == 0.0, 0.0, rows)
-    slips = (speeds == 0.0) & (own[..., STATE] == 0.0)
+    slips = (speeds == 0.0) & (own_friction[..., STATE] == 0.0)
     rows[2, 0] = np.where(slips, 1.0, rows[2, 0])
-    for column in range(COEFFICIENT, own.shape[-1]):
-        rows[1 + column] = np.where(np.isnan(own[..., column]), rows[1 + column], 0.0)
+    for column in range(COEFFICIENT, own_friction.shape[-1]):
+        rows[1 + column] = np.where(np.isnan(own_friction[..., column]), rows[1 + column], 0.0)
     return rows

@@ -33,7 +33,7 @@ def expect_computable(parts: Iterable[tuple[str, Any]]) -> None:
             raise ConvergenceError(OVERFLOW, too_large(name, size))
 
 
-def too_large(what: str, size: float) -> str:
+def too_large(matrix_name: str, size: float) -> str:
     """The sentence about a matrix with an entry beyond MAX_SQUARABLE_ENTRY."""
     size_text = "that are not finite" if size == np.inf else f"of {size:.0e}"
-    return f"{what} has entries {size_text}: {LIMITS}"
+    return f"{matrix_name} has entries {size_text}: {LIMITS}"

@@ -51,13 +51,13 @@ def interruptible() -> Iterator[None]:
             signal.signal(each, signal.SIG_DFL)
         raise InterruptedRun(number)
 
-    def dropped(what: sys.UnraisableHookArgs) -> None:
-        if not isinstance(what.exc_value, InterruptedRun):
-            previous_hook(what)
+    def dropped(hook_arguments: sys.UnraisableHookArgs) -> None:
+        if not isinstance(hook_arguments.exc_value, InterruptedRun):
+            previous_hook(hook_arguments)
             return
         for each in handled:
             signal.signal(each, interrupt)
-        number = what.exc_value.exit_code - SIGNAL_EXIT_CODE_OFFSET
+        number = hook_arguments.exc_value.exit_code - SIGNAL_EXIT_CODE_OFFSET
         threading.Timer(SIGNAL_RETRY_S, os.kill, (os.getpid(), number)).start()
 
     handled = [each for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN]  # by nohup

@@ -72,9 +72,9 @@ class Design:
         self._expect_single("point")
         return self.values.point(0)
 
-    def _expect_single(self, what: str) -> None:
+    def _expect_single(self, attribute: str) -> None:
         if not self.single:
-            raise ModelError(f"{what} is of one design point: system[i].{what}")
+            raise ModelError(f"{attribute} is of one design point: system[i].{attribute}")
 
     # -- structure -------------------------------------------------------------------------------
     @cached_property

@@ -76,14 +76,14 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     return Model(family_definition((), nominal), {}, family=family)
 
 
-def _number(name: str, given: Any) -> float:
+def _number(name: str, entry: Any) -> float:
     """The value of a parameter; ParameterError where it is no finite number."""
     try:
-        number = float(given)
+        number = float(entry)
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
-        raise ParameterError(name, f"expected a finite number, got {shown(given)}")
+        raise ParameterError(name, f"expected a finite number, got {shown(entry)}")
     return number
 
 

@@ -14,18 +14,18 @@ OK = "ok"
 ResultT = TypeVar("ResultT")
 
 
-def statuses(found: Sequence[object]) -> np.ndarray:
+def statuses(findings: Sequence[object]) -> np.ndarray:
     """``ok`` of each finding, or why there is none: (m,) of str."""
-    return np.array([reason(x)[0] if isinstance(x, Exception) else OK for x in found], object)
+    return np.array([reason(x)[0] if isinstance(x, Exception) else OK for x in findings], object)
 
 
-def messages(found: Sequence[object]) -> np.ndarray:
+def messages(findings: Sequence[object]) -> np.ndarray:
     """What is to be said of each failure: (m,) of str, empty where there is none."""
-    return np.array([reason(x)[1] if isinstance(x, Exception) else "" for x in found], object)
+    return np.array([reason(x)[1] if isinstance(x, Exception) else "" for x in findings], object)
 
 
 def stacked(
-    found: Sequence[ResultT | Exception],
+    findings: Sequence[ResultT | Exception],
     take: Callable[[ResultT], np.ndarray],
     single: bool,
     ragged: bool = False,
@@ -41,13 +41,13 @@ def stacked(
     SquealstudyError
         Shapes that differ, of structures of other sizes.
     """
-    arrays = [None if isinstance(x, Exception) else np.asarray(take(x)) for x in found]
+    arrays = [None if isinstance(x, Exception) else np.asarray(take(x)) for x in findings]
     if single:
         assert arrays[0] is not None
         return arrays[0]
     solved = [a for a in arrays if a is not None]
     if not solved:
-        return np.full((len(found), *nothing_of), np.nan)
+        return np.full((len(findings), *nothing_of), np.nan)
     shapes = {a.shape[:-1] if ragged else a.shape for a in solved}
     if len(shapes) > 1:
         raise SquealstudyError(
@@ -59,7 +59,7 @@ def stacked(
         shape = (*shape[:-1], max(a.shape[-1] for a in solved))
     kind = np.result_type(*solved)
     nothing = -1 if np.issubdtype(kind, np.integer) else np.nan
-    filled = np.full((len(found), *shape), nothing, dtype=kind)
+    filled = np.full((len(findings), *shape), nothing, dtype=kind)
     for number, array in enumerate(arrays):
         if array is not None:
             place = (number, *(slice(size) for size in array.shape))

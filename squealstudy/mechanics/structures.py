@@ -65,7 +65,7 @@ class Structures:
     _tried: dict[Hashable, PointPairs] = field(default_factory=dict, repr=False)
     _sliding: list[ModelPoint] = field(default_factory=list, repr=False)
 
-    def reduction(self, first: ModelPoint, own: np.ndarray) -> Reduction:
+    def reduction(self, first: ModelPoint, point_numbers: np.ndarray) -> Reduction:
         """That of a structure, by its first design point and the numbers of its design points.
 
         Raises
@@ -79,13 +79,15 @@ class Structures:
         """
         if isinstance(first.model, FamilyDefinition):
             raise ModelError("a family of matrices has neither contact nor components to reduce")
-        chosen = own[np.unique(np.linspace(0, len(own) - 1, N_CHECKED_POINTS).astype(int))]
+        chosen = point_numbers[
+            np.unique(np.linspace(0, len(point_numbers) - 1, N_CHECKED_POINTS).astype(int))
+        ]
         refusals: list[ConvergenceError] = []
         for point in (self.nominal, *(self.values.point(int(i)) for i in chosen)):
             self._sliding[:] = [point]
             try:
                 meshed = first.model.meshed
-                reduction = self._meshed(first, own) if meshed else self._small(first)
+                reduction = self._meshed(first, point_numbers) if meshed else self._small(first)
             except ConvergenceError as error:
                 refusals.append(error)
                 continue
@@ -113,14 +115,16 @@ class Structures:
             _small_reductions[key] = first.model, reduction
         return _recalled(_small_reductions, key, MAX_SMALL_REDUCTIONS)
 
-    def _meshed(self, first: ModelPoint, own: np.ndarray) -> Reduction:
+    def _meshed(self, first: ModelPoint, point_numbers: np.ndarray) -> Reduction:
         """A reduction whose error is known, enriched where that is beyond the tolerance."""
         once = int(self.basis.enrichment and self.basis.residual_responses)
-        number = int(own[0])
+        number = int(point_numbers[0])
         if number not in self._rounds:
             self._rounds[number] = once
             reduction = self._made(first, once)
-            chosen = own[np.unique(np.linspace(0, len(own) - 1, N_CHECKED_POINTS).astype(int))]
+            chosen = point_numbers[
+                np.unique(np.linspace(0, len(point_numbers) - 1, N_CHECKED_POINTS).astype(int))
+            ]
             looked_at = chosen if self.improved and self.basis.tells_error else ()
             if any(self._error(reduction, int(i)) > MODE_TOLERANCE for i in looked_at):
                 self._rounds[number] = once + 1

@@ -373,10 +373,10 @@ class System(Design):
         with_basis = replace(self, basis=basis, _known={})
         return lambda number: (with_basis if with_basis.single else with_basis[number]).linear
 
-    def _judged(self, found: Sequence[PointPairs | Exception]) -> tuple[Any, Any]:
+    def _judged(self, findings: Sequence[PointPairs | Exception]) -> tuple[Any, Any]:
         """Status and message, those of inaccurate points among them."""
-        status, message = statuses(found), messages(found)
-        for number, one in enumerate(found):
+        status, message = statuses(findings), messages(findings)
+        for number, one in enumerate(findings):
             if isinstance(one, Exception) or not len(one.lam):
                 continue
             point = np.zeros(len(one.lam), dtype=int)
@@ -386,12 +386,12 @@ class System(Design):
                 message[number] = _may_be_wrong(worst)
         return (status[0], message[0]) if self.single else (status, message)
 
-    def _told(self, found: Sequence[object]) -> tuple[Any, Any]:
-        status, message = statuses(found), messages(found)
+    def _told(self, findings: Sequence[object]) -> tuple[Any, Any]:
+        status, message = statuses(findings), messages(findings)
         return (status[0], message[0]) if self.single else (status, message)
 
-    def _number(self, found: np.ndarray, kind: type) -> Any:
-        return kind(found) if self.single else found
+    def _number(self, numbers: np.ndarray, kind: type) -> Any:
+        return kind(numbers) if self.single else numbers
 
 
 def _may_be_wrong(error: float) -> str:

@@ -29,7 +29,7 @@ class PlacedError(ModelError):
     """
 
     def __init__(
-        self, keys: KeyPath, message: str, word: str = "", known: tuple[str, ...] = ()
+        self, keys: KeyPath, message: str, word: str = "", expected_words: tuple[str, ...] = ()
     ) -> None:
-        self.keys, self.message, self.word, self.known = keys, message, word, known
+        self.keys, self.message, self.word, self.known = keys, message, word, expected_words
         super().__init__(message)

@@ -17,38 +17,38 @@ def is_skew(A: np.ndarray | sp.spmatrix) -> bool:
     return bool(skew.max() > SKEW_SHARE * max(abs(A).max(), 1e-300)) if A.size else False
 
 
-def check_skew(what: str, A: sp.spmatrix, n: int) -> None:
+def check_skew(matrix_name: str, A: sp.spmatrix, n: int) -> None:
     """Raise ModelError unless `A` is (n, n), finite and the opposite of its transpose."""
     if A.shape != (n, n):
-        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
-    check_size(what, A)
+        raise ModelError(f"{matrix_name} has shape {A.shape}, expected {(n, n)}")
+    check_size(matrix_name, A)
     both = abs(A + A.T)
     if both.nnz and both.max() > SKEW_SHARE * max(abs(A).max(), 1e-300):
-        raise ModelError(f"{what} is not skew-symmetric")
+        raise ModelError(f"{matrix_name} is not skew-symmetric")
 
 
-def check_symmetric(what: str, A: sp.spmatrix, n: int) -> None:
+def check_symmetric(matrix_name: str, A: sp.spmatrix, n: int) -> None:
     """Raise ModelError unless `A` is (n, n), finite and symmetric to round-off."""
     if A.shape != (n, n):
-        raise ModelError(f"{what} has shape {A.shape}, expected {(n, n)}")
-    check_size(what, A)
+        raise ModelError(f"{matrix_name} has shape {A.shape}, expected {(n, n)}")
+    check_size(matrix_name, A)
     skew = abs(A - A.T)
     if skew.nnz and skew.max() > SKEW_SHARE * max(abs(A).max(), 1e-300):
-        raise ModelError(f"{what} is not symmetric")
+        raise ModelError(f"{matrix_name} is not symmetric")
 
 
-def check_size(what: str, A: np.ndarray | sp.spmatrix) -> None:
+def check_size(matrix_name: str, A: np.ndarray | sp.spmatrix) -> None:
     """Raise ModelError where an entry is not finite, or so large that squares of it are not."""
     if not (size := largest_entry(A)) <= MAX_SQUARABLE_ENTRY:
-        raise ModelError(too_large(what, size))
+        raise ModelError(too_large(matrix_name, size))
 
 
-def check_masses(what: str, M: sp.spmatrix) -> None:
+def check_masses(matrix_name: str, M: sp.spmatrix) -> None:
     """Raise ModelError unless the diagonal of a mass matrix is positive, and can be divided by."""
     least = M.diagonal().min()
     if least <= 0:
-        raise ModelError(f"{what} is not positive definite")
+        raise ModelError(f"{matrix_name} is not positive definite")
     if least < LEAST_MASS:
         raise ModelError(
-            f"{what} has a diagonal entry of {least:.0e}: expected at least {LEAST_MASS:g}"
+            f"{matrix_name} has a diagonal entry of {least:.0e}: expected at least {LEAST_MASS:g}"
         )

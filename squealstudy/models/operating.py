@@ -202,27 +202,30 @@ class OperatingPoint:
         return float(speeds[0]) if len(speeds) and (speeds == speeds[0]).all() else speeds
 
     def friction_at(
-        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+        self, p: np.ndarray, speed_factor: np.ndarray, own_friction: np.ndarray = NO_OWN_FRICTION
     ) -> Friction:
         """Friction at contact pressures p (nc,) [Pa] of points with these factors (nc,).
 
-        Some may have friction of their `own` (laws/own_friction.py); of one that no sliding is
-        imposed on the sign is that of slip along T either way.
+        `own_friction` (nc, k) is that of points which do not follow the study's friction
+        (laws/own_friction.py). Where no sliding is imposed, the sign is that of slip along T.
 
-        Of sliding against T the coefficient and dmu/dp are negative: traction is against sliding.
-        dmu/ds is the slope by the velocity along T either way. Contact that pulls (p < 0) has no
-        friction, as in time. Floats where friction is the same at all points, else (nc,).
+        Where sliding is against T, the coefficient and dmu/dp are negative: traction opposes
+        sliding. dmu/ds is the slope by the velocity along T in both cases. Contact that pulls
+        (p < 0) has no friction, as in time. Floats where friction is the same at all points, else
+        (nc,).
         """
-        if has_own(own):
+        if has_own(own_friction):
             speeds = abs(self.sliding_speed) * speed_factor
-            friction = Friction(*own_mu(self.curve.definition, self._values, own, speeds, p))
+            friction = Friction(
+                *own_mu(self.curve.definition, self._values, own_friction, speeds, p)
+            )
         else:
             friction = self.curve.at(self.friction, self.speed_at(speed_factor), p)
         if (p < 0.0).any():
             friction = Friction(*(np.where(p < 0.0, 0.0, part) for part in friction))
         if self.direction > 0:
             return friction
-        sign = np.where(speed_factor == 0.0, 1.0, -1.0) if has_own(own) else -1.0
+        sign = np.where(speed_factor == 0.0, 1.0, -1.0) if has_own(own_friction) else -1.0
         return friction._replace(mu=sign * friction.mu, by_pressure=sign * friction.by_pressure)
 
     @property
@@ -231,32 +234,32 @@ class OperatingPoint:
         return self.friction, self.curve.parameters
 
     def friction_slopes(
-        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+        self, p: np.ndarray, speed_factor: np.ndarray, own_friction: np.ndarray = NO_OWN_FRICTION
     ) -> np.ndarray:
         """Derivatives of `friction_at` (k, 3, 1 or nc), in the order of `FrictionCurve.slopes`.
 
         The first row is by the imposed sliding speed.
         """
         speeds = self.speed_at(speed_factor)
-        if has_own(own):
+        if has_own(own_friction):
             speeds = abs(self.sliding_speed) * speed_factor
-            rows = own_slopes(self.curve.definition, self._values, own, speeds, p)
+            rows = own_slopes(self.curve.definition, self._values, own_friction, speeds, p)
         else:
             rows = self.curve.slopes(self.friction, speeds, p)
         rows[0] = rows[0] * (speeds / abs(self.sliding_speed))
         if (p < 0.0).any():
             rows = np.where(p < 0.0, 0.0, rows)
         if self.direction < 0:
-            sign = np.where(speed_factor == 0.0, 1.0, -1.0) if has_own(own) else -1.0
+            sign = np.where(speed_factor == 0.0, 1.0, -1.0) if has_own(own_friction) else -1.0
             rows[1:, [0, 2]] *= sign
             rows[0, 1] *= -1.0
         return rows
 
     def traction(
-        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+        self, p: np.ndarray, speed_factor: np.ndarray, own_friction: np.ndarray = NO_OWN_FRICTION
     ) -> np.ndarray:
         """Friction traction mu p [Pa] of steady sliding, against T; arguments of `friction_at`."""
-        drag: np.ndarray = self.friction_at(p, speed_factor, own).mu * p
+        drag: np.ndarray = self.friction_at(p, speed_factor, own_friction).mu * p
         return drag
 
     @property

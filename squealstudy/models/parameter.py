@@ -91,12 +91,12 @@ class ParameterTable:
     at: tuple[tuple[float, ...], ...]
     values: tuple[float, ...]
 
-    def value(self, given: Mapping[str, Any]) -> Any:
+    def value(self, values: Mapping[str, Any]) -> Any:
         """The parameter at values of what it follows, each a number or an array (count,).
 
         The last pieces go on beyond the ends.
         """
-        columns = np.broadcast_arrays(*(np.asarray(given[name], float) for name in self.over))
+        columns = np.broadcast_arrays(*(np.asarray(values[name], float) for name in self.over))
         count = columns[0].size
         entries = np.array(self.values).reshape([len(at) for at in self.at])
         entries = np.broadcast_to(entries[..., None], (*entries.shape, count))

@@ -20,14 +20,14 @@ REAL, COMPLEX = "f", "fc"  # kinds of dtypes
 
 
 def checked(
-    item: Any, name: str, problem: Problem, points: Sequence[Point], known: Collection[int]
+    item: Any, name: str, problem: Problem, points: Sequence[Point], answered: Collection[int]
 ) -> PointAnswer:
     """An item that the rung `name` yields for some points, its modes in order and under its name.
 
     Raises
     ------
     TypeError
-        What is none, or is of a point in `known`, which has been yielded already.
+        An item of another type, or for a point in `answered`: those have been yielded already.
     ValueError
         Modes with figures that no mode of the point has: these would stand in tables.
     """
@@ -36,7 +36,7 @@ def checked(
     index, outcome = item
     if not isinstance(index, int | np.integer) or not 0 <= index < len(points):
         raise TypeError(f"expected an index from 0 to {len(points) - 1}, yielded {index!r}")
-    if index in known:
+    if index in answered:
         raise TypeError(f"yielded point {index} twice")
     if isinstance(outcome, ConvergenceError):
         return int(index), outcome

@@ -95,23 +95,23 @@ def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarr
 def state_working_point(
     prepared: PreparedModel,
     state: DesignState,
-    known: np.ndarray | None = None,
+    known_gap: np.ndarray | None = None,
     near: np.ndarray | None = None,
 ) -> WorkingPoint:
     """Working point of a design, component changes taken exactly (Woodbury).
 
-    `known` gaps are taken as they are where they balance. Otherwise Newton starts from the
-    nominal gaps, never from a neighbour: results do not depend on the order of points. A curve of
-    designs, which has an order of its own, gives the gaps `near`. A uniform start is the fallback.
-    Raises ConvergenceError where that fails too, or where a law from outside contradicts itself
-    there.
+    Gaps `known_gap` that balance are taken as they are. Otherwise Newton's method starts from the
+    nominal gaps, never from a neighbour's: results do not depend on the order of points. Only along
+    a curve of designs, which has an order, does it start from the gaps `near`. Where it fails, it
+    starts once more from uniform gaps. Raises ConvergenceError where that fails too, or where a
+    registered law contradicts itself there.
     """
     omega = reduced_structure(prepared.model).frequencies
     changes = {
         shape_column(prepared.model, *key): dk for key, dk in state.stiffness_changes(omega).items()
     }
     space = prepared.space.changed(changes)
-    steady = None if known is None else known_working_point(space, state.operating, known)
+    steady = None if known_gap is None else known_working_point(space, state.operating, known_gap)
     if steady is None:
         try:
             steady = working_point(

@@ -143,7 +143,7 @@ def left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
     return vectors
 
 
-def growth_sensors(C: np.ndarray, lam: complex, left: np.ndarray) -> np.ndarray:
+def growth_sensors(C: np.ndarray, lam: complex, left_vector: np.ndarray) -> np.ndarray:
     """Sensor rows that see one complex mode alone.
 
     The projection xi(t) = y^H ((lambda + C) q + q') on the left vector y (M = I) of a linear
@@ -154,7 +154,7 @@ def growth_sensors(C: np.ndarray, lam: complex, left: np.ndarray) -> np.ndarray:
     C : ndarray (n, n)
     lam : complex
         Root, rad/s.
-    left : ndarray (n,) complex
+    left_vector : ndarray (n,) complex
         Left vector: y^H (lambda^2 + lambda C + K) = 0.
 
     Returns
@@ -163,7 +163,7 @@ def growth_sensors(C: np.ndarray, lam: complex, left: np.ndarray) -> np.ndarray:
         Real and imaginary part of y^H (for velocities), then of y^H (lambda + C) (displacements);
         `projection` puts them together.
     """
-    y = left.conj()
+    y = left_vector.conj()
     z = lam * y + y @ C
     return np.stack([y.real, y.imag, z.real, z.imag])
 
@@ -223,11 +223,17 @@ def coordinates(displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
 
 
 def _energies(
-    C: np.ndarray, omega2: np.ndarray, lam: np.ndarray, right: np.ndarray, left: np.ndarray
+    C: np.ndarray,
+    omega2: np.ndarray,
+    lam: np.ndarray,
+    right_vectors: np.ndarray,
+    left_vectors: np.ndarray,
 ) -> np.ndarray:
     """Mean energy of the motion 2 Re(a x exp(lambda t)) whose projection on y has modulus 1."""
-    product = np.einsum("ij,ij->j", left.conj(), 2 * lam * right + C @ right)
-    size = np.abs(right) ** 2
+    product = np.einsum(
+        "ij,ij->j", left_vectors.conj(), 2 * lam * right_vectors + C @ right_vectors
+    )
+    size = np.abs(right_vectors) ** 2
     energy = np.abs(lam) ** 2 * size.sum(axis=0) + omega2 @ size
     scaled: np.ndarray = energy / np.maximum(np.abs(product) ** 2, 1e-300)
     return scaled

@@ -33,7 +33,7 @@ STORAGE_LIMIT = 1e-3  # relative change of contact forces: what a step's imbalan
 
 
 def doubts(
-    motion: Motion, system: ModalSystem, settings: MotionSettings, found: Mapping[str, Any]
+    motion: Motion, system: ModalSystem, settings: MotionSettings, finding: Mapping[str, Any]
 ) -> dict[str, str]:
     """Rules that a run breaks, and what that may do to its levels.
 
@@ -43,18 +43,18 @@ def doubts(
     system : ModalSystem
     settings : MotionSettings
         By which it was integrated.
-    found : mapping
+    finding : mapping
         Columns of its row: stuck share of the contact, fitted and predicted growth.
     """
     limit, step = settings.integrator.drift_limit, settings.step
-    sticks = found.get("stick_share_max", 0.0)
+    sticks = finding.get("stick_share_max", 0.0)
     said = {
         "the step resolves stuck friction": _ringing(
             stick_number(system, motion.point, step) if sticks >= MIN_STICK_SHARE else 0.0,
             sticks,
             step,
         ),
-        "the step resolves the fastest mode": _coarse(found, step),
+        "the step resolves the fastest mode": _coarse(finding, step),
         ENERGY_RULE: _drifting(energy_drift(motion), step, limit),
         "the storage resolves contact pressures": _rounded(motion, system, settings),
     }
@@ -72,16 +72,16 @@ def _ringing(number: float, sticks: float, step: float) -> str:
     )
 
 
-def _coarse(found: Mapping[str, Any], step: float) -> str:
+def _coarse(finding: Mapping[str, Any], step: float) -> str:
     """A step that is long beside a period shifts what couples modes, and so their growth."""
-    hz, predicted = found["predicted_frequency_hz"], found["predicted_growth_rate"]
+    hz, predicted = finding["predicted_frequency_hz"], finding["predicted_growth_rate"]
     steps = 1.0 / (step * hz) if hz > 0 else np.inf
     if not steps < ENOUGH_STEPS_PER_PERIOD:
         return ""
-    apart, fitted = "", found.get("growth_rate", np.nan)
-    if found.get("growth_method") == LEFT_VECTOR:
-        unsure = found["growth_rate_high"] - found["growth_rate_low"]
-        step_part = found.get("growth_rate_step_error", np.nan)
+    apart, fitted = "", finding.get("growth_rate", np.nan)
+    if finding.get("growth_method") == LEFT_VECTOR:
+        unsure = finding["growth_rate_high"] - finding["growth_rate_low"]
+        step_part = finding.get("growth_rate_step_error", np.nan)
         unsure -= 2 * abs(step_part) if np.isfinite(step_part) else 0.0
         allowed = max(GROWTH_APART * abs(predicted), DAMPING_APART * 2 * np.pi * hz) + unsure
         if abs(fitted - predicted) > allowed:

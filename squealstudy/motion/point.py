@@ -109,13 +109,13 @@ def automatic_slope(
 
 
 def at_rest(
-    operating: OperatingPoint, own: np.ndarray, speed_factor: np.ndarray, p: np.ndarray
+    operating: OperatingPoint, own_friction: np.ndarray, speed_factor: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     """Static coefficients (nc,) at pressures p, of points with friction of their own among them."""
     values = (operating.friction, operating.curve.parameters)
-    slow = np.where(is_unmoved(own, speed_factor), 0.0, np.finfo(float).tiny)
-    mu: np.ndarray = own_mu(operating.curve.definition, values, own, slow, p)[0]
-    stuck = own_values(own, *values)[0]
+    slow = np.where(is_unmoved(own_friction, speed_factor), 0.0, np.finfo(float).tiny)
+    mu: np.ndarray = own_mu(operating.curve.definition, values, own_friction, slow, p)[0]
+    stuck = own_values(own_friction, *values)[0]
     return np.where(slow == 0.0, stuck, mu)
 
 

@@ -294,10 +294,10 @@ class MotionPoint:
             places[i] = begins[key]
         return np.concatenate(rows), places
 
-    def _own_law(self, own: np.ndarray, unmoved: bool) -> FrictionLaw:
+    def _own_law(self, own_friction: np.ndarray, unmoved: bool) -> FrictionLaw:
         """Friction of a point that has its own; of one without imposed sliding a constant."""
         law = self.friction
-        values = own_values(own, law.friction, law.curve.parameters)
+        values = own_values(own_friction, law.friction, law.curve.parameters)
         friction, *parameters = (float(number) for number in values)
         curve = FrictionCurve(law.curve.kind, tuple(parameters))
         if unmoved:

@@ -132,11 +132,11 @@ def sizeable(table: pd.DataFrame) -> np.ndarray:
 
 
 def _bars(
-    axes: Axes, own: pd.DataFrame, names: tuple[str, str, str], style: dict[str, Any], label: str
+    axes: Axes, modes: pd.DataFrame, names: tuple[str, str, str], style: dict[str, Any], label: str
 ) -> None:
-    fitted, low, high = (own[n].to_numpy(dtype=float) for n in names)
+    fitted, low, high = (modes[n].to_numpy(dtype=float) for n in names)
     axes.errorbar(
-        own["predicted"],
+        modes["predicted"],
         fitted,
         error_reach(fitted, low, high),
         linestyle="",

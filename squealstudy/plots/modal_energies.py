@@ -90,17 +90,19 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
     return figure
 
 
-def leading_modes(run: Run, known: list[int]) -> list[int]:
+def leading_modes(run: Run, mode_numbers: list[int]) -> list[int]:
     """The modes to name: those of a transfer, then by the larger of first and last share."""
-    score = pd.Series(0.0, index=known)
+    score = pd.Series(0.0, index=mode_numbers)
     if len(run.modes):
         shares = run.modes.set_index("mode")[["energy_share", "first_share"]].max(axis=1)
-        score = shares.reindex(known).fillna(0.0)
+        score = shares.reindex(mode_numbers).fillna(0.0)
     if not score.to_numpy().any():
-        score = pd.Series([np.nanmax(run.column(f"energy_mode_{m}")) for m in known], known)
+        score = pd.Series(
+            [np.nanmax(run.column(f"energy_mode_{m}")) for m in mode_numbers], mode_numbers
+        )
     transfer = [run.number(name) for name in ("transfer_from", "transfer_to")]
     involved = {int(mode) for mode in transfer if mode > 0}
-    order = sorted(known, key=lambda m: (m not in involved, -score[m], m))
+    order = sorted(mode_numbers, key=lambda m: (m not in involved, -score[m], m))
     return sorted(order[:MAX_COLOURED_MODES], key=lambda m: (-score[m], m))
 
 

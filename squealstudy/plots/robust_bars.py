@@ -139,11 +139,11 @@ def _doubt(row: Mapping[Hashable, Any] | pd.Series) -> str:
     return "~" if row["ambiguous"] else ""
 
 
-def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
+def _indices(axes: Axes, indices: pd.DataFrame, first: bool) -> None:
     """First and total index of each parameter with their intervals."""
-    place = np.arange(len(own))
+    place = np.arange(len(indices))
     for side, name, colour in ((-1, "first", COLOURS[5]), (1, "total", COLOURS[1])):
-        index, low, high = (own[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
+        index, low, high = (indices[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
         axes.barh(
             place + side * BAR_HEIGHT,
             index,
@@ -153,7 +153,7 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
             error_kw=ERROR_BARS,
             label=f"{name} index",
         )
-    row = own.iloc[0]
+    row = indices.iloc[0]
     named = row["quantity"] == "largest"
     title = (
         "fastest mode"
@@ -165,4 +165,4 @@ def _indices(axes: Axes, own: pd.DataFrame, first: bool) -> None:
     head(axes, f"Growth of {title}{note}")
     axes.axvline(0.0, color="0.3", linewidth=0.8)
     finish(axes, "Sobol index", "")
-    name_rows(axes, list(own["parameter"]) if first else [""] * len(own))
+    name_rows(axes, list(indices["parameter"]) if first else [""] * len(indices))

@@ -146,13 +146,15 @@ def _panel(
 
 def _knob_values(
     axes: Axes,
-    own: pd.DataFrame,
+    measurements: pd.DataFrame,
     cost: np.ndarray,
     error: np.ndarray,
     styles: Mapping[str, Mapping[str, Any]],
 ) -> None:
     """Beside the default's measurements and those on the front; more would hide each other."""
-    for text, name, x, y in zip(own["value"], own["method"], cost, error, strict=True):
+    for text, name, x, y in zip(
+        measurements["value"], measurements["method"], cost, error, strict=True
+    ):
         axes.annotate(
             text,
             (x, y),
@@ -163,10 +165,10 @@ def _knob_values(
         )
 
 
-def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
+def _bounds(axes: Axes, measurements: pd.DataFrame, quantity: str, colour: str) -> None:
     """Bars from the least to the largest error that the intervals allow, ticks at their chance."""
-    low, high = (own[f"{k}_{quantity}"].to_numpy(float) for k in ("low", "high"))
-    error, cost = own[f"error_{quantity}"].to_numpy(float), cost_of(own, quantity)
+    low, high = (measurements[f"{k}_{quantity}"].to_numpy(float) for k in ("low", "high"))
+    error, cost = measurements[f"error_{quantity}"].to_numpy(float), cost_of(measurements, quantity)
     wide = np.isfinite(low) & (high > low) & (error > 0)
     if wide.any():
         down = error[wide] - np.maximum(low[wide], 0.05 * error[wide])
@@ -179,8 +181,8 @@ def _bounds(axes: Axes, own: pd.DataFrame, quantity: str, colour: str) -> None:
             elinewidth=0.7,
             alpha=0.3,
         )
-    within = wide & own[f"within_{quantity}"].to_numpy(bool)
-    chance = own[f"chance_{quantity}"].to_numpy(float)
+    within = wide & measurements[f"within_{quantity}"].to_numpy(bool)
+    chance = measurements[f"chance_{quantity}"].to_numpy(float)
     axes.plot(cost[within], chance[within], "_", color=colour, ms=12, mew=1.6)
 
 

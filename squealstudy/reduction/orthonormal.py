@@ -83,16 +83,19 @@ def _gram(M: sp.spmatrix, X: np.ndarray) -> np.ndarray:
 
 
 def outside(
-    M: sp.spmatrix | np.ndarray, K: sp.spmatrix | np.ndarray, block: np.ndarray, own: np.ndarray
+    M: sp.spmatrix | np.ndarray,
+    K: sp.spmatrix | np.ndarray,
+    block: np.ndarray,
+    displacements: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Part of a component's displacements `own` outside the span of `block`.
+    """Part of a component's `displacements` outside the span of `block`.
 
     Returns directions (n, k), orthogonal in K and without those of round-off, and twice the elastic
     energy of each.
     """
     M_block = M @ block
-    largest = la.norm(own, axis=0).max(initial=0.0)
-    X = own - block @ (M_block.T @ own)
+    largest = la.norm(displacements, axis=0).max(initial=0.0)
+    X = displacements - block @ (M_block.T @ displacements)
     X = X - block @ (M_block.T @ X)
     energy, y = la.eigh(X.T @ (K @ X))
     X = X @ y

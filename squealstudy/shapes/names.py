@@ -199,9 +199,9 @@ def _over_radius(r: np.ndarray) -> np.ndarray:
     return values
 
 
-def _circles(one: np.ndarray, other: np.ndarray) -> int:
+def _circles(wave: np.ndarray, other_wave: np.ndarray) -> int:
     """Sign changes over the radius of the larger of two waves, by their coefficients."""
-    larger = one if np.linalg.norm(one) >= np.linalg.norm(other) else other
+    larger = wave if np.linalg.norm(wave) >= np.linalg.norm(other_wave) else other_wave
     values = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 41), larger)
     real = (values * np.exp(-0.5j * np.angle((values**2).sum()))).real
     significant = real[np.abs(real) > MIN_SIGNED_MOTION * np.abs(real).max(initial=0.0)]

@@ -145,11 +145,11 @@ def _middle(places: np.ndarray) -> np.ndarray:
     return middle
 
 
-def _mode(shape: Shape, kept: _SurfacePoints) -> dict[str, Any]:
+def _mode(shape: Shape, surface: _SurfacePoints) -> dict[str, Any]:
     """What the page holds of one mode."""
-    label, u = shape.label, kept.of(shape.displacement)
+    label, u = shape.label, surface.of(shape.displacement)
     low, high = density_range(shape)
-    density = kept.of(np.nan_to_num(shape.density) * PERCENT_PER_CM3, smooth=False)
+    density = surface.of(np.nan_to_num(shape.density) * PERCENT_PER_CM3, smooth=False)
     level = np.log10(np.maximum(density, low) / low) / COLOURED_DECADES
     growth = "" if label.motion else f", {shape.growth_rate:+.4g} 1/s"
     return {

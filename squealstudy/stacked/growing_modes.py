@@ -122,23 +122,29 @@ class _Watched:
 
     @staticmethod
     def made(
-        C: np.ndarray, omega2: np.ndarray, lam: np.ndarray, right: np.ndarray, left: np.ndarray
+        C: np.ndarray,
+        omega2: np.ndarray,
+        lam: np.ndarray,
+        right_vectors: np.ndarray,
+        left_vectors: np.ndarray,
     ) -> _Watched:
         """Of modes of design points with damping C (N, n, n)."""
         n = len(omega2)
-        y, root = left.conj(), lam[:, None]
+        y, root = left_vectors.conj(), lam[:, None]
         z = root * y + np.einsum("Ni,Nij->Nj", y, C)
         omega = np.sqrt(np.maximum(omega2, 0.0))
-        state = np.concatenate([omega * right, root * right], axis=1)
+        state = np.concatenate([omega * right_vectors, root * right_vectors], axis=1)
         u, s, _ = np.linalg.svd(np.stack([state.real, state.imag], axis=2), full_matrices=False)
         axes = u * (s > DEGENERATE_AXIS_RATIO * s[:, :1])[:, None, :]
-        product = np.einsum("Ni,Ni->N", y, 2 * root * right + np.einsum("Nij,Nj->Ni", C, right))
-        size = np.abs(right) ** 2
+        product = np.einsum(
+            "Ni,Ni->N", y, 2 * root * right_vectors + np.einsum("Nij,Nj->Ni", C, right_vectors)
+        )
+        size = np.abs(right_vectors) ** 2
         energy = np.abs(lam) ** 2 * size.sum(axis=1) + (size * omega2).sum(axis=1)
         return _Watched(
             lam=lam,
-            right=right,
-            left=left,
+            right=right_vectors,
+            left=left_vectors,
             seen=np.stack([y.real, y.imag, z.real, z.imag], axis=1),
             planes=np.concatenate(
                 [axes[:, n:].swapaxes(1, 2), (omega[:, None] * axes[:, :n]).swapaxes(1, 2)], axis=1

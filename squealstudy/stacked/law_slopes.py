@@ -62,20 +62,20 @@ def friction_slope(
     name: str,
     p: np.ndarray,
     speed_factor: np.ndarray,
-    own: np.ndarray = NO_OWN_FRICTION,
+    own_friction: np.ndarray = NO_OWN_FRICTION,
 ) -> np.ndarray:
     """Derivatives (3, m, c) of mu, dmu/ds and dmu/dp by the sliding speed, `friction` or a curve's.
 
-    At fixed pressures p (m, c) [Pa] of points with these factors (m or 1, c) of the speed, and
-    friction of their `own` (m or 1, c, k).
+    At fixed pressures p (m, c) [Pa] of points with these factors (m or 1, c) of the speed;
+    `own_friction` (m or 1, c, k) is that of points which do not follow the study's friction.
     """
     curve = operating.curve
     number = {SLIDING_SPEED.name: 0, FRICTION.name: 2}.get(name)
     if number is None:
         number = 3 + [parameter.name for parameter in curve.parameters].index(name)
     constant = curve.constant is not None and np.all(curve.constant(*operating.curve_values))
-    if has_own(own):
-        slopes = _own_slope(operating, number, p, speed_factor, own)
+    if has_own(own_friction):
+        slopes = _own_slope(operating, number, p, speed_factor, own_friction)
     elif constant and number in (0, 2):
         slopes = np.zeros((3, *p.shape))
         slopes[0] = 1.0 if number == 2 else 0.0
@@ -88,11 +88,11 @@ def friction_by_pressure(
     operating: StackedOperating,
     p: np.ndarray,
     speed_factor: np.ndarray,
-    own: np.ndarray = NO_OWN_FRICTION,
+    own_friction: np.ndarray = NO_OWN_FRICTION,
 ) -> np.ndarray:
     """The same by the pressure of each point itself."""
-    if has_own(own):
-        slopes = _own_slope(operating, 1, p, speed_factor, own)
+    if has_own(own_friction):
+        slopes = _own_slope(operating, 1, p, speed_factor, own_friction)
     else:
         slopes = _curve_slope(operating, 1, p, speed_factor)
     return _signed(operating, slopes, 1, p, speed_factor)
@@ -103,12 +103,12 @@ def _own_slope(
     number: int,
     p: np.ndarray,
     speed_factor: np.ndarray,
-    own: np.ndarray,
+    own_friction: np.ndarray,
 ) -> np.ndarray:
     """By one argument, of points of which some have friction of their own."""
     speeds = np.abs(operating.sliding_speed)[:, None] * speed_factor
     values = (operating.friction[:, None], operating.curve_values)
-    slopes = own_slopes(operating.curve, values, own, np.broadcast_to(speeds, p.shape), p)
+    slopes = own_slopes(operating.curve, values, own_friction, np.broadcast_to(speeds, p.shape), p)
     return slopes[number]
 
 

@@ -120,7 +120,7 @@ def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     return damping
 
 
-def quadratic(left: np.ndarray, weights: np.ndarray, right: np.ndarray) -> np.ndarray:
+def quadratic(L: np.ndarray, weights: np.ndarray, R: np.ndarray) -> np.ndarray:
     """left^T diag(weights) right (m, n, n)."""
-    product: np.ndarray = left.swapaxes(1, 2) @ (weights[:, :, None] * right)
+    product: np.ndarray = L.swapaxes(1, 2) @ (weights[:, :, None] * R)
     return product

@@ -160,20 +160,20 @@ class StackedOperating:
         return np.maximum(_mapped(self.law.gap_scale, p, *values), 1e-300)
 
     def rubbing(
-        self, p: np.ndarray, speed_factor: np.ndarray, own: np.ndarray = NO_OWN_FRICTION
+        self, p: np.ndarray, speed_factor: np.ndarray, own_friction: np.ndarray = NO_OWN_FRICTION
     ) -> StackedFriction:
         """Friction at contact pressures p (m, c) of points with these factors (m or 1, c).
 
-        Some may have friction of their `own` (m or 1, c, k).
+        `own_friction` (m or 1, c, k) is that of points which do not follow the study's friction.
         """
         curve, values = self.curve, self.curve_values
         mu = np.broadcast_to(self.friction[:, None], p.shape)
         nothing = np.zeros(p.shape)
         friction = StackedFriction(mu, nothing, nothing)
-        if has_own(own):
+        if has_own(own_friction):
             speeds = np.abs(self.sliding_speed)[:, None] * speed_factor
             of_study = (self.friction[:, None], values)
-            mus = own_mu(curve, of_study, own, speeds, p)
+            mus = own_mu(curve, of_study, own_friction, speeds, p)
             friction = StackedFriction(*(np.broadcast_to(x, p.shape) for x in mus))
         elif curve.constant is None or not np.all(curve.constant(*values)):
             speeds = np.abs(self.sliding_speed)[:, None] * speed_factor
@@ -186,7 +186,7 @@ class StackedOperating:
             friction = StackedFriction(*(np.where(pulling, 0.0, part) for part in parts))
         sign = np.copysign(1.0, self.sliding_speed)[:, None]
         if (sign < 0).any():
-            if has_own(own):
+            if has_own(own_friction):
                 sign = np.where(speed_factor == 0.0, 1.0, sign)
             return StackedFriction(
                 sign * friction.mu, friction.by_speed, sign * friction.by_pressure

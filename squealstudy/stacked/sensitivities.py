@@ -259,13 +259,13 @@ class _SensitivityBatch:
         whole: StackedSystem,
         names: tuple[str, ...],
         rows: np.ndarray,
-        left: np.ndarray,
+        is_left: np.ndarray,
     ) -> StackedSensitivities:
         """What was found, of those that are not left; `rows` are its design points in `whole`."""
         modes, shape = self._modes, (len(self._modes.owner), len(names))
         is_served = ~self._left[modes.owner]
-        left = left.copy()
-        left[rows[self._left]] = True
+        is_left = is_left.copy()
+        is_left[rows[self._left]] = True
 
         def table(name: str) -> np.ndarray:
             columns = self._columns[name]
@@ -280,7 +280,7 @@ class _SensitivityBatch:
         return StackedSensitivities(
             names=names,
             system=whole,
-            left=left,
+            left=is_left,
             owner=owner,
             lam=modes.lam[is_served, 0] if shape[0] else np.zeros(0, dtype=complex),
             condition=modes.condition[is_served] if shape[0] else np.zeros(0),

@@ -111,8 +111,8 @@ class StructureSlopes:
             good &= same.all(axis=1)
         width = high - low
 
-        def slope(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-            quotient: np.ndarray = (one - two) / width.reshape(-1, *[1] * (one.ndim - 1))
+        def slope(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+            quotient: np.ndarray = (upper - lower) / width.reshape(-1, *[1] * (upper.ndim - 1))
             return quotient
 
         phi = system.structures.phi
@@ -216,9 +216,9 @@ def _changed_modes(assembly: StackedAssembly, system: StackedSystem) -> _Changed
 
 
 def _same_modes(
-    assembly: StackedAssembly, one: np.ndarray, other: np.ndarray, named: list[int]
+    assembly: StackedAssembly, lower: np.ndarray, upper: np.ndarray, named: list[int]
 ) -> np.ndarray:
     """Where (m or 1,) the changed component modes are themselves on both ends of a step."""
-    products = np.einsum("mik,mij,mjk->mk", one, assembly.M, other)
+    products = np.einsum("mik,mij,mjk->mk", lower, assembly.M, upper)
     same: np.ndarray = (np.abs(products[:, named]) >= SAME_MODE).all(axis=1)
     return same

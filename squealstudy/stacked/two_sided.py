@@ -139,10 +139,10 @@ def families(
     return StackedFamilies(owner, near, right, left_vectors, norm, there, is_served, residual)
 
 
-def _nearest_first(lam: np.ndarray, own: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _nearest_first(lam: np.ndarray, roots: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Order (N, 2n) of roots by their distance to a shift beside each mode, which comes first."""
-    distance = np.abs(lam - (own * (1.0 + OFFSET))[:, None])
-    distance[np.arange(len(own)), place] = -1.0
+    distance = np.abs(lam - (roots * (1.0 + OFFSET))[:, None])
+    distance[np.arange(len(roots)), place] = -1.0
     return np.argsort(distance, axis=1, kind="stable")
 
 

@@ -176,13 +176,13 @@ def _expression(term: TermSection, index: int, source: SourceText) -> Expression
 
 
 def _nominal(
-    expressions: list[Expression], given: Mapping[str, float], source: SourceText
+    expressions: list[Expression], values: Mapping[str, float], source: SourceText
 ) -> dict[str, float]:
     """Value of every name in the coefficients, and nothing else."""
     names = {name: i for i, e in reversed(list(enumerate(expressions))) for name in e.names}
-    unused = [name for name in given if name not in names]
+    unused = [name for name in values if name not in names]
     for name, index in sorted(names.items(), key=lambda item: item[1]):
-        if name not in given:
+        if name not in values:
             hint = did_you_mean(name, unused) or f"; give {name} = ... there"
             raise source.error(
                 ("model", "term", index, "coefficient"),
@@ -193,7 +193,7 @@ def _nominal(
         listed = f"; they use {', '.join(names)}" if names else "; they use no parameter"
         message = f"'{name}' is {what}{did_you_mean(name, names) or listed}"
         raise source.error(("parameters", name), message)
-    return {name: float(given[name]) for name in sorted(names)}
+    return {name: float(values[name]) for name in sorted(names)}
 
 
 def _absent(term: TermSource, index: int, source: SourceText) -> StudyFileError:

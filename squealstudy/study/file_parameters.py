@@ -97,20 +97,20 @@ def _changed(
         raise source.error((*keys, "default"), error.message) from None
 
 
-def _size(unit: str, own: str, source: SourceText, keys: KeyPath) -> float:
-    """Size of a unit in that of a parameter, `own`; StudyFileError for one of something else."""
-    if unit == own:  # some are known to no table of units, such as Pa/m^n
+def _size(unit: str, parameter_unit: str, source: SourceText, keys: KeyPath) -> float:
+    """Factor from a unit to `parameter_unit`; StudyFileError where the dimensions differ."""
+    if unit == parameter_unit:  # some are known to no table of units, such as Pa/m^n
         return 1.0
     with contextlib.suppress(KeyError):
-        written, target = Unit.named(unit), Unit.named(own or "1")
+        written, target = Unit.named(unit), Unit.named(parameter_unit or "1")
         if written.powers == target.powers:
             return float(written.size / target.size)
-    expected = f"a unit like '{own}'" if own else "no unit"
+    expected = f"a unit like '{parameter_unit}'" if parameter_unit else "no unit"
     raise source.error((*keys, "unit"), f"expected {expected}, got '{unit}'")
 
 
 def _default(
-    table: ParameterTable, factor: float, own: str, source: SourceText, keys: KeyPath
+    table: ParameterTable, factor: float, parameter_unit: str, source: SourceText, keys: KeyPath
 ) -> float:
     """The default in a parameter's own unit, of a bare number by the factor of its unit."""
     if not isinstance(table.default, str):
@@ -119,7 +119,7 @@ def _default(
     if table.unit is not None:
         raise source.error((*keys, "unit"), f"the default has its own unit: '{table.default}'")
     try:
-        return in_unit_of(table.default, own)
+        return in_unit_of(table.default, parameter_unit)
     except ValueError as error:
         raise source.error((*keys, "default"), f"{keys[-1]} {error}") from None
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # scipy and scikit-fem stay out of what computes nothing
 
 
 def measured_values(
-    model: ModelDefinition, cutoff_hz: float, given: Iterable[StudyParameter]
+    model: ModelDefinition, cutoff_hz: float, parameters: Iterable[StudyParameter]
 ) -> dict[str, float]:
     """Factors on frequencies and damping ratios of component modes that were measured.
 
@@ -32,7 +32,7 @@ def measured_values(
     model : ModelDefinition
     cutoff_hz : float
         Up to which a reduction holds component modes.
-    given : iterable of StudyParameter
+    parameters : iterable of StudyParameter
         What the study sets and sweeps.
 
     Raises
@@ -46,7 +46,7 @@ def measured_values(
         return {}
     given_names = {
         (p.component, mode, p.quantity)
-        for p in given
+        for p in parameters
         if isinstance(p, ModeParameter)
         for mode in p.modes
     }

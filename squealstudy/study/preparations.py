@@ -46,9 +46,9 @@ class _Preparations:
     """Texts of a model file at numbers of a study; what varies is told by its parameter's name."""
 
     def __init__(
-        self, file: ModelFile, given: Mapping[KeyPath, float], owners: Mapping[KeyPath, str]
+        self, file: ModelFile, overrides: Mapping[KeyPath, float], owners: Mapping[KeyPath, str]
     ) -> None:
-        self._file, self._owners, self._numbers = file, owners, Numbers(file, given)
+        self._file, self._owners, self._numbers = file, owners, Numbers(file, overrides)
         self._megapascal = STRESS.factor(file.units) / 1e6
 
     def _amount(self, *keys: str | int, unit: str = "") -> str:

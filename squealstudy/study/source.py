@@ -246,12 +246,12 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
     return f"expected {expected}, got {shown(written)}{hint}"
 
 
-def _too_few(kind: type[BaseModel], loc: KeyPath, found: object) -> str:
+def _too_few(kind: type[BaseModel], loc: KeyPath, entry: object) -> str:
     """Of a list of fixed length whose value of a number, the last of `loc`, is not there."""
     section = _section(kind, loc[:-2]) or kind
     parts = list(_annotation_parts(section.model_fields[str(loc[-2])].annotation))
     count = next(len(get_args(p)) for p in parts if get_origin(p) is tuple)
-    return f"expected {count} values, got {len(found) if isinstance(found, Sized) else loc[-1]}"
+    return f"expected {count} values, got {len(entry) if isinstance(entry, Sized) else loc[-1]}"
 
 
 def _missing(kind: type[BaseModel], loc: KeyPath) -> str:

@@ -51,7 +51,7 @@ _stored_stresses: dict[tuple[Any, ...], StressStiffness] = {}
 
 
 def with_stresses(
-    assembly: Assembly, brake: Brake, operating: OperatingPoint, given: Mapping[KeyPath, float]
+    assembly: Assembly, brake: Brake, operating: OperatingPoint, overrides: Mapping[KeyPath, float]
 ) -> Assembly:
     """An assembly of a brake with the stiffness of its stresses, of meshed components.
 
@@ -61,7 +61,7 @@ def with_stresses(
     brake : Brake
     operating : OperatingPoint
         Whose steady sliding has the stresses.
-    given : mapping of key -> float
+    overrides : mapping of key -> float
         Numbers of the file that have other values in the assembly.
 
     Raises
@@ -71,13 +71,13 @@ def with_stresses(
     """
     from squealstudy.reduction.stress_stiffening import stress_stiffness_of
 
-    key = (brake, operating, tuple(sorted(given.items(), key=str)))
+    key = (brake, operating, tuple(sorted(overrides.items(), key=str)))
     if key not in _stored_stresses:
         from squealstudy.models.components.geometry import geometry_at  # of meshes alone
 
         meshes = {
-            name: changed_mesh(body, own_numbers(name, given))
-            for name, body in geometry_at(brake, given).bodies.items()
+            name: changed_mesh(body, own_numbers(name, overrides))
+            for name, body in geometry_at(brake, overrides).bodies.items()
             if body.matrices is None
         }
         if len(_stored_stresses) >= ASSEMBLY_CACHE_SIZE:
@@ -87,7 +87,7 @@ def with_stresses(
 
 
 def with_worn_gaps(
-    assembly: Assembly, file: ModelFile, law: ContactLaw, given: Mapping[KeyPath, float]
+    assembly: Assembly, file: ModelFile, law: ContactLaw, overrides: Mapping[KeyPath, float]
 ) -> Assembly:
     """An assembly whose contact has worn as ``[wear]`` of its file says; itself without that.
 
@@ -97,7 +97,7 @@ def with_worn_gaps(
     file : ModelFile
     law : ContactLaw
         Of the contact while it wore.
-    given : mapping of key -> float
+    overrides : mapping of key -> float
         Numbers of the file that have other values, SI.
 
     Raises
@@ -109,7 +109,7 @@ def with_worn_gaps(
         return assembly
     from squealstudy.reduction.wear import Wear, worn_depth
 
-    numbers = Numbers(file, given)
+    numbers = Numbers(file, overrides)
     pressure = file.wear.pressure * STRESS.factor(file.units)
     operating = OperatingPoint(file.wear.friction, pressure, 1.0, law)
     wear = Wear(operating, numbers.at(WEAR, "distance"), numbers.at(WEAR, "rate"))

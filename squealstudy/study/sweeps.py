@@ -183,18 +183,18 @@ class _SweepReader:
         if self.design.type == BOUNDARY and self.section.num == 1:
             raise self._error("num", "expected at least 2 in a boundary design, got 1")
 
-    def _check_random_keys(self, given: set[str]) -> None:
+    def _check_random_keys(self, keys: set[str]) -> None:
         """The numbers of the distribution, all of them and no others."""
         kind, name = self.design.type, self.section.distribution
-        if "values" in given:
+        if "values" in keys:
             raise self._error("values", f"a {kind} design samples a range: give start and stop")
-        if "num" in given:
+        if "num" in keys:
             raise self._error("num", "'samples' in [design] counts the points of a random design")
         needed = KEYS[name]
         self._check_present(needed, " and ".join(needed))
         allowed = {"parameter", "distribution", *needed, *(["scale"] if name == UNIFORM else [])}
         for key in SweepSection.model_fields:
-            if key in given and key not in allowed:
+            if key in keys and key not in allowed:
                 hint = "; truncated_normal has ends" if key in ("start", "stop") else ""
                 raise self._error(
                     key, f"a {name} distribution has {' and '.join(needed)}, not '{key}'{hint}"

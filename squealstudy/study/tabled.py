@@ -140,30 +140,30 @@ def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText)
     return parameter.parameter
 
 
-def _knots(parameter: Parameter, given: Any, keys: KeyPath, source: SourceText) -> list[float]:
+def _knots(parameter: Parameter, entries: Any, keys: KeyPath, source: SourceText) -> list[float]:
     """Ascending values of the parameter that a table is over."""
     here = (*keys, parameter.name)
-    if not isinstance(given, list) or len(given) < MIN_KNOTS:
-        text = f"expected a list of {MIN_KNOTS} or more values, got {shown(given)}"
+    if not isinstance(entries, list) or len(entries) < MIN_KNOTS:
+        text = f"expected a list of {MIN_KNOTS} or more values, got {shown(entries)}"
         raise source.error(here, text)
-    knots = [_number(parameter, number, (*here, k), source) for k, number in enumerate(given)]
+    knots = [_number(parameter, number, (*here, k), source) for k, number in enumerate(entries)]
     if any(b <= a for a, b in pairwise(knots)):
         raise source.error(here, f"expected values of {parameter.name} that ascend")
     return knots
 
 
 def _numbers(
-    parameter: Parameter, given: Any, keys: KeyPath, shape: Sequence[int], source: SourceText
+    parameter: Parameter, entries: Any, keys: KeyPath, shape: Sequence[int], source: SourceText
 ) -> Iterator[float]:
     """Values of a table in the order of its first key, then of its second."""
     if not shape:
-        yield _number(parameter, given, keys, source)
+        yield _number(parameter, entries, keys, source)
         return
-    if not isinstance(given, list) or len(given) != shape[0]:
+    if not isinstance(entries, list) or len(entries) != shape[0]:
         size = " lists of ".join(map(str, shape))
-        got = f"{len(given)}" if isinstance(given, list) else shown(given)
+        got = f"{len(entries)}" if isinstance(entries, list) else shown(entries)
         raise source.error(keys, f"expected {size} values of {parameter.name}, got {got}")
-    for k, entry in enumerate(given):
+    for k, entry in enumerate(entries):
         yield from _numbers(parameter, entry, (*keys, k), shape[1:], source)
 
 
@@ -180,16 +180,16 @@ def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText)
 
 
 def expect_values(
-    tables: Iterable[ParameterTable], given: Mapping[str, float], source: SourceText
+    tables: Iterable[ParameterTable], values: Mapping[str, float], source: SourceText
 ) -> None:
     """StudyFileError where a parameter that a table is over has no value, or one beyond it."""
     for table in tables:
         for name, at in zip(table.over, table.at, strict=True):
             keys = (SECTION, name)
-            if math.isnan(given[name]):
+            if math.isnan(values[name]):
                 text = f"expected a value of {name} in [parameters]: {table.name} follows it"
                 raise source.error((SECTION,), text)
-            _expect_within(table, at, (given[name],), keys, source)
+            _expect_within(table, at, (values[name],), keys, source)
 
 
 def expect_sweeps(

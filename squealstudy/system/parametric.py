@@ -206,14 +206,14 @@ class ParametricSystem:
 
     def apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns) -> np.ndarray:
         """Q(lam_j) x_j for every column (n, m)."""
-        return self._sum(weights, [lam**order for order in range(3)], columns(X), left=False)
+        return self._sum(weights, [lam**order for order in range(3)], columns(X), adjoint=False)
 
     def apply_adjoint(
         self, weights: Weights, lam: np.ndarray, Y: np.ndarray | Columns
     ) -> np.ndarray:
         """Q(lam_j)^H y_j for every column (n, m)."""
         return self._sum(
-            weights, [lam.conj() ** order for order in range(3)], columns(Y), left=True
+            weights, [lam.conj() ** order for order in range(3)], columns(Y), adjoint=True
         )
 
     def slopes(
@@ -279,7 +279,7 @@ class ParametricSystem:
             raise ModelError(f"{len(weights)} weights for {len(self.terms)} terms")
 
     def _sum(
-        self, weights: Weights, factors: Sequence[np.ndarray], X: Columns, left: bool
+        self, weights: Weights, factors: Sequence[np.ndarray], X: Columns, adjoint: bool
     ) -> np.ndarray:
         """Sum of the terms at X, or of their adjoints, each times the factor (m,) of its order.
 
@@ -293,9 +293,9 @@ class ParametricSystem:
                 continue
             factor = factors[term.order]
             if term.dense:
-                total += product(w.T if left else w, X.values) * factor
+                total += product(w.T if adjoint else w, X.values) * factor
                 continue
-            near, back = (term.left, term.right) if left else (term.right, term.left)
+            near, back = (term.left, term.right) if adjoint else (term.right, term.left)
             part = _scaled(w, X.through(near)) * factor
             if back is None:
                 total += part

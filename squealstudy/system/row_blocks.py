@@ -98,9 +98,9 @@ class BlockRows(NamedTuple):
                     total[there, across] += part[own, other]
 
 
-def weighted(left: np.ndarray, w: np.ndarray, right: np.ndarray) -> np.ndarray:
+def weighted(L: np.ndarray, w: np.ndarray, R: np.ndarray) -> np.ndarray:
     """L^T diag(w) R of dense matrices (m, n) and weights (m,)."""
-    if left is right and (w >= 0).all():
-        half = np.sqrt(w)[:, None] * right
+    if L is R and (w >= 0).all():
+        half = np.sqrt(w)[:, None] * R
         return half.T @ half  # half the work: BLAS sees that this is symmetric
-    return left.T @ (w[:, None] * right)
+    return L.T @ (w[:, None] * R)

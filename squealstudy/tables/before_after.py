@@ -163,17 +163,20 @@ def _roots(rows: pd.DataFrame, place: np.ndarray, count: int) -> np.ndarray:
     return roots
 
 
-def _distances(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+def _distances(roots: np.ndarray, other_roots: np.ndarray) -> np.ndarray:
     """Relative distance (n, m) of frequencies, of roots (n, k) and others (m, k), over k points.
 
     The mean of points where both grow, or, without any, where one does: a mode that will grow may
     be either of two before they lock in. Infinite where there is no such point.
     """
-    one, two = one[:, None], two[None]
-    each = np.abs(np.abs(two) / np.abs(one) - 1.0)
+    roots, other_roots = roots[:, None], other_roots[None]
+    each = np.abs(np.abs(other_roots) / np.abs(roots) - 1.0)
     both, either = (
         np.isfinite(each) & of
-        for of in ((one.real > 0) & (two.real > 0), (one.real > 0) | (two.real > 0))
+        for of in (
+            (roots.real > 0) & (other_roots.real > 0),
+            (roots.real > 0) | (other_roots.real > 0),
+        )
     )
     is_compared = np.where(both.any(axis=-1, keepdims=True), both, either)
     count = is_compared.sum(axis=-1)

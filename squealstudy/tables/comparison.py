@@ -118,7 +118,7 @@ def compare(
 
 
 def _vibration(
-    run: pd.Series, own: pd.DataFrame, instabilities: Sequence[Mapping[str, object]]
+    run: pd.Series, followed: pd.DataFrame, instabilities: Sequence[Mapping[str, object]]
 ) -> list[dict[str, object]]:
     """A row for a run whose motion no predicted instability explains, or none."""
     explained = any(row.get("expressed") is True for row in instabilities)
@@ -127,7 +127,7 @@ def _vibration(
     if not (unexplained or unforeseen):
         return []
     outside = sum(int(run.get(f"n_unstable_{side}", 0)) for side in ("above", "below"))
-    all_followed = int(run["n_unstable"]) + outside <= len(own)
+    all_followed = int(run["n_unstable"]) + outside <= len(followed)
     return [{"kind": VIBRATION if all_followed else UNFOLLOWED, "track": 0}]
 
 
@@ -188,21 +188,21 @@ def _nominal_text(
     return f"; what only one of them has must be {listed}" if alone else ""
 
 
-def _instabilities(predicted: pd.DataFrame, own: pd.DataFrame) -> Iterator[dict[str, object]]:
+def _instabilities(predicted: pd.DataFrame, followed: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Rows of one design point: the frequency study's by growth, then those of time alone."""
     predicted = predicted.sort_values("growth_rate", ascending=False, kind="stable")
     predicted_hz = (
         predicted["frequency_hz"].mask(predicted["track"] == OVERDAMPED_GROUP).to_numpy(dtype=float)
     )
-    partner = _partners(predicted_hz, own["frequency_hz"].to_numpy(dtype=float))
+    partner = _partners(predicted_hz, followed["frequency_hz"].to_numpy(dtype=float))
     for row, match in zip(predicted.to_dict("records"), partner, strict=True):
         columns = {n: row[n] for n in ("track", "frequency_hz", "growth_rate")}
         if match < 0:
             yield {"kind": FREQUENCY} | columns
             continue
-        yield {"kind": BOTH} | columns | _in_time(own.iloc[match])
-    for k in np.setdiff1d(np.arange(len(own)), partner):
-        yield {"kind": TIME, "track": 0} | _in_time(own.iloc[k])
+        yield {"kind": BOTH} | columns | _in_time(followed.iloc[match])
+    for k in np.setdiff1d(np.arange(len(followed)), partner):
+        yield {"kind": TIME, "track": 0} | _in_time(followed.iloc[k])
 
 
 def _in_time(row: pd.Series) -> dict[str, object]:

@@ -135,7 +135,7 @@ class Condition:
         )
 
 
-def conditions(text: str, known: Collection[str]) -> list[Condition]:
+def conditions(text: str, column_names: Collection[str]) -> list[Condition]:
     """The conditions that ``and`` joins at the outermost level of a text.
 
     Parameters
@@ -143,7 +143,7 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
     text : str
         Of columns, numbers, ``+ - * / // % **``, ``< <= > >= == !=``, ``and or not in`` (also
         ``& | ~``), brackets and a few functions. Columns with dots and such may stand in backticks.
-    known : collection of str
+    column_names : collection of str
         Columns that there are.
 
     Raises
@@ -166,7 +166,7 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
         marked[mark := MARK.format(len(marked))] = word.strip("`")
         return mark
 
-    odd = [c for c in map(str, known) if not c.isidentifier() or iskeyword(c)]
+    odd = [c for c in map(str, column_names) if not c.isidentifier() or iskeyword(c)]
     names = [rf"(?<![\w.]){re.escape(c)}(?!\w)" for c in sorted(odd, key=len, reverse=True)]
     plain = re.sub("|".join([_QUOTED, *names, "[&|]"]), replaced, text)
     try:
@@ -175,8 +175,8 @@ def conditions(text: str, known: Collection[str]) -> list[Condition]:
         columns = set().union(*(condition.columns for condition in parsed))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise _unusable(text, getattr(error, "msg", None) or "nested too deeply") from None
-    if unknown := [*_dotted(tree, marked), *sorted(columns - set(known))]:
-        names = list(dict.fromkeys(map(str, known)))
+    if unknown := [*_dotted(tree, marked), *sorted(columns - set(column_names))]:
+        names = list(dict.fromkeys(map(str, column_names)))
         hint = did_you_mean(unknown[0], names) or f", expected {', '.join(names)}"
         raise ResultsError(
             f"query '{_shortened(text)}' names the unknown column '{_shortened(unknown[0])}'{hint}"
@@ -202,23 +202,27 @@ def _conjuncts(tree: ast.expr) -> list[ast.expr]:
     return [tree]
 
 
-def _compared(left: Any, op: ast.cmpop, right: Any) -> Any:
+def _compared(left_operand: Any, op: ast.cmpop, right_operand: Any) -> Any:
     """A comparison of what can be compared: numbers with numbers, text with text."""
     if isinstance(op, ast.In | ast.NotIn):
-        if not isinstance(left, pd.Series) or not isinstance(right, list):
+        if not isinstance(left_operand, pd.Series) or not isinstance(right_operand, list):
             raise TypeError("expected a column before 'in' and a list in brackets after it")
-        if any(_is_text(left) != _is_text(member) for member in right):
+        if any(_is_text(left_operand) != _is_text(member) for member in right_operand):
             raise TypeError(UNLIKE)
-        satisfied = left.isin(right).astype("boolean").mask(left.isna())
+        satisfied = left_operand.isin(right_operand).astype("boolean").mask(left_operand.isna())
         return satisfied if isinstance(op, ast.In) else ~satisfied
-    if type(op) not in OPERATORS or isinstance(left, list) or isinstance(right, list):
+    if (
+        type(op) not in OPERATORS
+        or isinstance(left_operand, list)
+        or isinstance(right_operand, list)
+    ):
         raise TypeError("a list stands after 'in' alone")
-    if _is_text(left) != _is_text(right):
+    if _is_text(left_operand) != _is_text(right_operand):
         raise TypeError(UNLIKE)
-    satisfied = OPERATORS[type(op)](left, right)
+    satisfied = OPERATORS[type(op)](left_operand, right_operand)
     if not isinstance(satisfied, pd.Series):
         return satisfied
-    return satisfied.astype("boolean").mask(pd.isna(left) | pd.isna(right))
+    return satisfied.astype("boolean").mask(pd.isna(left_operand) | pd.isna(right_operand))
 
 
 def _number(value: Any) -> Any:

@@ -70,13 +70,13 @@ class Miscount(NamedTuple):
 
 
 def root_errors(
-    found: Mapping[str, Any], truth: Mapping[str, Any]
+    finding: Mapping[str, Any], truth: Mapping[str, Any]
 ) -> tuple[list[FoundError], Miscount]:
     """Errors of the light modes of a design point; of the unstable ones under names of their own.
 
     Modes are paired by their distance in the complex plane, one to one.
     """
-    lam, ref = _roots(found), _roots(truth)
+    lam, ref = _roots(finding), _roots(truth)
     # the unstable ones too, however fast they grow
     light = ref[ref.real > -LIGHT_DAMPING * np.abs(ref)]
     partner = partners(np.abs(light[:, None] - lam) / np.abs(light)[:, None], MAX_PAIR_REL_DISTANCE)
@@ -128,7 +128,7 @@ def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]
 
 
 def onset_errors(
-    found: Mapping[str, Any], truth: Mapping[str, Any]
+    finding: Mapping[str, Any], truth: Mapping[str, Any]
 ) -> tuple[list[FoundError], Miscount]:
     """Relative error of the onset of instability; nothing where none was sought.
 
@@ -136,7 +136,7 @@ def onset_errors(
     """
     if "onset" not in truth:
         return [], Miscount(0, 0)
-    onset, ref = found["onset"], truth["onset"]
+    onset, ref = finding["onset"], truth["onset"]
     if onset[0] is None or ref[0] is None:
         return [], Miscount(int(ref[0] is not None), int(onset[0] is not None))
     error = _interval_error("onset", onset, ref, ONSET_SCALE_OVER_RANGE * truth["onset_range"])
@@ -144,7 +144,7 @@ def onset_errors(
 
 
 def run_errors(
-    found: Mapping[str, Any], truth: Mapping[str, Any]
+    finding: Mapping[str, Any], truth: Mapping[str, Any]
 ) -> tuple[list[FoundError], Miscount]:
     """Errors of a run; a run that squeals where the reference does not, or conversely, counts.
 
@@ -156,17 +156,17 @@ def run_errors(
         GROWTH_SCALE_PER_S, GROWTH_SCALE_OVER_OMEGA * 2 * np.pi * truth["predicted_frequency_hz"]
     )
     scales = {"growth_rate": slow, "torque_rms": level, "torque_mean": level}
-    loud, loud_ref = (_upper(f, "torque_rms") > level for f in (found, truth))
+    loud, loud_ref = (_upper(f, "torque_rms") > level for f in (finding, truth))
     left_out: tuple[str, ...] = () if loud and loud_ref else ("dominant_frequency",)
     left_out += () if truth["class"] in COMPARED else ("torque_rms",)
     errors = []
     for name, numbers in truth["values"].items():
         if name in left_out:
             continue
-        error = _interval_error(name, found["values"][name], numbers, scales.get(name, 0.0))
+        error = _interval_error(name, finding["values"][name], numbers, scales.get(name, 0.0))
         errors += [error] if error is not None else []
     if loud and loud_ref and truth["class"] in COMPARED:
-        errors += _share_errors(found["energy_share"], truth["energy_share"])
+        errors += _share_errors(finding["energy_share"], truth["energy_share"])
     return errors, Miscount(int(loud_ref and not loud), int(loud and not loud_ref))
 
 
@@ -176,16 +176,16 @@ def _upper(finding: Mapping[str, Any], name: str) -> float:
 
 
 def _interval_error(
-    name: str, found: list[float | None], truth: list[float | None], scale: float
+    name: str, interval: list[float | None], reference: list[float | None], scale: float
 ) -> FoundError | None:
     """Relative error of a value, all of it where only the truth is known; None without one."""
-    if truth[0] is None:
+    if reference[0] is None:
         return None
-    if found[0] is None:
-        return _plain(name, 0, np.nan, truth[0], 1.0)
-    measured, ref = found[0], truth[0]
-    low, high = (measured if x is None else x for x in found[1:])
-    ref_low, ref_high = (ref if x is None else x for x in truth[1:])
+    if interval[0] is None:
+        return _plain(name, 0, np.nan, reference[0], 1.0)
+    measured, ref = interval[0], reference[0]
+    low, high = (measured if x is None else x for x in interval[1:])
+    ref_low, ref_high = (ref if x is None else x for x in reference[1:])
     size = max(abs(ref), scale)
     size = size if size > 0 else 1.0
     nearest = max(0.0, low - ref_high, ref_low - high) / size
@@ -203,9 +203,12 @@ def _interval_error(
     )
 
 
-def _share_errors(found: Mapping[str, float], truth: Mapping[str, float]) -> list[FoundError]:
+def _share_errors(shares: Mapping[str, float], reference: Mapping[str, float]) -> list[FoundError]:
     """Differences of energy shares of all modes that either hears."""
-    pairs = [(k, found.get(k, 0.0), truth.get(k, 0.0)) for k in sorted({*found, *truth}, key=int)]
+    pairs = [
+        (k, shares.get(k, 0.0), reference.get(k, 0.0))
+        for k in sorted({*shares, *reference}, key=int)
+    ]
     return [_plain("energy_share", int(k), share, ref, abs(share - ref)) for k, share, ref in pairs]
 
 

@@ -94,12 +94,12 @@ def growth_columns(
     everywhere = np.ones(n, dtype=bool)  # a solved point without such a root has none
 
     def column(
-        number: int, own: np.ndarray, of: np.ndarray, absent: np.ndarray, fastest_hz: float
+        number: int, members: np.ndarray, of: np.ndarray, absent: np.ndarray, fastest_hz: float
     ) -> GrowthColumn:
         marks = unstable, unstable & ~uncertain, unstable | uncertain
         at = [np.bincount(code[of & mark], minlength=n) > 0 for mark in marks]
         largest = np.full(n, -np.inf)
-        np.maximum.at(largest, code[own], growth[own])
+        np.maximum.at(largest, code[members], growth[members])
         present = np.isfinite(largest)
         shown = np.where(present, largest, np.nan)
         return GrowthColumn(

@@ -219,10 +219,10 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
     return f" The first onset is earliest {texts[0]} and latest {texts[1]}."
 
 
-def _same_onset(one: float, two: float) -> bool:
+def _same_onset(onset: float, other: float) -> bool:
     """Whether two values, infinite ones too, are not told apart."""
-    near = np.isfinite([one, two]).all() and abs(one - two) <= ALIKE_ONSETS * abs(two)
-    return bool(one == two or near)
+    near = np.isfinite([onset, other]).all() and abs(onset - other) <= ALIKE_ONSETS * abs(other)
+    return bool(onset == other or near)
 
 
 def _first_value(line: DesignLine) -> float:

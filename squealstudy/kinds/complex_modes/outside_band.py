@@ -107,7 +107,7 @@ def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Out
         for row in chosen_points(plan, columns)
     ]
     outside = workers.each(growing_outside, tasks, "outside the band")
-    return sorted((one for one in outside if one is not None), key=lambda one: one.row)
+    return sorted((g for g in outside if g is not None), key=lambda growing: growing.row)
 
 
 def chosen_points(plan: Plan, columns: ModeColumns) -> list[int]:
@@ -187,7 +187,7 @@ def _outside_of_batch(plan: Plan, rows: list[int], wide_hz: tuple[float, float])
         for row, roots in zip(rows, roots_of_points, strict=True)
         if roots is not None
     ]
-    return sorted(looked, key=lambda one: one.row)
+    return sorted(looked, key=lambda growing: growing.row)
 
 
 def _wider_modes(task: OutsideTask) -> PointModes:

@@ -144,10 +144,10 @@ class Follower:
         one = Pairing(*(part[None] for part in pairing))
         return bool(pairings.enter(np.array([point]), one, int(self.lams.counts[point]))[0])
 
-    def _doubtful(self, pairings: Pairings, known: np.ndarray) -> tuple[list[int], list[int]]:
+    def _doubtful(self, pairings: Pairings, refined: np.ndarray) -> tuple[list[int], list[int]]:
         """Steps in doubt within a structure, and those to another one, the least trusted first."""
         trust = pairings.trust.least()
-        trust[known] = np.inf
+        trust[refined] = np.inf
         doubtful = np.flatnonzero(trust <= HALVING_TRUST)
         doubtful = doubtful[np.argsort(trust[doubtful], kind="stable")]
         joined = self.near.joined(self._tree.parents[doubtful], doubtful)

@@ -155,9 +155,9 @@ class DesignSearch(EvaluatedDesigns):
         self.state.realisation = Realisation(target, cheapest is not None, begun, matched)
         return self._distinct([self.change(begun), *self._starts(worst)])
 
-    def _move(self, kept: np.ndarray) -> None:
+    def _move(self, is_varied: np.ndarray) -> None:
         """Search over some of the variables (d,) from here on; the others stay as today."""
-        self.kept, self.box = kept, part_of(self.whole, kept)
+        self.kept, self.box = is_varied, part_of(self.whole, is_varied)
 
     def _limit(self) -> int:
         first = self.both and bool(self.kept[self.targets].all())  # the others need designs, too

@@ -119,15 +119,17 @@ def _merit(box: Box, z: np.ndarray, constraints: Constraints, weight: float, aim
 
 
 def _step(
-    box: Box, z: np.ndarray, here: Constraints, radius: float, weight: float, aim: float
+    box: Box, z: np.ndarray, constraints: Constraints, radius: float, weight: float, aim: float
 ) -> tuple[np.ndarray, float]:
     """The next design (d,) and its merit, first order."""
     from scipy.optimize import linprog
 
     d = len(z)
     low, high = np.maximum(box.low, z - radius), np.minimum(box.high, z + radius)
-    rows = np.hstack([-here.slopes, here.slopes, -np.ones((len(here.slopes), 1))])
-    bound = here.excess - aim - here.slopes @ z
+    rows = np.hstack(
+        [-constraints.slopes, constraints.slopes, -np.ones((len(constraints.slopes), 1))]
+    )
+    bound = constraints.excess - aim - constraints.slopes @ z
     change = np.hstack([np.eye(d), -np.eye(d), np.zeros((d, 1))])  # x = p - n
     solution = linprog(
         np.concatenate([box.cost, box.cost, [weight]]),

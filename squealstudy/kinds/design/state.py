@@ -207,19 +207,19 @@ def mode_damping_of(
 
 
 def modes_moved_out(
-    here: Row, today: Sequence[Row], band_hz: tuple[float, float]
+    design_row: Row, today: Sequence[Row], band_hz: tuple[float, float]
 ) -> list[Mapping[str, float]]:
     """Growing modes of a design beside the band, where no row of today's has as many on that side.
 
     Those nearest to the band: a change that moves a mode out of the band has not silenced it.
     """
     moved_out: list[Mapping[str, float]] = []
-    if not here["beside"]:
+    if not design_row["beside"]:
         return moved_out
     for side, edge in zip((-1.0, 1.0), band_hz, strict=True):
         growing, *others = (
             [m for m in row["beside"] if side * (m["frequency_hz"] - edge) > 0]
-            for row in (here, *today)
+            for row in (design_row, *today)
         )
         growing.sort(key=lambda m: side * m["frequency_hz"])
         moved_out += growing[: max(len(growing) - max(map(len, others), default=0), 0)]

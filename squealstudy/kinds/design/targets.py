@@ -41,9 +41,9 @@ class Realisation:
     matched: float
 
 
-def part_of(box: Box, kept: np.ndarray) -> Box:
+def part_of(box: Box, is_varied: np.ndarray) -> Box:
     """The box in which only some of the variables (d,) move."""
-    return Box(np.where(kept, box.low, 0.0), np.where(kept, box.high, 0.0), box.cost)
+    return Box(np.where(is_varied, box.low, 0.0), np.where(is_varied, box.high, 0.0), box.cost)
 
 
 def nearest(

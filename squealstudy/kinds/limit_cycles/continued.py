@@ -372,7 +372,7 @@ def _cycle_at(
 
 
 def _cycles_of(
-    task: LineTask, line: DesignLine, known: Sequence[Branch], point: DesignPoint
+    task: LineTask, line: DesignLine, branches: Sequence[Branch], point: DesignPoint
 ) -> list[Continued]:
     """Cycles of branches at a design that its own curves have not led to."""
     parameter_value = float(point.values[task.along])
@@ -383,7 +383,7 @@ def _cycles_of(
         if s.point_id == point.point_id
     ]
     new_cycles: list[Continued] = []
-    for one in known:
+    for one in branches:
         for motion in one.crossings(parameter_value):
             level = contact.contact_velocity(motion)
             near = any(

@@ -328,10 +328,10 @@ def _has_stable(row: dict[str, Any]) -> bool:
     return any(c["stable"] for c in row["cycles"])
 
 
-def _is_same_row(one: dict[str, Any], other: dict[str, Any]) -> bool:
+def _is_same_row(cycle_row: dict[str, Any], other_row: dict[str, Any]) -> bool:
     """Whether a design has a cycle already: as near as the errors of both allow."""
-    a, b = ([row["frequency_hz"], *(row[n] for n in LEVELS)] for row in (one, other))
-    errors = (max(row["level_error"], row["velocity_error"]) for row in (one, other))
+    a, b = ([row["frequency_hz"], *(row[n] for n in LEVELS)] for row in (cycle_row, other_row))
+    errors = (max(row["level_error"], row["velocity_error"]) for row in (cycle_row, other_row))
     return are_one_cycle(a, b, sum(errors))
 
 

@@ -317,8 +317,8 @@ def footnotes(reasons: list[str]) -> dict[str, str]:
     )
 
 
-def _cells(row: dict[Hashable, Any], own: list[str], kicks: bool) -> list[str]:
-    place = [f"{row[p]:.6g}" for p in own]
+def _cells(row: dict[Hashable, Any], parameters: list[str], kicks: bool) -> list[str]:
+    place = [f"{row[p]:.6g}" for p in parameters]
     if row["status"] != "ok":
         return [*place, f"failed: {row['status']}", *[""] * (6 if kicks else 4)]
     hz = motion_frequency(row["frequency_hz"], row.get("torque_line_hz", math.nan), 1)

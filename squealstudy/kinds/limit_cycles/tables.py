@@ -316,12 +316,12 @@ def _cycle_id(point_id: str, mode: int, place: int) -> str:
 
 
 def _cycles(
-    point_id: str, law_kind: str, found: Sequence[tuple[int, Family]]
+    point_id: str, law_kind: str, families: Sequence[tuple[int, Family]]
 ) -> list[dict[str, Any]]:
     """Rows of all cycles; one that two families lead to stands twice, the second time so named."""
     earlier_cycles: list[tuple[str, Cycle]] = []
     rows = []
-    for mode, family in found:
+    for mode, family in families:
         for place, cycle in enumerate(family.cycles):
             name = _cycle_id(point_id, mode, place)
             same = next((other for other, c in earlier_cycles if same_cycle(c, cycle)), "")

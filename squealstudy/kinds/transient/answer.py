@@ -72,12 +72,14 @@ def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:
     return f" {begin} period was seen: peaks to peak of single swings differ by up to {of_mean}."
 
 
-def _until_its_end(row: pd.Series, what: str, unit: str) -> str:
+def _until_its_end(row: pd.Series, quantity: str, unit: str) -> str:
     """What an undecided run is known to have come to; empty where its level is not known."""
     if not row["torque_rms"] > 0.0:
         return ""
     level = with_error(float(row["torque_rms"]), level_error(row))
-    text = f" Over its end the RMS of the {what} is {level} {unit}, {heard(row)}{_sticking(row)}."
+    text = (
+        f" Over its end the RMS of the {quantity} is {level} {unit}, {heard(row)}{_sticking(row)}."
+    )
     return f"{text} Whether it stays so is open.{_growth(row)}"
 
 

@@ -326,20 +326,21 @@ def _ended_early(saved: Mapping[str, Any] | None) -> Rows:
     return [("ended early", text)]
 
 
-def regularisation(found: Mapping[str, Any] | None) -> Rows:
+def regularisation(regularisation_facts: Mapping[str, Any] | None) -> Rows:
     """What slopes of friction follow from, and what they err by; nothing where they are given."""
-    if found is None:
+    if regularisation_facts is None:
         return []
-    low, high = found["speed"], found["speed_highest"]
+    low, high = regularisation_facts["speed"], regularisation_facts["speed_highest"]
     speed = f"{low:.3g} m/s" if low == high else f"{low:.3g} to {high:.3g} m/s"
     text = f"a contact point counts as sticking below {speed}"
-    if found["automatic"]:
+    if regularisation_facts["automatic"]:
         text += (
-            f": {100 * found['share']:g} % of the slowest sliding speed of the study, "
-            f"{found['slowest_sliding_speed']:.4g} m/s (a slower one changes all results)"
+            f": {100 * regularisation_facts['share']:g} % of the slowest sliding speed of the "
+            f"study, {regularisation_facts['slowest_sliding_speed']:.4g} m/s (a slower one changes "
+            "all results)"
         )
     rows = [("friction", text)]
-    pilot = found.get("pilot")
+    pilot = regularisation_facts.get("pilot")
     return rows if pilot is None else [*rows, ("  its error", _pilot(pilot))]
 
 

@@ -163,10 +163,10 @@ def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
     }
 
 
-def _modes(plan: Plan, found: pa.Table) -> pa.Table:
+def _modes(plan: Plan, findings: pa.Table) -> pa.Table:
     """Rows of all sensed modes, with the energy of each component and of the interfaces."""
     names = [f"energy_{c}" for c in (*plan.study.model.components, "interfaces")]
-    table = items(found, "modes", (*MODE_FIELDS, ENERGIES))
+    table = items(findings, "modes", (*MODE_FIELDS, ENERGIES))
     shares = table[ENERGIES[0]].combine_chunks().flatten().to_numpy().reshape(-1, len(names))
     table = table.drop_columns(ENERGIES[0])
     for name, share in zip(names, shares.T, strict=True):
@@ -174,9 +174,9 @@ def _modes(plan: Plan, found: pa.Table) -> pa.Table:
     return table
 
 
-def _growth(found: pa.Table) -> pa.Table:
+def _growth(findings: pa.Table) -> pa.Table:
     """Rows of all followed modes; `expressed` is missing where it cannot be told."""
-    table = items(found, "growth", GROWTH_FIELDS)
+    table = items(findings, "growth", GROWTH_FIELDS)
     frame = table.to_pandas().astype({"expressed": "boolean"})
     return pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
 

@@ -287,14 +287,14 @@ def common_modes(reference: SharedModes, model: HybridModel) -> np.ndarray:
 def _hybrid_point(
     task: BatchTask,
     model: HybridModel,
-    own: HybridModel,
+    model_at_point: HybridModel,
     m: int,
     chosen: DesignPoint,
     point: MotionPoint,
 ) -> MotionPoint:
     """The design point in coordinates of the hybrid model, which has the first m modes too.
 
-    Damped on the real modes at its own working point, those of `own`.
+    Modal damping acts on the real modes at the point's working point, those of `model_at_point`.
     """
     state = chosen.state()
     if point.s is not None and point.s.any():
@@ -302,14 +302,16 @@ def _hybrid_point(
             "parameter", "the hybrid representation has no frequency_scale of component modes"
         )
     beta, shapes = state.stiffness_damping, model.phi[:, :m]
-    zeta = state.assembly_damping_ratios(len(own.omega)) + 0.5 * beta * own.omega
+    zeta = (
+        state.assembly_damping_ratios(len(model_at_point.omega)) + 0.5 * beta * model_at_point.omega
+    )
     q0, v0 = (shapes @ x[:m] for x in point.start(task.reference.system.n))
     if task.start is not None:
         q0, v0 = q0 + task.start.q, v0 + task.start.v
     watching = point.growing.sensors[:, :m] @ model.sensors[:m]
     return replace(
         point,
-        c=2.0 * zeta * own.omega,
+        c=2.0 * zeta * model_at_point.omega,
         damping_between=None,
         beta=beta + state.damping_ratio / (np.pi * model.damping_cutoff),
         q0=q0,

@@ -35,14 +35,18 @@ SCHEMA = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)]
 
 
 def measurement_row(
-    run: Run, wall_s: float, made: Measurement, failure: tuple[str, str] = ("ok", "")
+    run: Run, wall_s: float, measurement: Measurement, failure: tuple[str, str] = ("ok", "")
 ) -> dict[str, Any]:
     """Chunk row of a measurement; `failure` is status and message of one that found nothing."""
     variant, number = run.content
-    outcomes = [(f["status"], f.get("message", "")) for f in made.findings.values()]
+    outcomes = [(f["status"], f.get("message", "")) for f in measurement.findings.values()]
     status, message = next((one for one in outcomes if one[0] != "ok"), failure)
-    measured = {name: getattr(made, name) for name, _ in MEASURED}
-    identity = {"variant": variant.identity, "round": number, "findings": json.dumps(made.findings)}
+    measured = {name: getattr(measurement, name) for name, _ in MEASURED}
+    identity = {
+        "variant": variant.identity,
+        "round": number,
+        "findings": json.dumps(measurement.findings),
+    }
     return head(run.point_id, wall_s, str(status), str(message)) | measured | identity
 
 
@@ -99,12 +103,12 @@ def _findings(rows: Rows) -> dict[str, dict[str, Any]]:
 
 
 def _errors(
-    found: Mapping[str, Mapping[str, Any]],
+    findings: Mapping[str, Mapping[str, Any]],
     truth: Mapping[str, Mapping[str, Any]],
     measuring: Measuring,
 ) -> tuple[list[dict[str, Any]], Miscount]:
     rows, missed, spurious = [], 0, 0
-    for point, finding in found.items():
+    for point, finding in findings.items():
         if finding["status"] != "ok":
             continue
         for compare in measuring.comparisons:

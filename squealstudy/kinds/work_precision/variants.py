@@ -232,14 +232,14 @@ def measured_points(study_file: PrecisionFile) -> list[SweptValues]:
 
 
 def _in_box(
-    own: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
+    swept_points: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
 ) -> SweptValues:
     """A random point of the swept box; structures are among those there are."""
     point = []
     for k, sweep in enumerate(study.sweeps):
         u = float(rng.random())
         if sweep.parameter.structural:
-            values = sorted({p[k] for p in own})
+            values = sorted({p[k] for p in swept_points})
             point.append(values[int(u * len(values))])
         else:
             point.append(_mixed(sweep.low, sweep.high, u, sweep.scale == "log"))
@@ -247,11 +247,11 @@ def _in_box(
 
 
 def _between(
-    own: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
+    swept_points: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
 ) -> SweptValues:
     """A random point between two neighbours of a design whose values stand side by side."""
-    i, u = int(rng.integers(max(len(own) - 1, 1))), float(rng.random())
-    ends = own[i], own[min(i + 1, len(own) - 1)]
+    i, u = int(rng.integers(max(len(swept_points) - 1, 1))), float(rng.random())
+    ends = swept_points[i], swept_points[min(i + 1, len(swept_points) - 1)]
     return tuple(
         a if s.parameter.structural else _mixed(a, b, u, s.scale == "log")
         for s, a, b in zip(study.sweeps, *ends, strict=True)

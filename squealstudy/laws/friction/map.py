@@ -26,10 +26,10 @@ MAP_RATIOS = tuple(
 SERIES = {names[0]: names[1:] for names in (SPEED_NAMES, PRESSURE_NAMES, MAP_RATIOS)}
 
 
-def _knot(name: str, unit: str, what: str) -> Parameter:
+def _knot(name: str, unit: str, quantity: str) -> Parameter:
     number = int(name.rpartition("_")[2])
     unused = "" if number == 1 else "; 0: no such point"
-    text = f"map: {what} {number}, above those before it{unused}"
+    text = f"map: {quantity} {number}, above those before it{unused}"
     return Parameter(name, 0.0, unit, text, minimum=0.0)
 
 

@@ -112,8 +112,8 @@ class _Deck:
         for name in names:
             yield from self._commands.get(name, [])
 
-    def _note(self, what: str, count: int, line: Line | None, why: str) -> None:
-        shown = f"{what} ({count})" if count > 1 else what
+    def _note(self, command: str, count: int, line: Line | None, why: str) -> None:
+        shown = f"{command} ({count})" if count > 1 else command
         self._notes.append(PassedOver(shown, self._path, line.place + 1 if line else 0, why))
 
     def _refuse_unknown(self) -> None:

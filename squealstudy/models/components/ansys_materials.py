@@ -69,19 +69,19 @@ def materials(
     return by_name, notes
 
 
-def _material(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic | Unfinished:
+def _material(name: str, constants: Mapping[str, tuple[float, Line]]) -> Elastic | Unfinished:
     """Orthotropic where there is more than one modulus; ModelError where numbers are missing."""
-    _, line = next(iter(own.values()))
-    if own.get("DENS", (0.0, line))[0] > 0:
-        return _elastic(name, own)
-    moduli = _elastic(name, {**own, "DENS": (1.0, line)})
+    _, line = next(iter(constants.values()))
+    if constants.get("DENS", (0.0, line))[0] > 0:
+        return _elastic(name, constants)
+    moduli = _elastic(name, {**constants, "DENS": (1.0, line)})
     return Unfinished(moduli, None, str(line.error(f"{name} has no density DENS above zero")))
 
 
-def _elastic(name: str, own: Mapping[str, tuple[float, Line]]) -> Elastic:
+def _elastic(name: str, constants: Mapping[str, tuple[float, Line]]) -> Elastic:
     """With its density."""
-    numbers = {label: number for label, (number, _) in own.items()}
-    _, line = next(iter(own.values()))
+    numbers = {label: number for label, (number, _) in constants.items()}
+    _, line = next(iter(constants.values()))
     for pair in ("XY", "XZ", "YZ"):
         if f"PR{pair}" in numbers and f"NU{pair}" in numbers:
             raise line.error(f"{name} has both PR{pair} and NU{pair}")

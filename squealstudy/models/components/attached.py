@@ -30,7 +30,7 @@ Rows = Callable[..., sp.csr_matrix]  # parts (component, rows over its nodes) ->
 
 
 def component_matrices(
-    geometry: Geometry, name: str, given: Mapping[KeyPath, float]
+    geometry: Geometry, name: str, overrides: Mapping[KeyPath, float]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """K and M of a component as `body_matrices`, the masses on it among them.
 
@@ -41,8 +41,8 @@ def component_matrices(
     ModelError
         Values that no material can have.
     """
-    K, M = body_matrices(geometry.brake, name, given)
-    numbers = Numbers(geometry.file, given)
+    K, M = body_matrices(geometry.brake, name, overrides)
+    numbers = Numbers(geometry.file, overrides)
     for number, table in enumerate(geometry.file.point_mass):
         keys: KeyPath = ("point_mass", number)
         owner, points = geometry.points(table.on, (*keys, "on"))
@@ -103,8 +103,8 @@ def mass_on(points: Surface, mass: float, at: np.ndarray | None) -> sp.csr_matri
 
 def springs_on(
     name: str,
-    one: Owned,
-    other: Owned | None,
+    side: Owned,
+    other_side: Owned | None,
     stiffness: Sequence[float],
     directions: Directions,
     rows: Rows,
@@ -115,8 +115,9 @@ def springs_on(
     Parameters
     ----------
     name : str
-    one, other : (str, Surface)
-        `other` is None for ground.
+    side, other_side : (str, Surface)
+        Component and its points.
+        `other_side` is None for ground.
     stiffness : sequence of float (3)
         In all, in each direction, N/m.
     directions : callable
@@ -126,22 +127,22 @@ def springs_on(
     in_static : bool
         See `SpringInterface`.
     """
-    component, points = one
-    if other is None:
+    component, points = side
+    if other_side is None:
         share = points.area / points.area.sum()
         point_rows = [rows((component, points.observe(d))) for d in directions(points.points)]
         k = np.concatenate([per_area * share for per_area in stiffness])
         return SpringInterface(name, sp.vstack(point_rows).tocsr(), k, in_static)
-    shares = [p.area / p.area.sum() for _, p in (one, other)]
-    places = np.vstack([one[1].points, other[1].points])
+    shares = [p.area / p.area.sum() for _, p in (side, other_side)]
+    places = np.vstack([side[1].points, other_side[1].points])
     centre = np.average(places, axis=0, weights=np.concatenate(shares))
     mean_rows = []
     for d in directions(centre[None]):
         means = [
             sp.csr_matrix(share) @ p.observe(d[0])
-            for share, (_, p) in zip(shares, (one, other), strict=True)
+            for share, (_, p) in zip(shares, (side, other_side), strict=True)
         ]
-        mean_rows.append(rows((component, means[0]), (other[0], -means[1])))
+        mean_rows.append(rows((component, means[0]), (other_side[0], -means[1])))
     return SpringInterface(name, sp.vstack(mean_rows).tocsr(), np.array(stiffness), in_static)
 
 

@@ -281,33 +281,33 @@ def _placed_mesh(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidM
 
 
 def body_matrices(
-    brake: Brake, name: str, given: Mapping[KeyPath, float]
+    brake: Brake, name: str, overrides: Mapping[KeyPath, float]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """K and M over a component's degrees of freedom, with other values of its materials.
 
-    `given` are SI, by keys of the file.
+    `overrides` are SI, by keys of the file.
 
     Raises
     ------
     ModelError
         Values that no material can have.
     """
-    return _body_matrices(brake, name, own_numbers(name, given))
+    return _body_matrices(brake, name, own_numbers(name, overrides))
 
 
-def own_numbers(name: str, given: Mapping[KeyPath, float]) -> tuple[tuple[KeyPath, float], ...]:
-    """What parameters give within one component: keys and values of `given`, SI units."""
-    return tuple((k, v) for k, v in given.items() if k[:2] == ("components", name))
+def own_numbers(name: str, overrides: Mapping[KeyPath, float]) -> tuple[tuple[KeyPath, float], ...]:
+    """What parameters give within one component: keys and values of `overrides`, SI units."""
+    return tuple((k, v) for k, v in overrides.items() if k[:2] == ("components", name))
 
 
 @lru_cache(maxsize=16)
 def _body_matrices(
-    brake: Brake, name: str, given: tuple[tuple[KeyPath, float], ...]
+    brake: Brake, name: str, overrides: tuple[tuple[KeyPath, float], ...]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     body = body_of(brake, name)
     if body.matrices is not None:
         return body.matrices[:2]
-    mesh = changed_mesh(body, given)
+    mesh = changed_mesh(body, overrides)
     try:
         rule = brake.file.components[name].mass or ("lumped" if mesh.lumped else "full")
         K, M = freedom_matrices(mesh, body.expansion, rule)
@@ -316,7 +316,7 @@ def _body_matrices(
     return symmetric(K), symmetric(M)
 
 
-def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:
+def changed_mesh(body: Body, overrides: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:
     """The mesh with values of its materials in SI.
 
     Raises
@@ -327,12 +327,12 @@ def changed_mesh(body: Body, given: tuple[tuple[KeyPath, float], ...]) -> SolidM
         Values that no material can have.
     """
     materials = dict(body.mesh.materials)
-    warm = dict(given).get(("components", body.name, TEMPERATURE))
+    warm = dict(overrides).get(("components", body.name, TEMPERATURE))
     if warm is not None and body.at_temperature is not None:
         materials |= body.at_temperature(warm)
-    given = tuple((k, v) for k, v in given if k[2] == "materials" and k[4] != THERMAL)
-    for label in dict.fromkeys(str(k[3]) for k, _ in given):
-        values = {k: v for k, v in given if k[3] == label}
+    overrides = tuple((k, v) for k, v in overrides if k[2] == "materials" and k[4] != THERMAL)
+    for label in dict.fromkeys(str(k[3]) for k, _ in overrides):
+        values = {k: v for k, v in overrides if k[3] == label}
         if label not in materials:
             names = tuple(materials)
             text = f"component {body.name} has no material '{label}'; it has {', '.join(names)}"

@@ -56,7 +56,7 @@ COMPARED = 500  # nodes of a component at which mode shapes of two structures ar
 def build_assembly(
     brake: Brake,
     law: ContactLaw,
-    given: Mapping[KeyPath, float],
+    overrides: Mapping[KeyPath, float],
     curve: FrictionCurve | None = None,
 ) -> Assembly:
     """Assemble a model file.
@@ -66,7 +66,7 @@ def build_assembly(
     brake : Brake
     law : ContactLaw
         The default law of the contact.
-    given : mapping of key -> float
+    overrides : mapping of key -> float
         Numbers of the file that have other values, SI units.
     curve : FrictionCurve, optional
         The study's; else the one by default.
@@ -78,14 +78,14 @@ def build_assembly(
     ModelError
         Values that no material can have.
     """
-    geometry, as_meshed = geometry_at(brake, given), geometry_of(brake)
-    numbers = Numbers(brake.file, given)
-    matrices = {name: component_matrices(as_meshed, name, given) for name in geometry.bodies}
+    geometry, as_meshed = geometry_at(brake, overrides), geometry_of(brake)
+    numbers = Numbers(brake.file, overrides)
+    matrices = {name: component_matrices(as_meshed, name, overrides) for name in geometry.bodies}
     free = geometry.kept
     components, rotors = [], geometry.rotors
     for name, body in geometry.bodies.items():
         C = damping_matrix(as_meshed.bodies[name], numbers, *matrices[name])
-        mesh = changed_mesh(body, own_numbers(name, given))
+        mesh = changed_mesh(body, own_numbers(name, overrides))
         turning = None
         if rotors is not None and name in rotors.names and not rotors.unturned:
             try:
@@ -105,7 +105,7 @@ def build_assembly(
     load = interfaces.load()
     springs = (*interfaces.springs(), *ties)
     cold = Assembly(tuple(components), contact, springs, load, np.zeros_like(load), rotors)
-    gap0 = contact.gap0 + hot_gaps(cold, geometry, given)
+    gap0 = contact.gap0 + hot_gaps(cold, geometry, overrides)
     return replace(cold, contact=replace(contact, gap0=gap0))
 
 
@@ -116,14 +116,14 @@ def _component(
     M: sp.csr_matrix,
     C: sp.csr_matrix | None,
     turning: sp.csr_matrix | None,
-    kept: np.ndarray,
+    dofs: np.ndarray,
 ) -> Component:
-    whole = len(kept) == K.shape[0]
+    whole = len(dofs) == K.shape[0]
     if not whole:
-        K, M = (A[kept][:, kept].tocsr() for A in (K, M))
-        C, turning = (None if A is None else A[kept][:, kept].tocsr() for A in (C, turning))
+        K, M = (A[dofs][:, dofs].tocsr() for A in (K, M))
+        C, turning = (None if A is None else A[dofs][:, dofs].tocsr() for A in (C, turning))
     if (M.diagonal() <= 0).any():
-        places = body.expansion.places[kept[M.diagonal() <= 0]]
+        places = body.expansion.places[dofs[M.diagonal() <= 0]]
         bad = np.unique(places[places >= 0] // 3)
         which = body.mesh.nodes_named(bad) if len(bad) else "turns of a reference node"
         raise PlacedError(("components", body.name), f"{which}: there is no mass")
@@ -131,15 +131,15 @@ def _component(
         check_definite(body.name, K, M)
     expansion = body.expansion
     plain = expansion.plain
-    places = expansion.places[kept]
+    places = expansion.places[dofs]
     return Component(
         body.name,
         M,
         K,
         coordinates=body.nodes,
         correspondence=_compared(M),
-        dofs=None if whole and plain and len(kept) == 3 * len(body.nodes) else places,
-        expansion=None if plain else expansion.E[:, kept].tocsr(),
+        dofs=None if whole and plain and len(dofs) == 3 * len(body.nodes) else places,
+        expansion=None if plain else expansion.E[:, dofs].tocsr(),
         cells=mesh_cells(mesh) if body.matrices is None else moved_cells(mesh, expansion.lacking),
         C=C,
         turning=turning,
@@ -375,9 +375,9 @@ def damping_matrix(
 
 
 def _of_materials(
-    body: Body, given: Mapping[KeyPath, float], by_material: Mapping[str, float]
+    body: Body, overrides: Mapping[KeyPath, float], by_material: Mapping[str, float]
 ) -> list[sp.csr_matrix]:
-    mesh = changed_mesh(body, own_numbers(body.name, given))
+    mesh = changed_mesh(body, own_numbers(body.name, overrides))
     matrices = []
     for name, beta in by_material.items():
         names = tuple(sorted(set(mesh.material)))

@@ -44,16 +44,16 @@ class BulkCard:
         """A field, counted from 0 behind the name; empty where the card ends before."""
         return self.fields[place] if place < len(self.fields) else ""
 
-    def whole(self, place: int, what: str, default: int | None = None) -> int:
+    def whole(self, place: int, expected: str, default: int | None = None) -> int:
         """A whole number; ModelError where it is none, or empty without a default."""
         word = self.at(place)
         if not word and default is not None:
             return default
         if not COUNT.fullmatch(word.removeprefix("-")):
-            raise self.error(f"expected {what}, found '{shortened(word)}'", place)
+            raise self.error(f"expected {expected}, found '{shortened(word)}'", place)
         return int(word)
 
-    def real(self, place: int, what: str, default: float | None = None) -> float:
+    def real(self, place: int, expected: str, default: float | None = None) -> float:
         """A number as Nastran writes it; ModelError as of `whole`."""
         word = self.at(place)
         if not word and default is not None:
@@ -63,10 +63,10 @@ class BulkCard:
         if match is not None:
             number = float(f"{match['digits']}e{match['power'] or match['bare'] or 0}")
         if not abs(number) < float("inf"):
-            raise self.error(f"expected {what}, found '{shortened(word)}'", place)
+            raise self.error(f"expected {expected}, found '{shortened(word)}'", place)
         return number
 
-    def listed(self, start: int, what: str) -> list[int]:
+    def listed(self, start: int, expected: str) -> list[int]:
         """Whole numbers from a field on, with THRU between the first and the last of a range."""
         words = [(i, w.upper()) for i, w in enumerate(self.fields) if i >= start and w]
         numbers: list[int] = []
@@ -75,11 +75,11 @@ class BulkCard:
             if word == "THRU" and numbers and not through:
                 through = True
                 continue
-            number = self.whole(i, f"{what} or THRU")
+            number = self.whole(i, f"{expected} or THRU")
             numbers += range(numbers[-1] + 1, number + 1) if through else [number]
             through = False
         if through:
-            raise self.error(f"expected {what} after THRU", len(self.fields))
+            raise self.error(f"expected {expected} after THRU", len(self.fields))
         return numbers
 
 
@@ -220,13 +220,13 @@ class Systems:
             local = np.array([flat * np.cos(angle), flat * np.sin(angle), r * np.cos(polar)])
         return origin + local @ axes
 
-    def _axes(self, own: BulkCard, above: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    def _axes(self, card: BulkCard, above: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Origin, and the axes as rows, of points A (origin), B (on z) and C (in the xz plane)."""
-        abc = np.array([own.real(k, "a coordinate", 0.0) for k in range(2, 11)]).reshape(3, 3)
-        a, b, c = (self._basic(own, 1, x, above) for x in abc)
+        abc = np.array([card.real(k, "a coordinate", 0.0) for k in range(2, 11)]).reshape(3, 3)
+        a, b, c = (self._basic(card, 1, x, above) for x in abc)
         size = np.linalg.norm(b - a) * np.linalg.norm(c - a)
         if not np.linalg.norm(np.cross(b - a, c - a)) > FLAT * size:
-            raise own.error("its three points lie on one line")
+            raise card.error("its three points lie on one line")
         z = (b - a) / np.linalg.norm(b - a)
         y = np.cross(z, c - a)
         y /= np.linalg.norm(y)

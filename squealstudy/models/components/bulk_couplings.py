@@ -75,9 +75,9 @@ class BulkCouplings:
         others = self._others(card, nodes, int(place))
         return Coupling(name, "rigid", int(place), others, turning=turning)
 
-    def _distance(self, card: BulkCard, name: str, one: int, other: int) -> Relation:
+    def _distance(self, card: BulkCard, name: str, node: int, other_node: int) -> Relation:
         """Two nodes keep their distance."""
-        pair = self._places(card, [one, other])
+        pair = self._places(card, [node, other_node])
         along = self._nodes[pair[1]] - self._nodes[pair[0]]
         if not np.linalg.norm(along) > 0:
             raise card.error("its two nodes lie at one place")

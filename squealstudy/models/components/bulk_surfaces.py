@@ -145,16 +145,16 @@ class BulkSurfaces:
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     @staticmethod
-    def _names_face(corners: list[int], given: np.ndarray, n_faces: int) -> bool:
-        if not len(given) or given[0] not in corners:
+    def _names_face(corners: list[int], stated_nodes: np.ndarray, n_faces: int) -> bool:
+        if not len(stated_nodes) or stated_nodes[0] not in corners:
             return False
         if n_faces == 4:
-            return len(given) == 2 and given[1] not in corners
-        if len(given) == 1:
+            return len(stated_nodes) == 2 and stated_nodes[1] not in corners
+        if len(stated_nodes) == 1:
             return len(corners) == 3
-        if len(corners) == 3 or given[1] not in corners:
+        if len(corners) == 3 or stated_nodes[1] not in corners:
             return False
-        return abs(corners.index(int(given[0])) - corners.index(int(given[1]))) == 2
+        return abs(corners.index(int(stated_nodes[0])) - corners.index(int(stated_nodes[1]))) == 2
 
     def _faces_by_corners(self, card: BulkCard) -> np.ndarray:
         """Faces of SURF, FACE: three or four corners each."""

@@ -64,16 +64,16 @@ def _rigid_turns(n: int) -> np.ndarray:
 
 
 def component_facts(
-    inspection: Inspection, geometry: Geometry, body: Body, given: Mapping[KeyPath, float]
+    inspection: Inspection, geometry: Geometry, body: Body, overrides: Mapping[KeyPath, float]
 ) -> None:
-    """What a component is, with the values `given` of the file's numbers, SI, by their keys.
+    """What a component is, with values `overrides` in place of the file's, SI, by key.
 
     Raises
     ------
     ModelError
         As `component_matrices`.
     """
-    mesh, name, numbers = body.mesh, body.name, Numbers(geometry.file, given)
+    mesh, name, numbers = body.mesh, body.name, Numbers(geometry.file, overrides)
     kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
     source = f"{mesh.origin.name}: {len(mesh.nodes):,} nodes"
     if body.matrices is None:
@@ -126,7 +126,7 @@ def component_facts(
     _damping(inspection, numbers, name)
     for text in _passed_over(mesh):
         inspection.tell("", text)
-    K, M = component_matrices(geometry, name, given)
+    K, M = component_matrices(geometry, name, overrides)
     _weight(inspection, geometry.brake, body, M)
     _location(inspection, geometry.brake, body)
     if body.matrices is None:

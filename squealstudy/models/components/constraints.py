@@ -75,12 +75,12 @@ class Tie:
         """The same of a mesh whose points x go to turn x + shift."""
         return self
 
-    def kept(self, kept: MeshSelection) -> Tie | None:
+    def kept(self, selection: MeshSelection) -> Tie | None:
         """The same in a part of the mesh; None where that has nothing of it."""
-        of = [*kept.nodes[self.nodes], *kept.elements[self.faces[:, 0]]]
+        of = [*selection.nodes[self.nodes], *selection.elements[self.faces[:, 0]]]
         if not _all_or_none(self.name, of):
             return None
-        return replace(self, nodes=kept.node_at[self.nodes], faces=kept.faces(self.faces))
+        return replace(self, nodes=selection.node_at[self.nodes], faces=selection.faces(self.faces))
 
 
 @dataclass(frozen=True)
@@ -144,15 +144,15 @@ class Coupling:
             return self
         return replace(self, axes=(self.axes or GLOBAL).moved(turn, shift))
 
-    def kept(self, kept: MeshSelection) -> Coupling | None:
+    def kept(self, selection: MeshSelection) -> Coupling | None:
         """The same in a part of the mesh; None where that has nothing of it."""
-        if not _all_or_none(self.name, kept.nodes[self.nodes]):
+        if not _all_or_none(self.name, selection.nodes[self.nodes]):
             return None
         return replace(
             self,
-            reference=int(kept.node_at[self.reference]),
-            nodes=kept.node_at[self.nodes],
-            faces=kept.faces(self.faces),
+            reference=int(selection.node_at[self.reference]),
+            nodes=selection.node_at[self.nodes],
+            faces=selection.faces(self.faces),
         )
 
 
@@ -193,11 +193,11 @@ class Relation:
         """The same of a mesh whose points x go to turn x + shift."""
         return replace(self, vectors=self.vectors @ turn.T)
 
-    def kept(self, kept: MeshSelection) -> Relation | None:
+    def kept(self, selection: MeshSelection) -> Relation | None:
         """The same in a part of the mesh; None where that has nothing of it."""
-        if not _all_or_none(self.name, kept.nodes[self.nodes]):
+        if not _all_or_none(self.name, selection.nodes[self.nodes]):
             return None
-        return replace(self, nodes=kept.node_at[self.nodes])
+        return replace(self, nodes=selection.node_at[self.nodes])
 
 
 def relation(name: str, nodes: np.ndarray, vectors: np.ndarray) -> Relation:
@@ -212,9 +212,9 @@ def relation(name: str, nodes: np.ndarray, vectors: np.ndarray) -> Relation:
 Constraint = Tie | Coupling | Relation
 
 
-def _all_or_none(name: str, kept: list[bool] | np.ndarray) -> bool:
-    if np.all(kept):
+def _all_or_none(name: str, is_selected: list[bool] | np.ndarray) -> bool:
+    if np.all(is_selected):
         return True
-    if np.any(kept):
+    if np.any(is_selected):
         raise ModelError(f"{name} couples this part to others: read all of them as one component")
     return False

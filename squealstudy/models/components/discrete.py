@@ -48,16 +48,16 @@ class Discrete:
         T = np.kron(np.eye(len(self.K) // 3), turn)
         return replace(self, K=T @ self.K @ T.T, M=T @ self.M @ T.T)
 
-    def kept(self, kept: MeshSelection) -> Discrete | None:
+    def kept(self, selection: MeshSelection) -> Discrete | None:
         """The same in a part of the mesh; None where that has nothing of it."""
-        there = kept.nodes[self.nodes]
+        there = selection.nodes[self.nodes]
         if not there.any():
             return None
         if not there.all():
             raise ModelError(
                 f"{self.name} joins this part to others: read all of them as one component"
             )
-        return replace(self, nodes=kept.node_at[self.nodes])
+        return replace(self, nodes=selection.node_at[self.nodes])
 
 
 def point_mass(name: str, node: int, mass: float) -> Discrete:

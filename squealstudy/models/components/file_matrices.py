@@ -145,10 +145,10 @@ def _with_rows(
 
 
 def _turning(
-    name: str, turn: np.ndarray, n: int, own: np.ndarray, turning: np.ndarray, count: int
+    name: str, turn: np.ndarray, n: int, coordinates: np.ndarray, turning: np.ndarray, count: int
 ) -> sp.csr_matrix:
     """What turns degrees of freedom (count, count) with the part; modal coordinates stay."""
-    for places in (own, turning):
+    for places in (coordinates, turning):
         there = np.zeros(n, dtype=bool)
         there[places] = True
         nodes = there.reshape(-1, 3)
@@ -158,7 +158,7 @@ def _turning(
                 "matrices without all three directions of every node cannot be turned: place the "
                 "part before they are made",
             )
-    of_nodes = len(own) + len(turning)
+    of_nodes = len(coordinates) + len(turning)
     turned = sp.kron(sp.eye(of_nodes // 3), turn)
     return sp.block_diag([turned, sp.eye(count - of_nodes)], format="csr")
 

@@ -80,7 +80,7 @@ def _outer(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _conditions(
-    own: SetTable,
+    table: SetTable,
     mesh: SolidMesh,
     nodes: np.ndarray,
     normal: np.ndarray,
@@ -93,29 +93,31 @@ def _conditions(
     """
     x = mesh.nodes[nodes]
     near = PLACE_TOLERANCE_OVER_SIDE * float(np.ptp(mesh.nodes, axis=0).max())
-    if own.tolerance is not None:
-        near = size * own.tolerance
+    if table.tolerance is not None:
+        near = size * table.tolerance
     conditions = []
-    if own.box is not None:
-        low, high = np.sort(size * np.array(own.box), axis=0)
+    if table.box is not None:
+        low, high = np.sort(size * np.array(table.box), axis=0)
         off = np.maximum(low - x, x - high).max(axis=(1, 2))
         conditions.append(("in the box", off <= near, off / size, ""))
-    if own.plane is not None:
-        n = _unit(own.plane.normal, (*keys, "plane", "normal"))
-        off = np.abs((x - size * np.array(own.plane.point)) @ n).max(axis=1)
+    if table.plane is not None:
+        n = _unit(table.plane.normal, (*keys, "plane", "normal"))
+        off = np.abs((x - size * np.array(table.plane.point)) @ n).max(axis=1)
         conditions.append(("in the plane", off <= near, off / size, ""))
-    if own.cylinder is not None:
-        axis = _unit(own.cylinder.axis, (*keys, "cylinder", "axis"))
-        from_axis = x - size * np.array(own.cylinder.point)
+    if table.cylinder is not None:
+        axis = _unit(table.cylinder.axis, (*keys, "cylinder", "axis"))
+        from_axis = x - size * np.array(table.cylinder.point)
         r = np.linalg.norm(from_axis - (from_axis @ axis)[..., None] * axis, axis=-1)
-        radius = own.cylinder.radius
+        radius = table.cylinder.radius
         low_r, high_r = radius if isinstance(radius, tuple) else (radius, radius)
         off = np.maximum(size * low_r - r, r - size * high_r).max(axis=1)
         conditions.append(("at that radius", off <= near, off / size, ""))
-    if own.normal is not None:
-        cosine = normal @ _unit(own.normal, (*keys, "normal"))
+    if table.normal is not None:
+        cosine = normal @ _unit(table.normal, (*keys, "normal"))
         turned = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        conditions.append(("turned there", cosine >= np.cos(np.deg2rad(own.angle)), turned, "deg"))
+        conditions.append(
+            ("turned there", cosine >= np.cos(np.deg2rad(table.angle)), turned, "deg")
+        )
     return conditions
 
 

@@ -268,11 +268,12 @@ class Geometry:
         return self._opposite(slave, master, keys, table.search, table.quadrature)
 
     def _opposite(
-        self, slave: Facets, master: Facets, keys: KeyPath, given: float | None, quadrature: str
+        self, slave: Facets, master: Facets, keys: KeyPath, distance: float | None, quadrature: str
     ) -> Pair:
         """Two faces within a distance, or within half the size of a facet."""
         size = LENGTH.factor(self.file.units)
-        search = SEARCH_OVER_FACET * float(slave.radii.mean()) if given is None else given * size
+        default = SEARCH_OVER_FACET * float(slave.radii.mean())
+        search = default if distance is None else distance * size
         try:
             facing = pair(slave, master, search=search, quadrature=quadrature)
         except ModelError as error:
@@ -393,7 +394,7 @@ def geometry_of(brake: Brake, angle: float = 0.0) -> Geometry:
     return Geometry(brake, angle)
 
 
-def geometry_at(brake: Brake, given: Mapping[KeyPath, float]) -> Geometry:
+def geometry_at(brake: Brake, overrides: Mapping[KeyPath, float]) -> Geometry:
     """`geometry_of` at the angle that the file states, or a parameter gives."""
-    angle = 0.0 if brake.file.rotation is None else Numbers(brake.file, given).at(*ROTOR_ANGLE)
+    angle = 0.0 if brake.file.rotation is None else Numbers(brake.file, overrides).at(*ROTOR_ANGLE)
     return geometry_of(brake, angle)

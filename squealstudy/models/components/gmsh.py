@@ -68,20 +68,20 @@ def read_gmsh(path: Path, *, treat_as: Mapping[str, str] | None = None) -> Solid
     return mesh_of_cells(path, _read(path), treat_as or {})
 
 
-def mesh_of_cells(path: Path, found: Any, treat_as: Mapping[str, str]) -> SolidMesh:
+def mesh_of_cells(path: Path, meshio_mesh: Any, treat_as: Mapping[str, str]) -> SolidMesh:
     """The component of what meshio has read, as of `read_gmsh`."""
     names = _formulations(path, treat_as)
-    for block in found.cells:
+    for block in meshio_mesh.cells:
         if block.type not in (*SOLIDS, *CORNERS, *LESSER):
             advice = ADVICE.get(block.type, f"supported are {', '.join(SOLIDS)}")
             raise ModelError(f"{path}: elements '{block.type}' are not supported: {advice}")
-    groups = _groups(found)
-    blocks, sets = _solids(found, groups, names)
+    groups = _groups(meshio_mesh)
+    blocks, sets = _solids(meshio_mesh, groups, names)
     if not blocks:
         raise ModelError(f"{path}: there is no solid element; is a group of volumes missing?")
-    nodes = np.asarray(found.points, dtype=float)
+    nodes = np.asarray(meshio_mesh.points, dtype=float)
     mesh = SolidMesh(path, nodes, np.arange(1, len(nodes) + 1), blocks, element_sets=sets)
-    mesh = _with_facets(mesh, found, groups)
+    mesh = _with_facets(mesh, meshio_mesh, groups)
     used = np.zeros(len(nodes), dtype=bool)
     for solid in blocks:
         used[solid.nodes] = True
@@ -155,17 +155,17 @@ def _check_names(path: Path) -> None:
             )
 
 
-def _groups(found: Any) -> list[dict[str, np.ndarray]]:
+def _groups(meshio_mesh: Any) -> list[dict[str, np.ndarray]]:
     """For each block of cells the cells in each named physical group.
 
     Format 4.1 has them as sets; in 2.2 a cell has the number of one group.
     """
-    named = {(int(tag), int(dim)): name for name, (tag, dim) in found.field_data.items()}
-    numbers = found.cell_data.get("gmsh:physical")
+    named = {(int(tag), int(dim)): name for name, (tag, dim) in meshio_mesh.field_data.items()}
+    numbers = meshio_mesh.cell_data.get("gmsh:physical")
     groups: list[dict[str, np.ndarray]] = []
-    for k, block in enumerate(found.cells):
+    for k, block in enumerate(meshio_mesh.cells):
         of: dict[str, np.ndarray] = {}
-        for name, members in found.cell_sets.items():
+        for name, members in meshio_mesh.cell_sets.items():
             if not name.startswith("gmsh:") and members[k] is not None and len(members[k]):
                 of[name] = np.asarray(members[k], dtype=np.int64)
         if numbers is not None:
@@ -178,12 +178,12 @@ def _groups(found: Any) -> list[dict[str, np.ndarray]]:
 
 
 def _solids(
-    found: Any, groups: list[dict[str, np.ndarray]], names: Mapping[str, str]
+    meshio_mesh: Any, groups: list[dict[str, np.ndarray]], names: Mapping[str, str]
 ) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
     """Blocks by formulation, and element sets. In 2.2 a cell of two groups is there twice."""
     cells: dict[str, list[np.ndarray]] = {}
     in_groups: dict[str, list[tuple[str, np.ndarray]]] = {}
-    for block, of in zip(found.cells, groups, strict=True):
+    for block, of in zip(meshio_mesh.cells, groups, strict=True):
         if block.type in SOLIDS:
             kind = names[block.type]
             before = sum(map(len, cells.setdefault(kind, [])))
@@ -205,11 +205,13 @@ def _solids(
     return tuple(blocks), {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
 
 
-def _with_facets(mesh: SolidMesh, found: Any, groups: list[dict[str, np.ndarray]]) -> SolidMesh:
+def _with_facets(
+    mesh: SolidMesh, meshio_mesh: Any, groups: list[dict[str, np.ndarray]]
+) -> SolidMesh:
     """With surfaces and node sets from the groups of facets, curves and points."""
     corners: dict[str, list[np.ndarray]] = {}
     nodes: dict[str, list[np.ndarray]] = {}
-    for block, of in zip(found.cells, groups, strict=True):
+    for block, of in zip(meshio_mesh.cells, groups, strict=True):
         if block.type in SOLIDS:
             continue
         for name, rows in of.items():

@@ -171,7 +171,9 @@ def _expansions(brake: Brake, name: str, mesh: SolidMesh, numbers: Numbers) -> d
 
 
 # -- gaps ------------------------------------------------------------------------------------------
-def hot_gaps(assembly: Assembly, geometry: Geometry, given: Mapping[KeyPath, float]) -> np.ndarray:
+def hot_gaps(
+    assembly: Assembly, geometry: Geometry, overrides: Mapping[KeyPath, float]
+) -> np.ndarray:
     """What heat adds to the gaps (nc,) of an assembly of a model file, m; zeros without heat.
 
     Parameters
@@ -179,7 +181,7 @@ def hot_gaps(assembly: Assembly, geometry: Geometry, given: Mapping[KeyPath, flo
     assembly : Assembly
     geometry : Geometry
         Of its model file.
-    given : mapping of key -> float
+    overrides : mapping of key -> float
         Numbers of the file that have other values in the assembly, SI.
 
     Raises
@@ -189,7 +191,7 @@ def hot_gaps(assembly: Assembly, geometry: Geometry, given: Mapping[KeyPath, flo
     ModelError
         Where the expansion cannot be solved for.
     """
-    numbers = Numbers(geometry.file, given)
+    numbers = Numbers(geometry.file, overrides)
     gaps = np.zeros(assembly.contact.n_points)
     scales = {
         name: numbers.at("components", name, *HEAT)
@@ -198,12 +200,12 @@ def hot_gaps(assembly: Assembly, geometry: Geometry, given: Mapping[KeyPath, flo
     }
     if not any(scales.values()):
         return gaps
-    of_numbers = sorted(((k, v) for k, v in given.items() if k[2:] != HEAT), key=str)
+    of_numbers = sorted(((k, v) for k, v in overrides.items() if k[2:] != HEAT), key=str)
     place = (geometry.brake, tuple(of_numbers))
     if place not in _opened:
         while len(_opened) >= CACHE_SIZE:
             _opened.pop(next(iter(_opened)))
-        _opened[place] = dict(_opened_by(assembly, geometry, given))
+        _opened[place] = dict(_opened_by(assembly, geometry, overrides))
     for name, scale in scales.items():
         gaps += scale * _opened[place][name]
     return gaps
@@ -213,16 +215,16 @@ _opened: dict[tuple[Any, ...], dict[str, np.ndarray]] = {}
 
 
 def _opened_by(
-    assembly: Assembly, geometry: Geometry, given: Mapping[KeyPath, float]
+    assembly: Assembly, geometry: Geometry, overrides: Mapping[KeyPath, float]
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Hot components, and gaps (nc,) by each at a scale of 1 and with the others cold."""
-    numbers = Numbers(geometry.file, given)
+    numbers = Numbers(geometry.file, overrides)
     solve = Statics((assembly.K_el + assembly.K_springs(static=True)).tocsr(), assembly.M)
     for name, table in geometry.file.components.items():
         if table.heat is None:
             continue
         body = body_of(geometry.brake, name)  # as meshed: its freedoms turn with it
-        mesh = changed_mesh(body, own_numbers(name, given))
+        mesh = changed_mesh(body, own_numbers(name, overrides))
         strains = _expansions(geometry.brake, name, mesh, numbers)
         forces = thermal_forces(mesh, temperature_rise(geometry.brake, body), strains)
         load = np.zeros(assembly.n_dof)

@@ -158,14 +158,14 @@ def _text(path: Path, contents: Contents, part: str | None, elements: Mapping[st
     return Text(path, cards, (), "", contents.materials, *placed, elements)
 
 
-def _chosen(path: Path, what: str, names: list[str], name: str | None) -> str:
+def _chosen(path: Path, noun: str, names: list[str], name: str | None) -> str:
     """The name asked for, in capitals, or the only one."""
     if name is None and len(names) > 1:
         listed = ", ".join(names)
-        raise ModelError(f"{path} has {len(names)} {what}s ({listed}): expected the name of one")
+        raise ModelError(f"{path} has {len(names)} {noun}s ({listed}): expected the name of one")
     chosen = names[0] if name is None else name.upper()
     if chosen not in names:
-        raise ModelError(f"{path} has no {what} '{name}'; it has {', '.join(names)}")
+        raise ModelError(f"{path} has no {noun} '{name}'; it has {', '.join(names)}")
     return chosen
 
 

@@ -71,16 +71,16 @@ class Card:
                     f"{self.shown}: the parameter {name} is not supported; supported: {names}"
                 )
 
-    def numbers(self, what: str, least: int, most: int) -> list[tuple[Line, float]]:
+    def numbers(self, meaning: str, least: int, most: int) -> list[tuple[Line, float]]:
         """All numbers of all its lines, `least` to `most` of them, with their lines."""
         numbers = [
-            (line, line.real(word, what)) for line in self.data for word in line.words() if word
+            (line, line.real(word, meaning)) for line in self.data for word in line.words() if word
         ]
         if not least <= len(numbers) <= most:
             expected = f"{least}" if least == most else f"{least} to {most}"
             line = self.data[-1] if self.data else self.line
             raise line.error(
-                f"{self.shown}: expected {expected} numbers ({what}), found {len(numbers)}"
+                f"{self.shown}: expected {expected} numbers ({meaning}), found {len(numbers)}"
             )
         return numbers
 

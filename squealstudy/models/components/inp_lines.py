@@ -33,15 +33,15 @@ class Line(NamedTuple):
         words = [w.strip() for w in self.text.split(",")]
         return words[:-1] if len(words) > 1 and not words[-1] else words
 
-    def whole(self, word: str, what: str) -> int:
+    def whole(self, word: str, expected: str) -> int:
         """A word as a whole number; ModelError where it is none."""
         if not WHOLE_NUMBER.fullmatch(word):
-            raise self.error(f"expected {what}, found '{shortened(word)}'")
+            raise self.error(f"expected {expected}, found '{shortened(word)}'")
         return int(word)
 
-    def real(self, word: str, what: str) -> float:
+    def real(self, word: str, expected: str) -> float:
         """A word as a finite number, Fortran's exponents among them; ModelError for others."""
         number = float(word.translate(FORTRAN)) if REAL.fullmatch(word) else float("nan")
         if not abs(number) < float("inf"):
-            raise self.error(f"expected {what}, found '{shortened(word)}'")
+            raise self.error(f"expected {expected}, found '{shortened(word)}'")
         return number

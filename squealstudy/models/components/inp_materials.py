@@ -123,7 +123,7 @@ def _isotropic(E: float, nu: float) -> Isotropic:
 Rows = list[tuple[Line, list[float]]]  # a row: where it begins, its numbers with the temperature
 
 
-def _rows(card: Card, what: str, count: int) -> Rows:
+def _rows(card: Card, meaning: str, count: int) -> Rows:
     """The rows of a card, `count` numbers and a temperature each; ModelError about what is wrong.
 
     A row begins a line, and takes as many more as it needs.
@@ -135,17 +135,17 @@ def _rows(card: Card, what: str, count: int) -> Rows:
         if whole:
             rows.append((line, []))
         row = rows[-1][1]
-        row += [line.real(word, what) for word in words if word]
+        row += [line.real(word, meaning) for word in words if word]
         whole = len(row) >= count
         if len(row) > count + 1:
             raise line.error(
-                f"{card.shown}: expected {count} numbers ({what}) and a temperature, found "
+                f"{card.shown}: expected {count} numbers ({meaning}) and a temperature, found "
                 f"{len(row)}"
             )
     if not rows or not whole:
         line = card.data[-1] if card.data else card.line
         n_numbers = len(rows[-1][1]) if rows else 0
-        raise line.error(f"{card.shown}: expected {count} numbers ({what}), found {n_numbers}")
+        raise line.error(f"{card.shown}: expected {count} numbers ({meaning}), found {n_numbers}")
     return [(line, [*row, 0.0][: count + 1]) for line, row in rows]
 
 

@@ -97,7 +97,7 @@ class Parameters:
             if name not in self._texts:
                 names = ", ".join(self._texts) or "none"
                 raise line.error(f"there is no parameter <{name}> yet; there is {names}")
-        text = USED.sub(lambda found: self._texts[found[1]], text)
+        text = USED.sub(lambda match: self._texts[match[1]], text)
         if text == line.text:
             return line
         _, copy = self._copies.setdefault(

@@ -43,7 +43,7 @@ SECONDS, FREEDOMS, GROWTH = 18.0, 14_769, 1.4
 
 
 def inspect(
-    brake: Brake, assembly: Assembly, pressure: float, given: Mapping[KeyPath, float]
+    brake: Brake, assembly: Assembly, pressure: float, overrides: Mapping[KeyPath, float]
 ) -> Inspection:
     """Look at a brake.
 
@@ -54,7 +54,7 @@ def inspect(
         Of it, at its defaults.
     pressure : float
         Brake pressure, Pa: the contact law's length is that under it.
-    given : mapping of key -> float
+    overrides : mapping of key -> float
         Numbers of the file that have other values there, SI units.
 
     Raises
@@ -62,18 +62,19 @@ def inspect(
     ModelError
         As `geometry_of` and `component_matrices`.
     """
-    inspection, geometry, as_meshed = Inspection(), geometry_at(brake, given), geometry_of(brake)
+    geometry, as_meshed = geometry_at(brake, overrides), geometry_of(brake)
+    inspection = Inspection()
     for body in as_meshed.bodies.values():
-        component_facts(inspection, as_meshed, body, given)
+        component_facts(inspection, as_meshed, body, overrides)
     unheld(inspection, geometry, assembly)
-    _contact(inspection, geometry, assembly, pressure, given)
+    _contact(inspection, geometry, assembly, pressure, overrides)
     _ties(inspection, geometry, assembly)
-    tell_interfaces(inspection, Numbers(geometry.file, given))
+    tell_interfaces(inspection, Numbers(geometry.file, overrides))
     _rotation(inspection, geometry, assembly)
     _load(inspection, geometry)
     _stresses(inspection, geometry)
-    _heat(inspection, geometry, assembly, given)
-    _wear(inspection, geometry, assembly, given)
+    _heat(inspection, geometry, assembly, overrides)
+    _wear(inspection, geometry, assembly, overrides)
     n, points = assembly.n_dof, assembly.contact.n_points
     seconds = SECONDS * (n / FREEDOMS) ** GROWTH
     inspection.tell(
@@ -129,9 +130,9 @@ def _contact(
     geometry: Geometry,
     assembly: Assembly,
     pressure: float,
-    given: Mapping[KeyPath, float],
+    overrides: Mapping[KeyPath, float],
 ) -> None:
-    law, numbers = assembly.contact.law, Numbers(geometry.file, given)
+    law, numbers = assembly.contact.law, Numbers(geometry.file, overrides)
     force = float(np.abs(assembly.load).sum()) * pressure  # on both sides of the disc
     mean = max(force / assembly.contact.area.sum(), 1.0)
     length = law.gap_scale(mean)
@@ -146,7 +147,7 @@ def _contact(
             least, most = (float(f(pair.gap0)) / size for f in (np.min, np.max))
             taken = f"{least:.3g} to {most:.3g} {unit} of {table.initial_gap.file}"
         elif not isinstance(table.initial_gap, str):
-            gap = given.get(("contact", i, "initial_gap"), table.initial_gap * size)
+            gap = overrides.get(("contact", i, "initial_gap"), table.initial_gap * size)
             taken = f"{gap / size:g} {unit}"
         inspection.tell(
             name,
@@ -201,20 +202,20 @@ def _pull(geometry: Geometry, number: int) -> float:
     return total if total > BALANCE else 0.0
 
 
-def same_mesh(one: SolidMesh, other: SolidMesh) -> bool:
+def same_mesh(first: SolidMesh, other: SolidMesh) -> bool:
     """Whether two meshes of one component have the same elements in the same places."""
     from scipy.spatial import cKDTree
 
-    away, node = cKDTree(one.nodes).query(other.nodes)
-    span = float(np.ptp(one.nodes, axis=0).max())
+    away, node = cKDTree(first.nodes).query(other.nodes)
+    span = float(np.ptp(first.nodes, axis=0).max())
     if away.max() > SAME_PLACE * span or len(np.unique(node)) < len(node):
         return False
     start = 0
-    for a, b in zip(one.blocks, other.blocks, strict=True):
+    for a, b in zip(first.blocks, other.blocks, strict=True):
         rows = slice(start, start := start + len(a.nodes))
         elements = [
             {*zip(map(tuple, np.sort(nodes, axis=1).tolist()), mesh.material[rows], strict=True)}
-            for nodes, mesh in ((a.nodes, one), (node[b.nodes], other))
+            for nodes, mesh in ((a.nodes, first), (node[b.nodes], other))
         ]
         if elements[0] != elements[1]:
             return False
@@ -299,20 +300,23 @@ def _stresses(inspection: Inspection, geometry: Geometry) -> None:
 
 
 def _wear(
-    inspection: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
+    inspection: Inspection,
+    geometry: Geometry,
+    assembly: Assembly,
+    overrides: Mapping[KeyPath, float],
 ) -> None:
     """How deep sliding has worn each contact with friction."""
     file = geometry.file
     if file.wear is None:
         return
-    numbers, size, unit = Numbers(file, given), LENGTH.factor(file.units), UNITS[file.units][0]
+    numbers, size, unit = Numbers(file, overrides), LENGTH.factor(file.units), UNITS[file.units][0]
     megapascal = file.wear.pressure * STRESS.factor(file.units) / 1e6
     at = f"{megapascal:g} MPa and a friction of {file.wear.friction:g}"
     distance = numbers.at(WEAR, "distance")
     if not distance:
         inspection.tell("wear", "the faces are new: the distance of [wear] is 0")
         return
-    unworn = new_gaps(geometry, numbers) + hot_gaps(assembly, geometry, given)
+    unworn = new_gaps(geometry, numbers) + hot_gaps(assembly, geometry, overrides)
     depth = assembly.contact.gap0 - unworn
     depths, begins = [], np.cumsum([0, *(len(pair.gap0) for pair in geometry.contacts)])
     for i, pair in enumerate(geometry.contacts):
@@ -329,10 +333,13 @@ def _wear(
 
 
 def _heat(
-    inspection: Inspection, geometry: Geometry, assembly: Assembly, given: Mapping[KeyPath, float]
+    inspection: Inspection,
+    geometry: Geometry,
+    assembly: Assembly,
+    overrides: Mapping[KeyPath, float],
 ) -> None:
     """Temperatures of hot components, and the gaps that all of them open."""
-    numbers = Numbers(geometry.file, given)
+    numbers = Numbers(geometry.file, overrides)
     hot = [n for n, table in geometry.file.components.items() if table.heat is not None]
     if not hot:
         return
@@ -343,7 +350,7 @@ def _heat(
         )
         texts.append(f"{name} is {rise.min():.4g} to {rise.max():.4g} K above its mesh")
     size, unit = LENGTH.factor(geometry.file.units), UNITS[geometry.file.units][0]
-    opened, pairs = hot_gaps(assembly, geometry, given) / size, np.array(assembly.contact.pairs)
+    opened, pairs = hot_gaps(assembly, geometry, overrides) / size, np.array(assembly.contact.pairs)
     for name in dict.fromkeys(assembly.contact.pairs):
         least, most = (f(opened[pairs == name]) for f in (np.min, np.max))
         texts.append(f"{name} opens by {least:.3g} to {most:.3g} {unit}")

@@ -89,30 +89,30 @@ def _check(path: Path) -> None:
     expect_room(OF_NUMBERS * needed)
 
 
-def _name_groups(found: Any) -> None:
+def _name_groups(meshio_mesh: Any) -> None:
     """Families of cells as sets by the names of their groups."""
-    tags = found.cell_data.pop("cell_tags", None)
+    tags = meshio_mesh.cell_data.pop("cell_tags", None)
     if tags is None:
         return
     sets: dict[str, list[np.ndarray]] = {}
     for k, tags_of_block in enumerate(tags):
         for tag in np.unique(tags_of_block):
-            for name in found.cell_tags.get(int(tag), ()):
+            for name in meshio_mesh.cell_tags.get(int(tag), ()):
                 parts = sets.setdefault(
-                    name.strip(), [np.zeros(0, dtype=np.int64) for _ in found.cells]
+                    name.strip(), [np.zeros(0, dtype=np.int64) for _ in meshio_mesh.cells]
                 )
                 parts[k] = np.union1d(parts[k], np.flatnonzero(tags_of_block == tag))
-    found.cell_sets = sets
+    meshio_mesh.cell_sets = sets
 
 
-def _with_node_groups(mesh: SolidMesh, found: Any) -> SolidMesh:
-    tags = found.point_data.get("point_tags")
+def _with_node_groups(mesh: SolidMesh, meshio_mesh: Any) -> SolidMesh:
+    tags = meshio_mesh.point_data.get("point_tags")
     if tags is None:
         return mesh
-    place = np.full(len(found.points) + 1, -1)
+    place = np.full(len(meshio_mesh.points) + 1, -1)
     place[mesh.numbers] = np.arange(len(mesh.numbers))
     sets = dict(mesh.node_sets)
-    for tag, names in found.point_tags.items():
+    for tag, names in meshio_mesh.point_tags.items():
         members = place[1 + np.flatnonzero(tags == tag)]
         for name in names:
             both = np.union1d(

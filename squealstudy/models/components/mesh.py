@@ -235,12 +235,12 @@ class SolidMesh:
         """Some of the nodes at these places, for a message: "nodes 1, 2, 3"."""
         return f"node{'s' * (len(nodes) > 1)} {_numbers_text(self.numbers[nodes])}"
 
-    def find(self, what: str, name: str) -> np.ndarray:
+    def find(self, collection: str, name: str) -> np.ndarray:
         """A node set, element set or surface; capitals count only where names differ by them.
 
         Parameters
         ----------
-        what : str
+        collection : str
             node_sets, element_sets or surfaces.
 
         Raises
@@ -248,7 +248,9 @@ class SolidMesh:
         ModelError
             There is none; the message lists what there is.
         """
-        return found_name(getattr(self, what), name, what.replace("_", " ")[:-1], self.origin)
+        return found_name(
+            getattr(self, collection), name, collection.replace("_", " ")[:-1], self.origin
+        )
 
     def node_set(self, name: str) -> np.ndarray:
         """Nodes of a node set, or of the faces of a surface where no node set has this name."""

@@ -155,9 +155,9 @@ class _Deck:
                 self._note(cards_of_name, PASSED_OVER.get(name, "as asked for"))
         self._plates = plates
 
-    def _refuse(self, known: set[str]) -> None:
+    def _refuse(self, supported: set[str]) -> None:
         """ModelError with all cards that are not supported."""
-        unknown = {name: cards for name, cards in self._cards.items() if name not in known}
+        unknown = {name: cards for name, cards in self._cards.items() if name not in supported}
         if not unknown:
             return
         listed = ", ".join(

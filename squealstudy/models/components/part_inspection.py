@@ -51,7 +51,7 @@ def part_alone(
 
 
 def inspect_parts(
-    brake: Brake, given: Mapping[KeyPath, float]
+    brake: Brake, overrides: Mapping[KeyPath, float]
 ) -> tuple[Inspection, Geometry | None]:
     """Look at the components of a model file without contact or without load.
 
@@ -84,9 +84,9 @@ def inspect_parts(
             _sets(inspection, mesh, unit, 1.0)
     geometry = _geometry(brake, usable)
     if geometry is not None:
-        size, numbers = LENGTH.factor(brake.file.units), Numbers(geometry.file, given)
+        size, numbers = LENGTH.factor(brake.file.units), Numbers(geometry.file, overrides)
         for body in geometry.bodies.values():
-            component_facts(inspection, geometry, body, given)
+            component_facts(inspection, geometry, body, overrides)
             _sets(inspection, body.mesh, UNITS[brake.file.units][0], size)
         for number, pair in enumerate(geometry.contacts):
             table_of = brake.file.contact[number]

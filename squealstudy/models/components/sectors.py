@@ -114,11 +114,13 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
     return place[at].reshape(count, n)
 
 
-def _pairs(one: np.ndarray, other: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(
+    points: np.ndarray, other_points: np.ndarray, near: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Rows of two lists of points that lie at one place."""
     from scipy.spatial import cKDTree  # heavy: only what reads meshes needs it
 
-    distance, at = cKDTree(other).query(one, distance_upper_bound=near)
+    distance, at = cKDTree(other_points).query(points, distance_upper_bound=near)
     rows = np.flatnonzero(np.isfinite(distance))
     return rows, at[rows]
 
@@ -279,7 +281,7 @@ class _Copies:
             there = m.nodes[masters] @ R.T + shift
             apart = np.linalg.norm(m.nodes[slaves][:, None] - there[None], axis=2)
             gaps[step] = float(apart.min(axis=1).sum())
-        step = min(gaps, key=lambda one: gaps[one])
+        step = min(gaps, key=lambda s: gaps[s])
         for k in range(self._count):
             faces = self._faces(tie.faces, (k + step) % self._count)
             yield replace(tie, nodes=self._node_at[k][slaves], faces=faces, cyclic=False)

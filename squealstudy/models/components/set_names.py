@@ -16,7 +16,7 @@ def has_name(of: Mapping[str, T], name: str) -> bool:
     return any(existing.casefold() == name.casefold() for existing in of)
 
 
-def found_name(of: Mapping[str, T], name: str, what: str, origin: Path) -> T:
+def found_name(of: Mapping[str, T], name: str, noun: str, origin: Path) -> T:
     """The value of a name; capitals count only where names differ by nothing else.
 
     Raises ModelError, with the names that there are.
@@ -26,5 +26,5 @@ def found_name(of: Mapping[str, T], name: str, what: str, origin: Path) -> T:
     alike: Sequence[str] = [existing for existing in of if existing.casefold() == name.casefold()]
     if len(alike) != 1:
         existing = ", ".join(sorted(of)) or "none"
-        raise ModelError(f"{origin} has no {what} '{name}'; it has {existing}")
+        raise ModelError(f"{origin} has no {noun} '{name}'; it has {existing}")
     return of[alike[0]]

@@ -122,10 +122,10 @@ def _check_ends(
         raise PlacedError(keys, f"expected two that differ, got '{ends[0]}' twice")
 
 
-def _expect_mass(name: str, known: tuple[str, ...], keys: KeyPath) -> None:
-    if name not in known:
-        text = f"there is no mass '{name}', expected one of {', '.join(dict.fromkeys(known))}"
-        raise PlacedError(keys, text, name, known)
+def _expect_mass(name: str, masses: tuple[str, ...], keys: KeyPath) -> None:
+    if name not in masses:
+        text = f"there is no mass '{name}', expected one of {', '.join(dict.fromkeys(masses))}"
+        raise PlacedError(keys, text, name, masses)
 
 
 def _check_arms(file: AnyFile) -> None:
@@ -168,21 +168,21 @@ def _reached(mass: str, file: LumpedFile) -> set[str]:
     return reached
 
 
-def check_used(file: AnyFile, own: Iterable[str]) -> None:
+def check_used(file: AnyFile, parameters: Iterable[str]) -> None:
     """That expressions use each parameter of the file, and no others."""
-    own, used = tuple(own), set[str]()
+    parameters, used = tuple(parameters), set[str]()
     for keys, text in texts_of(file):
         try:
             names = expression(text).names
         except ExpressionError as error:
             raise PlacedError(keys, str(error)) from None
         for name in names:
-            if name not in own:
-                listing = f", expected one of {', '.join(own)}" if own else ""
+            if name not in parameters:
+                listing = f", expected one of {', '.join(parameters)}" if parameters else ""
                 what = f"there is no parameter '{name}' under [parameters]{listing}"
-                raise PlacedError(keys, what, name, own)
+                raise PlacedError(keys, what, name, parameters)
         used |= set(names)
-    for name in own:
+    for name in parameters:
         if name not in used:
             text = "no number of the file uses it: expected its name in one, or no such parameter"
             raise PlacedError(("parameters", name), text)

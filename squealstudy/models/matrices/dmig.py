@@ -151,21 +151,21 @@ def fields_of(line: str) -> tuple[str, list[str]]:
     return first, (rest + [""] * count)[:count]
 
 
-def _add(text: TextFile, card: _Card, found: dict[str, _Matrix]) -> None:
+def _add(text: TextFile, card: _Card, matrices: dict[str, _Matrix]) -> None:
     """Take in a card: the head of a matrix, or entries of one of its columns."""
     name = card.at(0).upper()
     if not name:
         raise text.error(card.line(0), "expected the name of a matrix")
     if card.at(1) == "0":
         _check_head(text, card)
-        if name in found:
+        if name in matrices:
             raise text.error(card.line(0), f"the matrix {name} has a head already")
-        found[name] = _Matrix(symmetric=card.at(2) == str(SYMMETRIC))
+        matrices[name] = _Matrix(symmetric=card.at(2) == str(SYMMETRIC))
         return
-    if name not in found:
+    if name not in matrices:
         what = f"expected a card with 0 in field 3 before the columns of {name}"
         raise text.error(card.line(0), what)
-    matrix = found[name]
+    matrix = matrices[name]
     column = _whole_number(text, card, 1, "a node"), _whole_number(text, card, 2, "a direction")
     for start in range(FIELDS_PER_ENTRY, len(card.fields), FIELDS_PER_ENTRY):
         if not any(card.fields[start : start + FIELDS_PER_ENTRY]):

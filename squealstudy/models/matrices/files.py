@@ -257,19 +257,19 @@ def _chosen(content: Mapping[str, Any], path: Path, variable: str | None) -> Any
     return content[name]
 
 
-def _checked(found: Any, square: bool = True) -> sp.csr_matrix:
-    """`found` as csr of float64; ValueError where it is no matrix of finite real numbers."""
-    if not (sp.issparse(found) or isinstance(found, np.ndarray)) or found.dtype.kind not in "biufc":
-        raise ValueError(f"expected a matrix of numbers, found {type(found).__name__}")
-    if found.ndim != 2:
-        raise ValueError(f"expected a square matrix, found {' x '.join(map(str, found.shape))}")
+def _checked(A: Any, square: bool = True) -> sp.csr_matrix:
+    """`A` as csr of float64; ValueError where it is no matrix of finite real numbers."""
+    if not (sp.issparse(A) or isinstance(A, np.ndarray)) or A.dtype.kind not in "biufc":
+        raise ValueError(f"expected a matrix of numbers, found {type(A).__name__}")
+    if A.ndim != 2:
+        raise ValueError(f"expected a square matrix, found {' x '.join(map(str, A.shape))}")
     if square:
-        check_size(*found.shape)
-    if np.iscomplexobj(found):
+        check_size(*A.shape)
+    if np.iscomplexobj(A):
         raise ValueError("expected real values, found complex ones")
-    if hasattr(found, "check_format"):  # indices that SciPy would follow out of its arrays
-        found.check_format(full_check=True)
-    matrix = sp.csr_matrix(found).astype(float)
+    if hasattr(A, "check_format"):  # indices that SciPy would follow out of its arrays
+        A.check_format(full_check=True)
+    matrix = sp.csr_matrix(A).astype(float)
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         wrong = sp.coo_matrix(matrix)

@@ -108,10 +108,10 @@ def together(matrices: Sequence[LabelledMatrix]) -> list[sp.csr_matrix]:
     return over_all
 
 
-def _check(wrong: np.ndarray, refused: Refusal, given: np.ndarray, expected: str) -> None:
+def _check(wrong: np.ndarray, refused: Refusal, entries: np.ndarray, expected: str) -> None:
     if wrong.any():
         k = int(wrong.argmax())
-        raise refused(k, f"expected {expected}, found {given[k]}")
+        raise refused(k, f"expected {expected}, found {entries[k]}")
 
 
 def read_abaqus(path: Path) -> LabelledMatrix | sp.csr_matrix:

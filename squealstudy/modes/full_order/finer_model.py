@@ -85,7 +85,7 @@ class ReductionRecord:
 
 
 def with_finer_model(
-    prepared: PreparedModel, basis: ComponentBasis, made: ReductionRecord, rounds: int = 0
+    prepared: PreparedModel, basis: ComponentBasis, record: ReductionRecord, rounds: int = 0
 ) -> tuple[PreparedModel, ComponentBasis]:
     """A prepared model, of this basis or of one that is enriched, with its finer model.
 
@@ -93,7 +93,7 @@ def with_finer_model(
     ----------
     prepared : PreparedModel
     basis : ComponentBasis
-    made : ReductionRecord
+    record : ReductionRecord
     rounds : int
         0: the basis stays. 1: the leading static responses, which cover most of its error, join it,
         all of them make the finer model. 2: first all of them join, then the leading ones of what
@@ -108,37 +108,41 @@ def with_finer_model(
         return replace(prepared, finer=None), basis
     try:
         if rounds > 1:
-            responses = _responses(prepared, basis, made)
+            responses = _responses(prepared, basis, record)
             model, basis = extended_basis(
-                made.assembly, made.modes, basis, responses, FINER_SVD_CUTOFF
+                record.assembly, record.modes, basis, responses, FINER_SVD_CUTOFF
             )
-            prepared = _in_basis(prepared, model, basis, made)
-        responses = _responses(prepared, basis, made)
-        finer, _ = extended_basis(made.assembly, made.modes, basis, responses, FINER_SVD_CUTOFF)
+            prepared = _in_basis(prepared, model, basis, record)
+        responses = _responses(prepared, basis, record)
+        finer, _ = extended_basis(record.assembly, record.modes, basis, responses, FINER_SVD_CUTOFF)
         if rounds > 0:
-            model, basis = extended_basis(made.assembly, made.modes, basis, responses, ENRICHING)
-            prepared = _in_basis(prepared, model, basis, made)
+            model, basis = extended_basis(
+                record.assembly, record.modes, basis, responses, ENRICHING
+            )
+            prepared = _in_basis(prepared, model, basis, record)
     except np.linalg.LinAlgError:  # an error that is not known is better than no study
         return replace(prepared, finer=None), basis
-    finer = replace(finer, damped_to=2 * np.pi * made.damped_to_hz)
+    finer = replace(finer, damped_to=2 * np.pi * record.damped_to_hz)
     return replace(prepared, finer=finer), basis
 
 
 def _in_basis(
-    prepared: PreparedModel, model: ReducedModel, basis: ComponentBasis, made: ReductionRecord
+    prepared: PreparedModel, model: ReducedModel, basis: ComponentBasis, record: ReductionRecord
 ) -> PreparedModel:
     """The same structure in another basis."""
-    phi, sensors = shape_basis(made.assembly, model, basis, prepared.nominal_tangent)
+    phi, sensors = shape_basis(record.assembly, model, basis, prepared.nominal_tangent)
     return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None)
 
 
-def _responses(prepared: PreparedModel, basis: ComponentBasis, made: ReductionRecord) -> np.ndarray:
+def _responses(
+    prepared: PreparedModel, basis: ComponentBasis, record: ReductionRecord
+) -> np.ndarray:
     """Nearly static responses (n_dof, DIRECTIONS) to residual loads."""
-    return basis.factor.solve_once(residual_loads(prepared, basis, made))
+    return basis.factor.solve_once(residual_loads(prepared, basis, record))
 
 
 def residual_loads(
-    prepared: PreparedModel, basis: ComponentBasis, made: ReductionRecord
+    prepared: PreparedModel, basis: ComponentBasis, record: ReductionRecord
 ) -> np.ndarray:
     """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
 
@@ -149,9 +153,9 @@ def residual_loads(
     Points without a working point or modes are left out; LinAlgError where no other is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
-    restricted = basis.restrict(rng.standard_normal(made.assembly.n_dof))
+    restricted = basis.restrict(rng.standard_normal(record.assembly.n_dof))
     sums = _ResidualSums(prepared.model)
-    for state in made.states:
+    for state in record.states:
         with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
             point = state_working_point(prepared, state)
             small = linearise(prepared.model, point, state)
@@ -159,7 +163,7 @@ def residual_loads(
             changes = state.stiffness_changes(component_frequencies(prepared.model))
             for use_transposes in (False, True) if state.operating.friction else (False,):
                 C, K = (small.C.T, small.K.T) if use_transposes else (small.C, small.K)
-                top = 2 * np.pi * made.top_hz
+                top = 2 * np.pi * record.top_hz
                 lam, x = dense_roots(C, K, (LOW_END_RATIO * top, top))
                 toward = restricted @ x
                 x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
@@ -170,7 +174,7 @@ def residual_loads(
                 sums.add_changes(_mixed(x, mixed), changes)
     if not sums.any:
         raise np.linalg.LinAlgError("no point has modes")
-    return sums.loads(basis, made)
+    return sums.loads(basis, record)
 
 
 def _mixed(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -194,14 +198,17 @@ class _ResidualSums:
         self._normal = self._sliding = self._across = np.zeros((len(model.area), DIRECTIONS))
         self._changed: dict[ModeKey, np.ndarray] = {}
 
-    def add(self, powers: list[np.ndarray], contact: ContactWeights, left: bool) -> None:
-        """Sums (n, DIRECTIONS) of x, lam x and lam^2 x of one point; `left` of left vectors."""
+    def add(self, powers: list[np.ndarray], contact: ContactWeights, are_left: bool) -> None:
+        """Add one point's sums (n, DIRECTIONS) of x, lam x and lam^2 x over its modes x.
+
+        `are_left` says that x are left vectors.
+        """
         x, speed, inertia = powers
         model, self.any = self._model, True
         self._inertia, self._elastic = self._inertia + inertia, self._elastic + x
         normal = model.N @ x
         self._normal = self._normal + contact.normal[:, None] * normal
-        if left:  # of K^T
+        if are_left:  # of K^T
             self._normal = self._normal + contact.coupling[:, None] * (model.T @ x)
         else:
             self._sliding = self._sliding + contact.coupling[:, None] * normal
@@ -215,14 +222,14 @@ class _ResidualSums:
             load = change * x[self._model.mode_coordinate(*key)]
             self._changed[key] = self._changed.get(key, 0.0) + load
 
-    def loads(self, basis: ComponentBasis, made: ReductionRecord) -> np.ndarray:
+    def loads(self, basis: ComponentBasis, record: ReductionRecord) -> np.ndarray:
         """The summed loads on all degrees of freedom (n_dof, DIRECTIONS), N."""
-        assembly, c = made.assembly, made.assembly.contact
+        assembly, c = record.assembly, record.assembly.contact
         stiffness = assembly.K_el + assembly.K_springs()
         total = assembly.M @ basis.expand(self._inertia) + stiffness @ basis.expand(self._elastic)
         total += c.N.T @ self._normal + c.T.T @ self._sliding + c.T_perp.T @ self._across
         if self._changed:
-            U = momenta(assembly, made.modes, list(self._changed))
+            U = momenta(assembly, record.modes, list(self._changed))
             total += U.T @ np.vstack(list(self._changed.values()))
         loads: np.ndarray = total
         return loads

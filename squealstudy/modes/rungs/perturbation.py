@@ -133,21 +133,21 @@ def perturbed_roots(
 
 
 def perturbed_pairs(
-    system: ParametricSystem, anchor: ExactPoint, weights: Weights, order: int, own: np.ndarray
+    system: ParametricSystem, anchor: ExactPoint, weights: Weights, order: int, indices: np.ndarray
 ) -> tuple[Eigenpairs, np.ndarray]:
-    """Pairs `own` (indices) of the anchor, moved to other weights through all of its pairs.
+    """Some pairs of the anchor at other weights, by a series in all of its pairs.
 
-    And the last term (m,) of each root.
+    `indices` (m,) choose the pairs. The last term (m,) of each root's series is returned too.
 
     lam1_i = V_ii,    lam2_i = sum_(k != i) V_ik V_ki / (lam_i - lam_k) - V_ii lam_i y_i^H dM x_i
     V_ki = -y_k^H (dK + lam_i dC + lam_i^2 dM) x_i,   in V_ik lam_k dC and lam_i lam_k dM
     """
     every = anchor.pairs
-    lam, X, Y = every.take(own)
+    lam, X, Y = every.take(indices)
     change = tuple(np.subtract(new, old) for new, old in zip(weights, anchor.weights, strict=True))
     masses = _of_order(system, change, MASS).apply(X)
     into = -every.Y.conj().T @ system.apply(change, lam, X)
-    first = into[own, np.arange(len(own))]
+    first = into[indices, np.arange(len(indices))]
     fixed = _of_order(system, change, STIFFNESS).adjoint(Y).conj().T @ every.X
     dampers = _of_order(system, change, DAMPING).adjoint(Y)
     dampers = dampers + _of_order(system, change, MASS).adjoint(Y) * lam.conj()

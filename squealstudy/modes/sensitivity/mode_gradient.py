@@ -144,8 +144,10 @@ class DampingGradient:
         phi^T M conj(y) and phi^T M x.
     """
 
-    def __init__(self, real: RealModes, lam: complex, left: np.ndarray, right: np.ndarray) -> None:
-        self._lam, self._left, self._right = lam, left, right
+    def __init__(
+        self, real: RealModes, lam: complex, left_vector: np.ndarray, right_vector: np.ndarray
+    ) -> None:
+        self._lam, self._left, self._right = lam, left_vector, right_vector
         self._F, self._H = real.factors
 
     @cached_property

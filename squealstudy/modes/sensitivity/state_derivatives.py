@@ -66,14 +66,14 @@ def friction_change(
     name: str,
     p: np.ndarray,
     speed_factor: np.ndarray,
-    own: np.ndarray = NO_OWN_FRICTION,
+    own_friction: np.ndarray = NO_OWN_FRICTION,
 ) -> ContactChange:
     """Friction by the sliding speed, its coefficient or a parameter of its curve.
 
-    At fixed pressures p (nc,) [Pa] of points with these factors (nc,) of the sliding speed, and
-    friction of their `own` (nc, k).
+    At fixed pressures p (nc,) [Pa] of points with these factors (nc,) of the sliding speed;
+    `own_friction` (nc, k) is that of points which do not follow the study's friction.
     """
-    rows = operating.friction_slopes(p, speed_factor, own)
+    rows = operating.friction_slopes(p, speed_factor, own_friction)
     if name == SLIDING_SPEED.name:
         mu, by_speed, by_pressure = rows[0]
         return ContactChange(mu=mu, by_speed=by_speed, by_pressure=by_pressure, speed=speed_factor)

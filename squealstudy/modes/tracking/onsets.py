@@ -123,8 +123,8 @@ class FollowedMode:
         """Whether the mode is found at x, at values on the way where the step there is too long."""
         place = self._found(x)
         if place is None and halvings:
-            way = min(self._known, key=lambda known: abs(known - x))
-            middle = (x + way) / 2
+            nearest = min(self._known, key=lambda known_x: abs(known_x - x))
+            middle = (x + nearest) / 2
             if self._follow(middle, halvings - 1):
                 return self._follow(x, halvings - 1)
         if place is not None:
@@ -184,12 +184,12 @@ def refine_onset(
 
 
 def _root(
-    mode: FollowedMode, known: list[float], tolerance: float, precision: float
+    mode: FollowedMode, solved_values: list[float], tolerance: float, precision: float
 ) -> tuple[float, bool]:
     """First zero of zeta + tolerance, and whether it is a jump instead."""
-    for x in mode.outwards(known):
+    for x in mode.outwards(solved_values):
         mode.root(x)
-    crossing = bracketed_crossing(mode.root, known, tolerance, precision)
+    crossing = bracketed_crossing(mode.root, solved_values, tolerance, precision)
     ends = [mode.at(x) for x in crossing.around]
     other = exchanged(*(lam[None] for lam, _ in ends), *(np.array([p]) for _, p in ends))[0]
     return crossing.value, bool(crossing.jumps or other)
@@ -214,7 +214,7 @@ class Crossing(NamedTuple):
 
 
 def bracketed_crossing(
-    root: Callable[[float], complex], known: list[float], tolerance: float, precision: float
+    root: Callable[[float], complex], solved_values: list[float], tolerance: float, precision: float
 ) -> Crossing:
     """First zero of the damping ratio of a root plus `tolerance`, by Brent's method.
 
@@ -222,7 +222,7 @@ def bracketed_crossing(
     ----------
     root : callable
         Root of a mode [rad/s] at a value of the parameter.
-    known : list of float
+    solved_values : list of float
         Values, ascending, at which it is known: the first two between which the sign changes are
         the bracket.
     precision : float
@@ -243,13 +243,13 @@ def bracketed_crossing(
             excess[x] = -lam.real / max(abs(lam), 1e-300) + tolerance
         return excess[x]
 
-    signs = np.sign([function(x) for x in known])
+    signs = np.sign([function(x) for x in solved_values])
     changes = np.flatnonzero(signs[:-1] * signs[1:] <= 0)
     if not len(changes):
         raise ConvergenceError(
             NO_CROSSING, "the damping ratio does not cross zero between the points"
         )
-    a, b = known[changes[0]], known[changes[0] + 1]
+    a, b = solved_values[changes[0]], solved_values[changes[0] + 1]
     zero = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
     places = [x for x in sorted(excess) if a <= x <= b]
     around = np.array([excess[x] for x in places])

@@ -70,13 +70,13 @@ class Pairings:
         self.source[self._first[points[i]] + pairing.partner[i, a]] = a
         return changed
 
-    def unresolved(self, known: np.ndarray) -> None:
-        """Mark as ambiguous what is not refined any more, but for the steps to `known` points.
+    def unresolved(self, refined: np.ndarray) -> None:
+        """Mark doubtful pairs as ambiguous, except on the `refined` steps.
 
-        As `refinement.unresolved` of each.
+        What `refinement.unresolved` does for one pairing.
         """
         settled = np.zeros(len(self.partner), dtype=bool)
-        settled[known] = True
+        settled[refined] = True
         self.ambiguous.flat[self._doubtful() & ~np.repeat(settled, self.partner.counts)] = True
 
     def count_unresolved(self) -> int:
@@ -134,18 +134,18 @@ class Stepper:
         self.pair(pairings, steps, np.zeros(0, dtype=int))
         return pairings
 
-    def again(self, pairings: Pairings, changed: np.ndarray, known: np.ndarray) -> None:
-        """Pair again what follows points whose pairings have changed; not the `known` ones."""
-        self.pair(pairings, np.setdiff1d(self._followers(changed), known), known)
+    def again(self, pairings: Pairings, changed: np.ndarray, refined: np.ndarray) -> None:
+        """Pair the steps after changed pairings again, except the `refined` ones."""
+        self.pair(pairings, np.setdiff1d(self._followers(changed), refined), refined)
 
-    def pair(self, pairings: Pairings, points: np.ndarray, known: np.ndarray) -> None:
+    def pair(self, pairings: Pairings, points: np.ndarray, refined: np.ndarray) -> None:
         """Pair the steps to points, and those after them again where the pairing has changed."""
         while len(points):
             batches = self._paired(pairings, points)
             changed = [
                 batch[pairings.enter(batch, pairing, count)] for batch, pairing, count in batches
             ]
-            points = np.setdiff1d(self._followers(np.concatenate(changed)), known)
+            points = np.setdiff1d(self._followers(np.concatenate(changed)), refined)
 
     def expected(self, pairings: Pairings, points: np.ndarray) -> np.ndarray:
         """Where the roots of the parents are expected at points (r, ma), rad/s.

@@ -183,10 +183,10 @@ class Envelope:
         return self.grew or self.predicted >= MIN_LN_GROWTH
 
     @staticmethod
-    def of(found: LevelWindows, initial: float, predicted: float) -> Envelope:
+    def of(windows: LevelWindows, initial: float, predicted: float) -> Envelope:
         """From the levels, the energy that was put in [J] and the growth that is predicted."""
-        fine, level = logarithm(found.fine), logarithm(found.level)
-        now = float(level[found.judged :].mean())
+        fine, level = logarithm(windows.fine), logarithm(windows.level)
+        now = float(level[windows.judged :].mean())
         put = 0.5 * float(np.log(initial)) if initial > 0 else now
         early = fine[: len(fine) - len(last_part(fine, JUDGED_SHARE))]
         growth = now - min(put, float(early.min()))
@@ -196,7 +196,7 @@ class Envelope:
             initial <= 0 or growth >= MIN_LN_GROWTH_PREDICTED or now <= put - LN_FALL_FROM_START
         )
         return Envelope(
-            windows=found,
+            windows=windows,
             ratio=ratio,
             continued=initial <= 0,
             reached=reached,
@@ -245,32 +245,32 @@ def _rises(course: LevelTrend) -> bool:
     return course.rise > course.error and course.thirds[2] > 0
 
 
-def _levels_off(found: Envelope, course: LevelTrend) -> bool:
+def _levels_off(envelope: Envelope, course: LevelTrend) -> bool:
     """Whether the level of the last 40 %, or of the last fifth after growth, will stay."""
-    scatter, error, _ = found.scatter()
+    scatter, error, _ = envelope.scatter()
     if max(course.scatter, scatter + error) <= MAX_REL_SCATTER:
         drift = abs(course.rise) + course.error
-        if _flat(found, course, JUDGED_SHARE) and _shows_approach(found, drift):
+        if _flat(envelope, course, JUDGED_SHARE) and _shows_approach(envelope, drift):
             return True
-        if found.predicted >= LN_GROWTH_EXPECTED and max(
+        if envelope.predicted >= LN_GROWTH_EXPECTED and max(
             drift, abs(course.begin), abs(course.end)
         ) <= (MAX_LN_DRIFT_SATURATED):
             return True
-        if _vanishes(course) and _shows_approach(found, abs(course.thirds[2])):
+        if _vanishes(course) and _shows_approach(envelope, abs(course.thirds[2])):
             return True
-    late = logarithm(last_part(found.windows.fine, LATE_SHARE))
-    if not found.saturated or len(late) < MIN_LATE_WINDOWS:
+    late = logarithm(last_part(envelope.windows.fine, LATE_SHARE))
+    if not envelope.saturated or len(late) < MIN_LATE_WINDOWS:
         return False
     course = LevelTrend.of(late)
-    burst = level_trend(last_part(found.windows.burst, LATE_SHARE))[2]
+    burst = level_trend(last_part(envelope.windows.burst, LATE_SHARE))[2]
     even = max(course.scatter, burst) <= MAX_REL_SCATTER
     return even and _quiet(course) and course.error <= MAX_LN_TREND
 
 
-def _shows_approach(found: Envelope, drift: float) -> bool:
+def _shows_approach(envelope: Envelope, drift: float) -> bool:
     """Whether the start shows how the level was reached, or it stays where decay is predicted."""
     least = max(MIN_LN_TRANSIENT, TRANSIENT_OVER_DRIFT * drift)
-    return found.reached or found.transient >= least or -found.predicted >= least
+    return envelope.reached or envelope.transient >= least or -envelope.predicted >= least
 
 
 def _quiet(course: LevelTrend) -> bool:
@@ -278,21 +278,21 @@ def _quiet(course: LevelTrend) -> bool:
     return abs(course.rise) <= course.error and abs(course.end) <= course.end_error
 
 
-def _flat(found: Envelope, course: LevelTrend, share: float) -> bool:
+def _flat(envelope: Envelope, course: LevelTrend, share: float) -> bool:
     """Whether the level drifts less than the lightest decay, or after growth by chance at most."""
-    drift, light = abs(course.rise) + course.error, found.lightest_fall(share)
+    drift, light = abs(course.rise) + course.error, envelope.lightest_fall(share)
     if np.isnan(light):
         light = MAX_LN_DRIFT_NO_PERIOD
-    if found.continued:
+    if envelope.continued:
         light = max(light, MAX_LN_DRIFT_CONTINUED)
-    if found.saturated and _quiet(course) and abs(course.rise) <= MAX_LN_DRIFT:
+    if envelope.saturated and _quiet(course) and abs(course.rise) <= MAX_LN_DRIFT:
         return True
     if drift <= min(MAX_LN_DRIFT, light if course.rise > 0 or _quiet(course) else 0.5 * light):
         return True
-    if drift <= min(MAX_LN_DRIFT_NO_PERIOD, MAX_DRIFT_OVER_TRANSIENT * found.transient):
+    if drift <= min(MAX_LN_DRIFT_NO_PERIOD, MAX_DRIFT_OVER_TRANSIENT * envelope.transient):
         return True
     slows = abs(course.end) <= MAX_PACE_RATIO * abs(course.begin)
-    return found.grew and found.predicted > 0 and slows and drift <= MAX_LN_TREND
+    return envelope.grew and envelope.predicted > 0 and slows and drift <= MAX_LN_TREND
 
 
 def _vanishes(course: LevelTrend) -> bool:
@@ -316,28 +316,28 @@ def _vanishes(course: LevelTrend) -> bool:
     )
 
 
-def _grows(found: Envelope, course: LevelTrend) -> bool:
+def _grows(envelope: Envelope, course: LevelTrend) -> bool:
     """Whether the level rises at a constant pace, or has grown and rises still."""
     if not _rises(course):
         return False
     slows = course.begin - course.end + course.bend_error
     if course.rise >= MIN_LN_FALL and slows <= 0.25 * course.rise:
         return True
-    return found.grew and course.rise >= MAX_LN_TREND and course.thirds[2] >= 0.1 * course.rise
+    return envelope.grew and course.rise >= MAX_LN_TREND and course.thirds[2] >= 0.1 * course.rise
 
 
-def _falls(found: Envelope, course: LevelTrend) -> bool:
+def _falls(envelope: Envelope, course: LevelTrend) -> bool:
     """Whether the level falls to rest."""
     if course.rise >= 0:
         return False
     for share in (JUDGED_SHARE, 0.7, 1.0):
-        stretch = found.windows.course(share)
-        if stretch.rise <= -MIN_LN_FALL and _falls_steadily(stretch, found.ratio):
+        stretch = envelope.windows.course(share)
+        if stretch.rise <= -MIN_LN_FALL and _falls_steadily(stretch, envelope.ratio):
             return True
-    level = logarithm(found.windows.level)
-    whole = float(level[-1] - level[0]) / (len(level) - 1) * (len(level) - found.windows.judged)
+    level = logarithm(envelope.windows.level)
+    whole = float(level[-1] - level[0]) / (len(level) - 1) * (len(level) - envelope.windows.judged)
     falls = course.rise < -course.error and course.end < MAX_END_PACE_RATIO * whole
-    return found.ratio <= REST_RATIO_FALLING and falls
+    return envelope.ratio <= REST_RATIO_FALLING and falls
 
 
 def slowing(course: LevelTrend) -> float:
@@ -362,39 +362,39 @@ def _falls_steadily(course: LevelTrend, ratio: float) -> bool:
     )
 
 
-def _irregular(found: Envelope, course: LevelTrend) -> bool:
-    scatter, error, count = found.scatter()
+def _irregular(envelope: Envelope, course: LevelTrend) -> bool:
+    scatter, error, count = envelope.scatter()
     if (
         count < MIN_BURST_WINDOWS
         or scatter - 1.645 * error <= MAX_REL_SCATTER
-        or not found.lasting_scatter()
+        or not envelope.lasting_scatter()
     ):
         return False
-    if max(found.growth, found.predicted) >= MIN_LN_GROWTH:
+    if max(envelope.growth, envelope.predicted) >= MIN_LN_GROWTH:
         return abs(course.rise) <= max(course.error, MAX_LN_DRIFT)
-    return abs(course.rise) + course.error <= found.lightest_fall(JUDGED_SHARE)
+    return abs(course.rise) + course.error <= envelope.lightest_fall(JUDGED_SHARE)
 
 
-def _times_longer(found: Envelope, course: LevelTrend) -> float:
+def _times_longer(envelope: Envelope, course: LevelTrend) -> float:
     """The duration that would decide over that of the record, 0 where no better is known."""
-    light = found.lightest_fall(JUDGED_SHARE)
+    light = envelope.lightest_fall(JUDGED_SHARE)
     if course.rise < -course.error:
-        return _fall_longer(found, course)
+        return _fall_longer(envelope, course)
     if course.rise > course.error:
         return max(MIN_LN_FALL / course.rise, 2.0)
-    if not _shows_approach(found, abs(course.rise) + course.error) and course.error <= light:
+    if not _shows_approach(envelope, abs(course.rise) + course.error) and course.error <= light:
         return np.inf
-    scatter, _, count = found.scatter()
+    scatter, _, count = envelope.scatter()
     if scatter > MAX_REL_SCATTER and count < MIN_BURST_WINDOWS:
         periods = MIN_BURST_WINDOWS * BURST_PERIODS / JUDGED_SHARE  # of a record that holds them
-        return float(np.fmax(MIN_BURST_WINDOWS / count, periods / found.windows.periods))
-    return 2.0 if np.isnan(light) or found.grew else max(2.0, course.error / light)
+        return float(np.fmax(MIN_BURST_WINDOWS / count, periods / envelope.windows.periods))
+    return 2.0 if np.isnan(light) or envelope.grew else max(2.0, course.error / light)
 
 
-def _fall_longer(found: Envelope, course: LevelTrend) -> float:
+def _fall_longer(envelope: Envelope, course: LevelTrend) -> float:
     """The same of a fall that goes on: until it is deep, or its pace known to be constant."""
     pace = abs(min(course.rise, course.end)) / JUDGED_SHARE
-    deep = 1 + float(np.log(max(found.ratio / LOWER_CYCLE_RATIO, 1.0))) / pace
+    deep = 1 + float(np.log(max(envelope.ratio / LOWER_CYCLE_RATIO, 1.0))) / pace
     h = 2 * LOWER_CYCLE_RATIO**2  # of m = 2, where nothing has fallen yet
     until_sure = max(MIN_LN_FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
     return DURATION_FACTOR * min(deep, until_sure)

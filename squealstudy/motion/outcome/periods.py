@@ -147,10 +147,10 @@ class _Record:
             return Fundamental(1.0 / (self.step * refined), residual, error)
         return Fundamental()
 
-    def _drifts(self, period: float, left: float) -> bool:
+    def _drifts(self, period: float, residual: float) -> bool:
         return (
             self._best(round(2.0 * period))[1]
-            > MAX_SECOND_RESIDUAL_RATIO * left + INTERPOLATION_RESIDUAL
+            > MAX_SECOND_RESIDUAL_RATIO * residual + INTERPOLATION_RESIDUAL
         )
 
     def _coarse(self) -> bool:
@@ -220,25 +220,25 @@ class _Record:
         least = int(np.argmin(squared_residual))
         return k + float(ways[least]), float(np.sqrt(max(squared_residual[least], 0.0) / whole))
 
-    def _multiple(self, period: float, left: float) -> tuple[float, float]:
+    def _multiple(self, period: float, residual: float) -> tuple[float, float]:
         """The period, or the multiple of it at which far less is left: a doubled one."""
         for n in TRIED_MULTIPLES:
             if n * period < self._longest:
                 longer, rest = self._best(round(n * period))
-                if rest < MULTIPLE_RESIDUAL_RATIO * left:
+                if rest < MULTIPLE_RESIDUAL_RATIO * residual:
                     return longer, rest
-        return period, left
+        return period, residual
 
-    def _refined(self, period: float, left: float) -> tuple[float, int, float]:
+    def _refined(self, period: float, residual: float) -> tuple[float, int, float]:
         """The period from as many as still come back, twice as many each time; what is left."""
         count = 1
         while 2 * count * period < self._longest:
             longer, rest = self._best(round(2 * count * period))
             if rest > MAX_PERIODIC_RESIDUAL:
                 break
-            count, left = 2 * count, rest
+            count, residual = 2 * count, rest
             period = longer / count
-        return period, count, left
+        return period, count, residual
 
 
 def judged_window(run: Motion) -> slice:

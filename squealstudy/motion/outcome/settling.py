@@ -88,27 +88,27 @@ def settled(
     return True, since
 
 
-def _start(found: LevelWindows, away: np.ndarray | None) -> float:
-    """Start of the first window after the last that is away, s; infinite where none will do."""
-    if away is None:
+def _start(levels: LevelWindows, differs: np.ndarray | None) -> float:
+    """Start of the first window after the last that `differs`, s; infinite where there is none."""
+    if differs is None:
         return np.inf
-    first = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
-    return float(found.start[first]) if first <= found.judged else np.inf
+    first = int(np.flatnonzero(differs)[-1]) + 1 if differs.any() else 0
+    return float(levels.start[first]) if first <= levels.judged else np.inf
 
 
-def _away(found: LevelWindows, name: str, least: float) -> np.ndarray | None:
-    """Which levels differ from those judged; None where these do not agree among themselves.
+def _away(levels: LevelWindows, name: str, least: float) -> np.ndarray | None:
+    """Which levels differ from those judged; None where the judged ones differ themselves.
 
     What is below `least` is at rest.
     """
-    level, judged = found.level, found.level[found.judged :]
+    level, judged = levels.level, levels.level[levels.judged :]
     if name == STABLE:
         rest = max(REST_RATIO_FALLING * float(level.max()), least)
         return level > rest if judged.max() <= rest else None
-    rise, error, scatter = found.trend()
+    rise, error, scatter = levels.trend()
     if scatter > MAX_REL_SCATTER or abs(rise) > max(MAX_LN_TREND, TREND_SIGMAS * error):
         return None
-    return _outside(level, found.judged, float(judged.mean()), 0.0)
+    return _outside(level, levels.judged, float(judged.mean()), 0.0)
 
 
 def _outside(values: np.ndarray, judged: int, mean: float, least: float) -> np.ndarray:
@@ -120,17 +120,17 @@ def _outside(values: np.ndarray, judged: int, mean: float, least: float) -> np.n
     return is_outside
 
 
-def _shifted(torque: np.ndarray, found: LevelWindows, mean: float, least: float) -> np.ndarray:
+def _shifted(torque: np.ndarray, levels: LevelWindows, mean: float, least: float) -> np.ndarray:
     """Windows whose mean torque is not the one judged."""
-    return _outside(window_means(torque, len(found.level)), found.judged, mean, least)
+    return _outside(window_means(torque, len(levels.level)), levels.judged, mean, least)
 
 
-def _exceeds(swing: np.ndarray, found: LevelWindows, least: float) -> np.ndarray:
+def _exceeds(swing: np.ndarray, levels: LevelWindows, least: float) -> np.ndarray:
     """Windows in which the torque swings wider than in those judged."""
-    count = len(found.level)
+    count = len(levels.level)
     cut = np.abs(swing[len(swing) % count :]).reshape(count, -1)
     peak = cut.max(axis=1)
-    top = float(peak[found.judged :].max())
+    top = float(peak[levels.judged :].max())
     wider: np.ndarray = peak > max(
         (1 + MIN_AGREEMENT_HALF_WIDTH) * top, REST_RATIO_FALLING * float(peak.max()), least
     )

@@ -56,9 +56,9 @@ def brake_tables(
     turning = {"uniform": True} if radius is None else {"effective_radius": radius}
     ratio = v["layers.tangential_ratio"]
 
-    def layer(name: str, one: str, other: str, **more: Any) -> dict[str, Any]:
+    def layer(name: str, surface: str, other_surface: str, **more: Any) -> dict[str, Any]:
         normal = v[f"{name}.stiffness"]
-        contact_table = {"name": name, "between": [one, other], "quadrature": "gauss"}
+        contact_table = {"name": name, "between": [surface, other_surface], "quadrature": "gauss"}
         return contact_table | {"normal": normal, "tangential": ratio * normal} | more
 
     ears = [2 * v[f"abutment.{d}_stiffness"] for d in ("radial", "tangential", "axial")]

@@ -61,10 +61,10 @@ class BrakeInterfaces:
         return sample_surface(self._solids[component], self._faces[component][face], side)
 
     def _facing(
-        self, one: str, face: str, other: str, side: int = LAYER_POINTS
+        self, component: str, face: str, other: str, side: int = LAYER_POINTS
     ) -> tuple[Surface, Surface]:
-        """A named face of `one`, and the same points on `other`."""
-        surface = self._face(one, face, side)
+        """A named face of `component`, and the same points on `other`."""
+        surface = self._face(component, face, side)
         return surface, facing_surface(self._solids[other], surface)
 
     # -- contact ---------------------------------------------------------------------------------
