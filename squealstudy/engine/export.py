@@ -71,11 +71,11 @@ def export_reduced(
     Matrices ``M``, ``C``, ``K`` (n, n) of ``lambda^2 M + lambda C + K`` at steady sliding, the
     observation of the contact points ``N``, ``T``, ``T_perp`` (n_points, n), ``area`` [m2],
     ``gap`` [m] there, ``tangent`` [Pa/m], ``pressure`` [Pa], ``friction_coefficient`` (n_points,)
-    that C and K hold; ``springs`` (ns, 5): stiffness, third power, gap, side, cubic damping of the
-    last ns points, which are springs; the parameter ``friction``, of fast sliding; the contact law
-    by name with names and values of its parameters, and ``parameter_names`` and
+    at which C and K are linearised; ``springs`` (ns, 5): stiffness, third power, gap, side, cubic
+    damping of the last ns points, which are springs; the parameter ``friction``, of fast sliding;
+    the contact law by name with names and values of its parameters, and ``parameter_names`` and
     ``parameter_values`` of all of the study's, SI. The basis is that of a run: enriched where its
-    tolerance asks for that. `jobs` processes make it; `warn` is as of a run.
+    tolerance demands it. `jobs` is the number of processes, `warn` gets each warning's text.
 
     Raises
     ------
@@ -94,8 +94,8 @@ def export_reduced(
     point = state_working_point(prepared, state)
     pencil = linearise(prepared.model, point, state).pencil
     model, law = prepared.model, state.operating.law
-    of_points = (point.contact_pressure, model.speed_factor, model.own_friction)
-    friction = state.operating.friction_at(*of_points)
+    point_values = (point.contact_pressure, model.speed_factor, model.own_friction)
+    friction = state.operating.friction_at(*point_values)
     content: dict[str, Any] = {
         "M": np.eye(len(pencil.K)),
         "C": pencil.C,

@@ -46,9 +46,9 @@ from squealstudy.reduction.projected import AnyAssembly, projected
 from squealstudy.reduction.shared_basis import (
     SharedBasis,
     Snapshot,
-    joined,
+    is_accurate,
     shared_basis,
-    within,
+    with_snapshot,
 )
 from squealstudy.reduction.working_point import with_less_friction
 from squealstudy.study.design import DesignPoint
@@ -188,7 +188,7 @@ def shared_key(plan: Plan) -> str:
     if plan.shared_range is None or not is_whole(prepared_path(plan.shared_key(plan.first))):
         return ""
     key = plan.shared_key(plan.first)
-    return key if _loaded(key).within else ""
+    return key if _loaded(key).is_accurate else ""
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ def shared_facts(plan: Plan) -> dict[str, dict[str, Any]]:
         "range": plan.shared_range.text,
         "reductions": basis.reductions,
         "error": basis.error if np.isfinite(basis.error) else None,
-        "used": basis.within,
+        "used": basis.is_accurate,
     }
     return {"shared_basis": facts}
 
@@ -300,7 +300,7 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
             continue
         first = assembly if first is None else first
         snapshot.blocks = basis.blocks
-        wider = joined(first, blocks, snapshot)
+        wider = with_snapshot(first, blocks, snapshot)
         if count > 1:
             states = task.record(assembly, {}, task.band_hz[1]).states
             before, again = (
@@ -311,7 +311,7 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
             lacking, apart = (root_distances(before, o, states, task.band_hz) for o in others)
             tests.append((lacking, apart))
         blocks, count = wider, count + 1
-        if within(*_worst(tests, shared.tests)):
+        if is_accurate(*_worst(tests, shared.tests)):
             break
     if first is None:
         assert failure is not None

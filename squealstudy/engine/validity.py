@@ -1,8 +1,8 @@
-"""Whether the assumptions hold at a design point whose results are there, and which one does not.
+"""Whether the assumptions of model and method hold at a solved design point, and which does not.
 
-A point is invalid where a dimensionless group is beyond what a model or a method takes for granted
-(`models.parameter.Assumption`, and the rules here). Its results are still those of the equations:
-they say little of a brake. Reasons read ``rule: value``.
+A point is invalid where a dimensionless group is beyond what a model or a method assumes
+(`models.parameter.Assumption`, and the rules here). Its results still solve the equations, but say
+little of a brake. Reasons read ``rule: value``.
 """
 
 from __future__ import annotations
@@ -30,12 +30,21 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FIELDS = (("valid", FLAG), ("invalid_reason", TEXT))  # last columns of a points table
-# columns of a points table that tell of validity
-JUDGED = ("status", "class", "open_share", "open_share_max", "perturbation", "invalid_reason")
+# columns of a points table from which validity follows
+VALIDITY_INPUTS = (
+    "status",
+    "class",
+    "open_share",
+    "open_share_max",
+    "perturbation",
+    "invalid_reason",
+)
 SOLVED = ("ok", "inaccurate")  # statuses of points that have results
-ALL_OPEN_SHARE = 1.0 - 1e-9  # of the contact area, beyond which sums of areas are all of it
-FAR_KICK = 10.0  # times the sliding speed
-TABLE_END_SLACK = 1e-9  # of the range of a table: points on its ends are in it
+ALL_OPEN_SHARE = 1.0 - 1e-9  # open share of the contact area that is 1 but for round-off
+FAR_KICK = 10.0  # start velocity over the sliding speed
+TABLE_END_SLACK = (
+    1e-9  # share of a table's range: points on its ends, but for round-off, are within
+)
 CRITICAL_DAMPING_RATIO = 1.0  # damping ratio from which on a mode does not oscillate
 MODE_RULE = f"modal damping is light, a ratio of at most {LARGEST_MODAL_DAMPING:g}"
 COMPONENT_RULE = "component modes are damped below critical"
@@ -47,16 +56,16 @@ KICK_RULE = (
 
 
 @dataclass(frozen=True, eq=False)
-class Broken:
-    """Design points that break an assumption.
+class BrokenRule:
+    """An assumption, and the design points that break it.
 
     Attributes
     ----------
     rule : str
     rows : ndarray (m,)
-        Their positions among all, ascending.
+        Positions of the design points among all, ascending.
     values : ndarray (m,)
-        What of each is beyond the bound.
+        At each of them, the number that is beyond its bound.
     """
 
     rule: str
@@ -64,15 +73,15 @@ class Broken:
     values: np.ndarray
 
     def texts(self) -> Iterator[tuple[int, str]]:
-        """Position and reason of each of them."""
+        """Position and reason of each design point."""
         for row, number in zip(self.rows.tolist(), self.values.tolist(), strict=True):
             yield row, f"{self.rule}: {number:.4g}"
 
 
-def parameter_reasons(plan: Plan) -> list[Broken]:
-    """Assumptions that parameters of design points break, known before they are solved.
+def parameter_reasons(plan: Plan) -> list[BrokenRule]:
+    """Assumptions that parameters of design points break, before any is solved.
 
-    In the order in which they are told of a point; none that no point breaks.
+    In the order in which a point's reasons list them, without those that no point breaks.
     """
     points = plan.tasks
     columns, count = points.columns, len(points)
@@ -80,7 +89,7 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
         _beyond_limit(a.rule, a.values(columns, count), a.most)
         for a in plan.study.model.assumptions
     ]
-    for rule, most, parameters in (
+    for rule, limit, parameters in (
         (MODE_RULE, LARGEST_MODAL_DAMPING, plan.first.assembly_parameters()),
         (
             COMPONENT_RULE,
@@ -90,7 +99,7 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
     ):
         damped = [points.column(p.name) for p in parameters if p.quantity == DAMPING_RATIO]
         if damped:
-            broken_rules.append(_beyond_limit(rule, np.maximum.reduce(damped), most))
+            broken_rules.append(_beyond_limit(rule, np.maximum.reduce(damped), limit))
     broken_rules.append(_damped_modes(plan))
     for table in plan.study.model.tables:
         for name, at in zip(table.over, table.at, strict=True):
@@ -98,16 +107,16 @@ def parameter_reasons(plan: Plan) -> list[Broken]:
             rule = f"the table of {table.name} is over {name} from {low:g} to {high:g}, {name}"
             values, slack = points.column(name), TABLE_END_SLACK * (high - low)
             rows = np.flatnonzero(~((values >= low - slack) & (values <= high + slack)))
-            broken_rules.append(Broken(rule, rows, values[rows]))
+            broken_rules.append(BrokenRule(rule, rows, values[rows]))
     return [broken for broken in broken_rules if len(broken.rows)]
 
 
-def _beyond_limit(rule: str, values: np.ndarray, most: float) -> Broken:
-    rows = np.flatnonzero(~(values <= most))
-    return Broken(rule, rows, values[rows])
+def _beyond_limit(rule: str, values: np.ndarray, limit: float) -> BrokenRule:
+    rows = np.flatnonzero(~(values <= limit))
+    return BrokenRule(rule, rows, values[rows])
 
 
-def points_by_rule(broken_rules: Sequence[Broken]) -> list[tuple[str, int]]:
+def points_by_rule(broken_rules: Sequence[BrokenRule]) -> list[tuple[str, int]]:
     """How many design points break each rule, the most frequent first."""
     rows: dict[str, list[np.ndarray]] = {}
     for broken in broken_rules:
@@ -119,14 +128,14 @@ def points_by_rule(broken_rules: Sequence[Broken]) -> list[tuple[str, int]]:
 def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
     """The points table with the columns FIELDS last.
 
-    ``valid`` is a nullable boolean, missing where the point has no results; ``invalid_reason`` has
-    what does not hold, reasons a worker found (a column of that name) included.
+    ``valid`` is a nullable boolean, missing where the point has no results. ``invalid_reason``
+    lists the broken assumptions, first those that a worker has noted in a column of that name.
 
     Parameters
     ----------
     plan : Plan
     points : DataFrame
-        A row for each of its design points, in order.
+        A row for each design point of the plan, in order.
     """
     import pandas as pd
 
@@ -143,7 +152,7 @@ def with_validity(plan: Plan, points: pd.DataFrame) -> pd.DataFrame:
 
 
 def write_points(plan: Plan, store: Store, findings: pa.Table) -> pd.DataFrame:
-    """Write the points table with its validity; the table.
+    """Write the points table with its validity, and return it.
 
     Parameters
     ----------
@@ -151,39 +160,39 @@ def write_points(plan: Plan, store: Store, findings: pa.Table) -> pd.DataFrame:
     store : Store
         Of the results.
     findings : Table
-        Findings of its design points, in order (`points_table`).
+        A row for each design point, in order (`points_table`).
     """
     table = points_table(plan, findings)
-    judged = table.select([name for name in JUDGED if name in table.column_names])
-    last = with_validity(plan, judged.to_pandas())[[name for name, _ in FIELDS]]
+    validity_inputs = table.select([name for name in VALIDITY_INPUTS if name in table.column_names])
+    validity = with_validity(plan, validity_inputs.to_pandas())[[name for name, _ in FIELDS]]
     table = table.select([name for name in table.column_names if name not in dict(FIELDS)])
     for name, kind in FIELDS:
-        table = table.append_column(pa.field(name, kind), pa.array(last[name], kind))
+        table = table.append_column(pa.field(name, kind), pa.array(validity[name], kind))
     store.write_table(POINTS, table.cast(with_dtypes(table.schema)))
     points: pd.DataFrame = table.to_pandas()
     return points
 
 
 def open_reason(law_kind: str, share: float) -> str:
-    """What a working point breaks whose contact is open over a share of its area, or nothing."""
+    """Rule that a working point breaks by the open share of its contact area; empty for none."""
     pulls = CONTACT_LAWS[law_kind].pulls
-    rule, most = (CLOSED_RULE, 0.0) if pulls else (OPEN_RULE, 1.0 - MIN_CLOSED_SHARE)
-    if share <= most:
+    rule, largest_share = (CLOSED_RULE, 0.0) if pulls else (OPEN_RULE, 1.0 - MIN_CLOSED_SHARE)
+    if share <= largest_share:
         return ""
-    # "1" is told of a contact that touches nowhere, not of one that a facet still closes
+    # only contact that touches nowhere reads as 1: with one facet still closed it reads as 0.999
     return f"{rule}: {1.0 if share > ALL_OPEN_SHARE else min(share, 0.999):.3g}"
 
 
 def motion_reason(law_kind: str, share: float) -> str:
-    """What a motion breaks, of a run or a cycle, in which at most that share was ever open.
+    """Rule that a run or a cycle breaks whose contact was open over at most this share of its area.
 
-    Of a law that pulls: it has no open contact. Others hold open contact too, and nothing is said.
+    Only a law that pulls breaks one: it has no open contact. Other laws hold for open contact.
     """
     return open_reason(law_kind, share) if CONTACT_LAWS[law_kind].pulls else ""
 
 
 def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
-    """Row of a point and what it breaks: found by a worker, known before, told by its findings."""
+    """Row of a point and a reason: from its worker, from its parameters, from its findings."""
     if "invalid_reason" in points:
         by_worker = points["invalid_reason"].fillna("").to_numpy(object)
         yield from ((int(row), by_worker[row]) for row in np.flatnonzero(by_worker != ""))
@@ -194,9 +203,9 @@ def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
 
 
 def _of_findings(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
-    """What the findings of points break."""
+    """Row of a point and a rule that its findings break."""
     kind = plan.first.law_kind
-    in_time = "class" in points  # steady sliding is told by its worker
+    in_time = "class" in points  # steady sliding was checked by the worker
     share = _numbers(points, "open_share_max" if in_time else "open_share")
     reason_of = motion_reason if in_time else open_reason
     for row in np.flatnonzero(share > 0).tolist():
@@ -217,38 +226,42 @@ def _numbers(points: pd.DataFrame, name: str) -> np.ndarray:
 
 
 @np.errstate(over="ignore")  # an infinite ratio is beyond the limit too
-def _damped_modes(plan: Plan) -> Broken:
+def _damped_modes(plan: Plan) -> BrokenRule:
     """Where a real mode of the band does not oscillate.
 
-    Damping that is proportional to stiffness rises with frequency: real modes are those of the
+    Damping that is proportional to stiffness rises with frequency. Real modes are taken at the
     structure's nominal working point.
     """
     points, (low, high) = plan.tasks, plan.band_hz
     columns = points.columns
     zeta, beta = columns.get("damping_ratio", 0.0), columns.get("stiffness_damping", 0.0)
-    most = np.broadcast_to(zeta + np.pi * beta * high, len(points))
+    max_damping_ratio = np.broadcast_to(zeta + np.pi * beta * high, len(points))
     ratio = np.zeros(len(points))
     if (
         not isinstance(plan.study.model, FamilyDefinition)
-        and (most >= CRITICAL_DAMPING_RATIO).any()
+        and (max_damping_ratio >= CRITICAL_DAMPING_RATIO).any()
     ):
         if plan.stacked:
-            rows = np.flatnonzero(most >= CRITICAL_DAMPING_RATIO)
+            rows = np.flatnonzero(max_damping_ratio >= CRITICAL_DAMPING_RATIO)
             part = points.at(rows)
             hz = natural_frequencies_of_batch(part.model, part.options, part.columns, len(part))
-            inside = np.where((hz >= low) & (hz <= high), hz, 0.0).max(axis=1)
+            highest_hz = np.where((hz >= low) & (hz <= high), hz, 0.0).max(axis=1)
             damping_ratio = np.broadcast_to(zeta, len(points))[rows]
-            at = np.flatnonzero(inside > 0)
+            with_modes = np.flatnonzero(highest_hz > 0)
             damping_ratio = (
-                damping_ratio[at]
-                + np.pi * np.broadcast_to(beta, len(points))[rows[at]] * inside[at]
+                damping_ratio[with_modes]
+                + np.pi
+                * np.broadcast_to(beta, len(points))[rows[with_modes]]
+                * highest_hz[with_modes]
             )
-            ratio[rows[at]] = damping_ratio
+            ratio[rows[with_modes]] = damping_ratio
             return _beyond_limit(
                 OSCILLATES_RULE, ratio, float(np.nextafter(CRITICAL_DAMPING_RATIO, 0.0))
             )
         for key, rows in points.of_structures():
-            if not (most[rows] >= CRITICAL_DAMPING_RATIO).any() or not is_prepared(key):
+            if not (max_damping_ratio[rows] >= CRITICAL_DAMPING_RATIO).any() or not is_prepared(
+                key
+            ):
                 continue
             hz = natural_frequencies(prepared_model(key), plan.nominal)
             highest = float(hz[(hz >= low) & (hz <= high)].max(initial=0.0))

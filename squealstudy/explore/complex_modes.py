@@ -1,4 +1,4 @@
-"""What a page holds of complex modes: those that grow and the least damped of the others."""
+"""The complex modes on a page: those that grow and the least damped of the others."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from squealstudy.wording import name_where_fastest
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST_BYTES = 15_000_000  # of the columns of modes, before base64 makes four of three
-NUMBERS = ("frequency_hz", "growth_rate", "error_estimate")  # 16 bits a mode
-WHOLE = ("mode", "track", "flags")  # another 16
+MAX_BYTES = 15_000_000  # of the columns of modes; base64 then makes four bytes of three
+# columns that are packed as numbers and as integers, 16 bits a mode each
+NUMBERS = ("frequency_hz", "growth_rate", "error_estimate")
+INTEGERS = ("mode", "track", "flags")
 UNSTABLE, UNCERTAIN, OVERDAMPED, AMBIGUOUS = 1, 2, 4, 8  # bits of flags
 ENERGY = "energy_"
 
@@ -26,40 +27,40 @@ ENERGY = "energy_"
 def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
     """Modes of some design points, and what a map can show of them.
 
-    Of more modes than a page holds those of least damping; ``lightest`` is the damping ratio up to
-    which they are there, missing where all are.
+    Where there are more modes than a page can hold, it has the unstable and the least damped ones.
+    ``lightest`` is then the damping ratio up to which modes are on the page, else missing.
     """
     names = results.columns("modes")
     energies = [name for name in names if name.startswith(ENERGY)]
-    width = 2 * (len(NUMBERS) + len(WHOLE) + len(energies))
-    place = np.full(len(results.points), -1)
-    place[points.index] = np.arange(len(points))
-    whole = results.rows("modes", [ROW, "damping_ratio"])
-    is_shown = place[whole[ROW].to_numpy()] >= 0
+    bytes_per_mode = 2 * (len(NUMBERS) + len(INTEGERS) + len(energies))
+    position = np.full(len(results.points), -1)
+    position[points.index] = np.arange(len(points))
+    all_modes = results.rows("modes", [ROW, "damping_ratio"])
+    is_shown = position[all_modes[ROW].to_numpy()] >= 0
     mode_rows = np.flatnonzero(is_shown)
-    most, limit = MOST_BYTES // width, np.inf
-    if len(mode_rows) > most:
-        damping = whole["damping_ratio"].to_numpy()[mode_rows]
-        lightest = np.argpartition(damping, most - 1)[:most]
-        limit = float(damping[lightest].max())
+    max_modes, max_damping_ratio = MAX_BYTES // bytes_per_mode, np.inf
+    if len(mode_rows) > max_modes:
+        damping = all_modes["damping_ratio"].to_numpy()[mode_rows]
+        lightest = np.argpartition(damping, max_modes - 1)[:max_modes]
+        max_damping_ratio = float(damping[lightest].max())
         is_shown[:] = False
         is_shown[mode_rows[lightest]] = True
 
     def shown(batch: pd.DataFrame) -> np.ndarray:
-        on_page = place[batch[ROW].to_numpy()] >= 0
+        on_page = position[batch[ROW].to_numpy()] >= 0
         rows: np.ndarray = is_shown[batch.index] | (on_page & batch["unstable"].to_numpy(bool))
         return rows
 
-    named = ("mode", "track", "track_ambiguous", "unstable", "stability", "overdamped")
-    columns = [ROW, "damping_ratio", *NUMBERS, *named, *energies]
+    labels = ("mode", "track", "track_ambiguous", "unstable", "stability", "overdamped")
+    columns = [ROW, "damping_ratio", *NUMBERS, *labels, *energies]
     modes = results.rows("modes", columns, shown)
-    modes[ROW] = place[modes[ROW].to_numpy()]
+    modes[ROW] = position[modes[ROW].to_numpy()]
     modes = modes.sort_values([ROW, "frequency_hz"], kind="stable")
     content: Content = {
         "counts": packed_whole(np.bincount(modes[ROW], minlength=len(points))),
         "n": len(modes),
         "n_all": len(mode_rows),
-        "lightest": None if np.isinf(limit) else limit,
+        "lightest": None if np.isinf(max_damping_ratio) else max_damping_ratio,
         "energies": [name.removeprefix(ENERGY).replace("_", " ") for name in energies],
         "names": {str(t): name_where_fastest(n) for t, n in results.track_names.items()},
         "mode": packed_whole(modes["mode"].to_numpy()),
@@ -87,7 +88,7 @@ def _flags(modes: pd.DataFrame) -> np.ndarray:
 
 
 def _measures(points: pd.DataFrame, modes: pd.DataFrame) -> list[Content]:
-    """What a map can show of a design point, from the modes that the page holds."""
+    """Quantities of design points that a map can show, from the modes on the page."""
     fastest = modes.loc[modes.groupby(ROW)["growth_rate"].idxmax()].set_index(ROW)
     by_point = fastest.reindex(np.arange(len(points)))
     least = modes.groupby(ROW)["damping_ratio"].min().reindex(np.arange(len(points)))

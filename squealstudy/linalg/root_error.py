@@ -1,9 +1,9 @@
 """How far computed roots of a quadratic eigenproblem may be from the exact ones, to first order.
 
 A perturbation dQ of Q(lambda) = lambda^2 M + lambda C + K moves a root by y^H dQ x / y^H Q' x.
-dQ is what the pair leaves, its residual, and the round-off of the matrices' entries. Left vectors
-are not needed: what makes y^H Q' x small is another root nearby with nearly the same vector, and
-that is seen among the right vectors.
+dQ is the residual of the pair and the round-off of the matrices' entries. Left vectors are not
+needed: y^H Q' x is small where another root nearby has nearly the same vector, which the right
+vectors show.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
 EPS = float(np.finfo(float).eps)
-TIME_SCALE_RATIO = 4.0  # ratio of moduli that share a scale of time
-ACCEPTED_REL_ERROR = 1e-8  # relative error of a root below which no other attempt is made
-AT_ROUND_OFF = 10.0  # errors within this times that of round-off: no attempt would do better
-MIN_SIGNAL_TO_ROUND_OFF = 10.0  # errors of round-off that a root must be away from zero
-RIGID_BELOW = 1e-3  # of the band's top: a root that is wrong altogether is none of a free body
+TIME_SCALE_RATIO = 4.0  # ratio of the moduli of roots that are scaled by one time
+ACCEPTED_REL_ERROR = 1e-8  # relative error of a root up to which it is not solved again
+AT_ROUND_OFF = 10.0  # error over that of round-off up to which solving again does not help
+MIN_SIGNAL_TO_ROUND_OFF = 10.0  # modulus of a root over its round-off error to be no zero
+# modulus over the band's top up to which a root that is wrong altogether may be a rigid motion
+RIGID_BELOW = 1e-3
 TINY = float(np.finfo(float).tiny)
 
 
@@ -32,11 +33,11 @@ class RootErrors(NamedTuple):
     Attributes
     ----------
     error : ndarray (m,)
-        Of the residual and of round-off.
+        By the residual and by round-off.
     round_off : ndarray (m,)
-        Of round-off alone: what no other solution would improve.
+        By round-off alone: another solution would have it too.
     residual : ndarray (m,)
-        |Q(lam) x| of the vectors as they were given.
+        |Q(lam) x| of the vectors as they were passed.
     """
 
     error: np.ndarray
@@ -44,16 +45,16 @@ class RootErrors(NamedTuple):
     residual: np.ndarray
 
     def doubt(self, lam: np.ndarray) -> float:
-        """Largest error over the one at which no other attempt is made; above 1 one is."""
+        """Largest error over the accepted one: above 1 the roots are solved again."""
         allowed = np.maximum(ACCEPTED_REL_ERROR * np.abs(lam), AT_ROUND_OFF * self.round_off)
         with np.errstate(invalid="ignore"):  # infinite over infinite
             doubt = self.error / np.where(allowed > 0, allowed, 1.0)
         return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
 
     def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
-        """Which roots (m,) of a band up to `top` [rad/s] are more than motion of a free body.
+        """Which roots (m,) of a band up to `top` [rad/s] differ from the zero roots of a free body.
 
-        The others are far below the band and cannot be told from zero.
+        The others are far below the band, and zero within their round-off.
         """
         size = np.abs(lam)
         is_resolved: np.ndarray = (size > MIN_SIGNAL_TO_ROUND_OFF * self.round_off) | (
@@ -68,10 +69,10 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
         |x|^T (|r| + eps (|lam|^2 |M| + |lam| |C| + |K|) |x|) kappa
             / max(|x^H (2 lam M + C) x|, 2 |lam| x^H D x)
 
-    (THEORY.md eq. (35)) with moduli by entry, r the residual, D the diagonal of M (of a row
-    without one the sum of its moduli) and kappa the condition of the root (`conditions`).
-    Entries' round-off follows a stiff spring where it is felt: in a norm of the matrices one spring
-    of 1e15 N/m would drown all roots.
+    (THEORY.md eq. (35)) with moduli entry by entry, r the residual, D the diagonal of M (where it
+    is zero, the sum of the row's moduli) and kappa the condition of the root (`conditions`). Entry
+    by entry, a stiff spring adds round-off only to modes that strain it; by norms of the matrices
+    one spring of 1e15 N/m would drown all roots.
     """
     if not len(lam):
         return RootErrors(np.zeros(0), np.zeros(0), np.zeros(0))
@@ -82,7 +83,7 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
     slope = np.abs(np.einsum("ij,ij->j", psi.conj(), 2 * lam * inertia + damping))
     slope = np.maximum(slope, 2 * size * (D @ a**2))
     energy = size**2 * _energy(M, a) + size * _energy(C, a) + _energy(K, a)
-    with np.errstate(over="ignore", invalid="ignore"):  # roots that are wrong altogether
+    with np.errstate(over="ignore", invalid="ignore"):  # of roots that are wrong altogether
         error_per_residual = conditions(lam, psi, D) / np.maximum(slope, TINY)
         round_off = EPS * energy * error_per_residual
         error = np.einsum("ij,ij->j", a, np.abs(r)) * error_per_residual + round_off
@@ -92,7 +93,7 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
 
 
 def _unknown_as_infinite(error: np.ndarray) -> np.ndarray:
-    """Errors, infinite where they cannot be told."""
+    """Errors, infinite where they are NaN."""
     return np.where(np.isnan(error), np.inf, error)
 
 
@@ -109,21 +110,21 @@ def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
     H, S = H * np.outer(unit, unit), S * np.outer(unit, unit)
     condition = np.ones(len(lam))
     paired = lam.imag != 0
-    level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
-    for number in np.unique(level):
-        members = np.flatnonzero(level == number)
-        scaled = lam / TIME_SCALE_RATIO**number
+    scale_numbers = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
+    for scale_number in np.unique(scale_numbers):
+        of_scale = np.flatnonzero(scale_numbers == scale_number)
+        scaled = lam / TIME_SCALE_RATIO**scale_number
         G = _gram(H, S, scaled, paired)
         G[np.diag_indices_from(G)] += EPS * len(G)  # two states may be parallel to round-off
-        condition[members] = np.sqrt(np.maximum(inverse_diagonal(G, members), 1.0))
+        condition[of_scale] = np.sqrt(np.maximum(inverse_diagonal(G, of_scale), 1.0))
     return condition
 
 
 def inverse_diagonal(G: np.ndarray, members: np.ndarray) -> np.ndarray:
     """Entries (k,) on the diagonal of the inverse of a Hermitian positive definite G (n, n).
 
-    With the members last in order they are those of (L2 L2^H)^-1, the Schur complement of the
-    others, where L2 is the last block of the Cholesky factor: half the work of an inverse.
+    With the members last, they are the diagonal of (L2 L2^H)^-1, where L2 is the last block of the
+    Cholesky factor and L2 L2^H the Schur complement of the others: half the work of an inverse.
     """
     others = np.setdiff1d(np.arange(len(G)), members)
     order = np.concatenate([others, members])
@@ -142,8 +143,8 @@ def _gram(H: np.ndarray, S: np.ndarray, lam: np.ndarray, paired: np.ndarray) -> 
     """Gram matrix of unit states and of the conjugates of paired ones."""
     among_states = H * (1.0 + np.outer(lam.conj(), lam))
     across = S.conj() * (1.0 + np.outer(lam.conj(), lam.conj()))
-    across, back = across[:, paired], among_states.conj()[np.ix_(paired, paired)]
-    G = np.block([[among_states, across], [across.conj().T, back]])
+    across, among_conjugates = across[:, paired], among_states.conj()[np.ix_(paired, paired)]
+    G = np.block([[among_states, across], [across.conj().T, among_conjugates]])
     size = np.sqrt(np.maximum(np.diag(G).real, TINY))
     unit: np.ndarray = G / np.outer(size, size)
     return unit

@@ -16,7 +16,7 @@ from squealstudy.models.parameter_names import parse_parameter
 if TYPE_CHECKING:
     import pandas as pd
 
-LINEARITY_REL_TOLERANCE = 1e-9  # relative: what a stiffness may miss to be linear in its moduli
+LINEARITY_REL_TOLERANCE = 1e-9  # relative deviation of a stiffness that is linear in its moduli
 
 
 def component_modes(point: ModelPoint, cutoff_hz: float) -> pd.DataFrame:
@@ -44,8 +44,8 @@ def loss_damping(
 
     parts, rows = point.assembly().components, []
     materials = [name for m in factors for name in ((m,) if isinstance(m, str) else m)]
-    if twice := next((name for name in materials if materials.count(name) > 1), ""):
-        raise ParameterError(twice, "expected one loss factor of a material, got two")
+    if repeated := next((name for name in materials if materials.count(name) > 1), ""):
+        raise ParameterError(repeated, "expected one loss factor of a material, got two")
     moduli = {(m,) if isinstance(m, str) else tuple(m): eta for m, eta in factors.items()}
     doubled = {names: _scaled(point, dict.fromkeys(names, 2.0)).components for names in moduli}
     for names, eta in moduli.items():
@@ -56,22 +56,25 @@ def loss_damping(
         if not eta >= 0:
             raise ParameterError(" and ".join(names), f"expected a loss factor, got {eta}")
     if len(moduli) > 1:
-        together = _scaled(point, dict.fromkeys(materials, 2.0)).components
+        all_doubled = _scaled(point, dict.fromkeys(materials, 2.0)).components
         for k, c in enumerate(parts):
-            change = together[k].K - c.K
-            apart = sum(scaled_parts[k].K - c.K for scaled_parts in doubled.values())
-            if abs(change - apart).max() > LINEARITY_REL_TOLERANCE * abs(c.K).max():
+            change_of_all = all_doubled[k].K - c.K
+            sum_of_changes = sum(scaled_parts[k].K - c.K for scaled_parts in doubled.values())
+            if abs(change_of_all - sum_of_changes).max() > LINEARITY_REL_TOLERANCE * abs(c.K).max():
                 raise ParameterError(
                     materials[-1], "expected one loss factor of a material, got two"
                 )
     for k, c in enumerate(parts):
         K = {names: scaled_parts[k].K - c.K for names, scaled_parts in doubled.items()}
-        if not any(abs(part).max() > 0 for part in K.values()):
+        if not any(abs(K_of_material).max() > 0 for K_of_material in K.values()):
             continue
         omega, phi = real_modes(c.M, c.K, cutoff_hz)
         for j in range(rigid_modes(c.M, c.K, omega), len(omega)):
             u = phi[:, j]
-            share = {names: float(u @ (part @ u)) / omega[j] ** 2 for names, part in K.items()}
+            share = {
+                names: float(u @ (K_of_material @ u)) / omega[j] ** 2
+                for names, K_of_material in K.items()
+            }
             zeta = sum(0.5 * moduli[names] * e for names, e in share.items())
             name = f"{c.name}.modes[{j + 1}].damping_ratio"
             hz = float(omega[j] / (2 * np.pi))
@@ -97,8 +100,8 @@ def _scaled(point: ModelPoint, factors: Mapping[str, float]) -> Assembly:
 def _scale_stiffness(
     once: Sequence[Component], twice: Sequence[Component], thrice: Sequence[Component]
 ) -> bool:
-    """Whether components at one, two and three times some values differ in stiffness, linearly."""
-    most = 0.0
+    """Whether stiffness changes with some values, linearly: at one, two and three times them."""
+    largest_change = 0.0
     for a, b, c in zip(once, twice, thrice, strict=True):
         if not np.array_equal(a.coordinates, b.coordinates):
             return False
@@ -107,5 +110,5 @@ def _scale_stiffness(
             change, abs(a.K).max() * LINEARITY_REL_TOLERANCE
         ):
             return False
-        most = max(most, change)
-    return most > 0
+        largest_change = max(largest_change, change)
+    return largest_change > 0

@@ -1,6 +1,6 @@
-"""The hybrid model (THEORY.md eq. (80)): sparse, with a dense border, and its own real modes.
+"""The hybrid model (THEORY.md eq. (80)): sparse matrices with a dense border, and their real modes.
 
-It is the reference that judges the modal representation. Its state is the deviation from steady
+The modal representation is judged by it. Its state is the deviation from steady
 sliding at a reference working point, whose contact tangent is inside `K`.
 """
 
@@ -22,9 +22,9 @@ from squealstudy.reduction.cmt import ComponentModes, momenta
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
 
-# relative change of contact tangents up to which a working point is the reference's
+# largest relative change of contact tangents at which the model is not made again
 SAME_TANGENT_REL_CHANGE = 1e-9
-STATIC_SHARE = 0.1  # size of the static state beside all assembly modes together
+STATIC_SHARE = 0.1  # norm of the scaled static state over that of all assembly modes together
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class HybridSettings:
     trace_cutoff : float
         Assembly modes up to here [Hz] give the traces.
     damping_cutoff : float
-        The model's own modes up to here [Hz] can be damped one by one.
+        Real modes of the hybrid model up to here [Hz] can be damped one by one.
     layers : int
         Element layers kept about the contact surfaces.
     by_component : bool
@@ -116,9 +116,9 @@ class HybridModel:
 
 
 def hybrid_model_at(model: HybridModel, tangents: np.ndarray) -> HybridModel:
-    """The same coordinates with the contact tangents of another working point in the stiffness.
+    """The model with the contact tangents of another working point, and the real modes there.
 
-    And with the real modes there: those that damping of a design is on (THEORY.md eq. (18)).
+    Modal damping of a design acts on these modes (THEORY.md eq. (18)). Coordinates stay the same.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def hybrid_model(
     operating : OperatingPoint
     settings : HybridSettings
     damped : mapping of (component, mode from 1) -> ComponentModes of that component, or None
-        Component modes that designs may damp, in the order of the rows of `shapes`.
+        Component modes that designs may damp; `shapes` has a row for each, in this order.
     modes : (omega, phi) or None
         Assembly modes at the working point up to the cutoff of the traces, where they are known.
 
@@ -215,16 +215,16 @@ def hybrid_model(
 
 @dataclass(frozen=True)
 class Superelement:
-    """Degrees of freedom that one set of traces reduces.
+    """Degrees of freedom that are reduced to one basis of traces.
 
     Attributes
     ----------
     dofs : ndarray (n_i,)
-        Of the assembly.
+        Their numbers in the assembly.
     V : ndarray (n_i, r)
-        Orthonormal in their own mass.
+        Basis, orthonormal in the mass M of these degrees of freedom.
     MV : ndarray (n_i, r)
-        Their mass times V: what projects a state.
+        M V, whose transpose projects a state.
     """
 
     dofs: np.ndarray
@@ -267,7 +267,7 @@ class HybridBasis:
     def restrict(self, u: np.ndarray) -> np.ndarray:
         """Coordinates (n, ...) of assembly displacements u (n_dof, ...).
 
-        Explicit degrees of freedom are copied, the others projected in their own mass.
+        Explicit degrees of freedom are copied, those of superelements projected by mass.
         """
         return np.concatenate([u[self.explicit], *(s.MV.T @ u[s.dofs] for s in self.superelements)])
 
@@ -278,11 +278,11 @@ class HybridBasis:
         rows = [A[s.dofs] for s in parts]
         border = [sp.csr_matrix((row[:, e].T @ s.V).T) for row, s in zip(rows, parts, strict=True)]
         blocks = [[A[e][:, e], *(b.T for b in border)]]
-        for row, s, beside in zip(rows, parts, border, strict=True):
+        for row, s, border_block in zip(rows, parts, border, strict=True):
             corner = [sp.csr_matrix(s.V.T @ (row[:, t.dofs] @ t.V)) for t in parts]
-            blocks.append([beside, *corner])
-        whole = sp.bmat(blocks, format="csr")
-        return _cleaned((whole + whole.T) / 2)
+            blocks.append([border_block, *corner])
+        projected = sp.bmat(blocks, format="csr")
+        return _cleaned((projected + projected.T) / 2)
 
     def observe(self, rows: sp.spmatrix) -> sp.csr_matrix:
         """Observation rows (m, n) from rows of the assembly (m, n_dof)."""
@@ -292,7 +292,7 @@ class HybridBasis:
 
 
 def _cleaned(A: sp.csr_matrix) -> sp.csr_matrix:
-    """Without the entries that rounding left beside its diagonal."""
+    """The matrix without off-diagonal entries that are round-off."""
     size = np.sqrt(np.abs(A.diagonal()))
     coo = A.tocoo()
     is_significant = np.abs(coo.data) > 1e-15 * size[coo.row] * size[coo.col]
@@ -315,13 +315,13 @@ def explicit_dofs(assembly: Assembly, layers: int) -> np.ndarray:
     if layers < 0:
         raise ModelError(f"the number of explicit layers must not be negative, got {layers}")
     c = assembly.contact
-    mask = np.zeros(assembly.n_dof, dtype=bool)
+    is_explicit = np.zeros(assembly.n_dof, dtype=bool)
     for rows in (c.N, c.T, c.T_perp):
-        mask[rows.indices[rows.data != 0]] = True
-    beside = (abs(assembly.M) + abs(assembly.K_el)).tocsr()
+        is_explicit[rows.indices[rows.data != 0]] = True
+    adjacency = (abs(assembly.M) + abs(assembly.K_el)).tocsr()
     for _ in range(layers):
-        mask |= beside @ mask.astype(float) > 0
-    return np.flatnonzero(mask)
+        is_explicit |= adjacency @ is_explicit.astype(float) > 0
+    return np.flatnonzero(is_explicit)
 
 
 def hybrid_basis(
@@ -347,15 +347,15 @@ def hybrid_basis(
         Traces by component; False: over all components together (THEORY.md eq. (80)).
     """
     explicit = explicit_dofs(assembly, layers)
-    inside = np.ones(assembly.n_dof, dtype=bool)
-    inside[explicit] = False
+    is_reduced = np.ones(assembly.n_dof, dtype=bool)
+    is_reduced[explicit] = False
     spans = list(assembly.slices.values()) if by_component else [slice(0, assembly.n_dof)]
     size = np.linalg.norm(static)
     scale = STATIC_SHARE * np.linalg.norm(phi) / size if size > 0 else 0.0
     shapes = np.column_stack([phi, scale * static])
     parts = []
     for span in spans:
-        dofs = np.arange(assembly.n_dof)[span][inside[span]]
+        dofs = np.arange(assembly.n_dof)[span][is_reduced[span]]
         if len(dofs):
             M = assembly.M[dofs][:, dofs]
             empty = np.zeros((len(dofs), 0))

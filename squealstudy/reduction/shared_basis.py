@@ -1,9 +1,9 @@
 """One basis of displacements over a range of materials and springs (THEORY.md eq. (28a)).
 
-Reductions at a few places of the range leave what they are made of: component modes, traces of
-assembly modes, responses to friction, and the static responses of the contact. All of it together
-spans what a reduction at any other place needs, which is then made of matrices of some thousand
-rows instead of the meshes'.
+Each reduction at one of a few places of the range is made of component modes, traces of assembly
+modes, responses to friction and static responses of the contact. Together they span what a
+reduction at any other place needs: that one then starts from matrices of some thousand rows instead
+of those of the meshes.
 """
 
 from __future__ import annotations
@@ -21,10 +21,12 @@ from squealstudy.reduction.contact_space import ContactRows, ContactSpace, conta
 from squealstudy.reduction.orthonormal import GRAM_RESOLUTION, new_directions, outside
 from squealstudy.reduction.projected import ProjectedAssembly
 
-TRACES = 1e-4  # smallest direction that another reduction adds, in M, of unit shapes
-STATIC = 1e-3  # and of static responses, of the square root of the largest elastic energy
-TOLERANCE = 1e-5  # of roots at a place that is not spanned yet, relative to a basis that spans it
-AGREEMENT = 1e-4  # of these with a reduction there, whose own error is part of the difference
+MIN_NEW_TRACE = 1e-4  # mass norm from which a new direction of a unit shape joins the basis
+# elastic energy of a static response from which it joins, as the root of its share of the largest
+MIN_NEW_STATIC = 1e-3
+TOLERANCE = 1e-5  # relative error of roots at a place from which the basis has no directions yet
+# relative difference of these roots from a reduction made there, which has an error too
+AGREEMENT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -36,18 +38,18 @@ class SharedBasis:
     blocks : tuple of ndarray (n_component, k)
         M-orthonormal displacements of each component.
     k_c : float
-        Contact stiffness per area [Pa/m] that its static responses are those of.
+        Contact stiffness per area [Pa/m] at which its static responses were computed.
     rows : ContactRows
-        Of the contact, over its coordinates.
+        Rows of the contact over the coordinates of the basis.
     contact : str
         Hash of the contact's rows.
     reductions : int
-        How many it is made of.
+        Number of reductions that the basis is made of.
     lacking : float
-        Largest relative change of a root in the last tests by what was tested, as it joined.
+        Largest relative change of a root at the last tested places, when their reductions joined.
     error : float
-        Largest relative distance of a root there, before, from that of a reduction of its own. Both
-        are infinite where there were too few tests.
+        Largest relative distance of a root there from that of the place's reduction, before it
+        joined. Both are infinite where there were too few tests.
     """
 
     blocks: tuple[np.ndarray, ...] = field(repr=False)
@@ -59,23 +61,24 @@ class SharedBasis:
     error: float
 
     @property
-    def within(self) -> bool:
+    def is_accurate(self) -> bool:
         """Whether the last tests were passed."""
-        return within(self.lacking, self.error)
+        return is_accurate(self.lacking, self.error)
 
     def serves(self, assembly: Assembly) -> bool:
-        """Whether it is within its tolerance, and made for the contact of an assembly."""
-        return self.within and self.contact == contact_hash(assembly)
+        """Whether it is accurate, and made for the contact of an assembly."""
+        return self.is_accurate and self.contact == contact_hash(assembly)
 
     def space(self, small: ProjectedAssembly, shapes: np.ndarray) -> ContactSpace:
         """Contact compliances of an assembly that is projected on it, and shapes U (n, m)."""
         return contact_space(small, self.k_c, shapes, self.rows)
 
 
-def within(lacking: float, error: float) -> bool:
-    """Whether tests were passed: roots agree with reductions, or change no more and come near them.
+def is_accurate(lacking: float, error: float) -> bool:
+    """Whether tests were passed: roots agree with those of the reductions at the tested places.
 
-    Reductions differ from each other, of damped modes more than of light ones.
+    Where these reductions change the roots no more when they join the basis, AGREEMENT is enough:
+    they have errors too, larger ones of damped modes.
     """
     return error <= TOLERANCE or (lacking <= TOLERANCE and error <= AGREEMENT)
 
@@ -90,17 +93,17 @@ def contact_hash(assembly: Assembly) -> str:
 
 
 class Snapshot:
-    """What one reduction leaves for a shared basis.
+    """Directions that one reduction contributes to a shared basis.
 
     Parameters
     ----------
     assembly : Assembly
-        The one that is reduced.
+        The assembly that was reduced.
     """
 
     def __init__(self, assembly: Assembly) -> None:
         self._assembly = assembly
-        self.blocks: tuple[np.ndarray, ...] = ()  # of the reduction's own basis
+        self.blocks: tuple[np.ndarray, ...] = ()  # the reduction's basis, by component
         self._static: list[list[np.ndarray]] = [[] for _ in assembly.components]
 
     def add(self, X: np.ndarray) -> None:
@@ -117,34 +120,36 @@ class Snapshot:
         return [np.hstack(directions) for directions in self._static]
 
 
-def joined(
+def with_snapshot(
     assembly: Assembly, blocks: Sequence[np.ndarray], snapshot: Snapshot
 ) -> tuple[np.ndarray, ...]:
-    """Blocks with what a snapshot has outside of them; no blocks for a first one.
+    """Blocks and the directions of a snapshot that they do not span; `blocks` is empty at first.
 
     Parameters
     ----------
     assembly : Assembly
-        Whose masses and elastic energies measure what is kept, the same for all snapshots.
+        The same for all snapshots: its masses and elastic energies measure new directions.
     blocks : sequence of ndarray (n_component, k)
     snapshot : Snapshot
     """
     parts, static = assembly.components, snapshot.static
     joined_blocks = []
-    for number, part in enumerate(parts):
-        V = snapshot.blocks[number]
+    for index, part in enumerate(parts):
+        V = snapshot.blocks[index]
         if blocks:
-            block = blocks[number]
-            V = np.hstack([block, new_directions(part.M, block, V, TRACES)])
+            block = blocks[index]
+            V = np.hstack([block, new_directions(part.M, block, V, MIN_NEW_TRACE)])
         joined_blocks.append(V)
-    sizes = [_energies(p.K, X).max(initial=0.0) for p, X in zip(parts, static, strict=True)]
-    least = STATIC**2 * max(sizes)
-    for number, part in enumerate(parts):
-        X, energy = outside(part.M, part.K, joined_blocks[number], static[number])
-        X = X[:, energy > least]
+    largest_energies = [
+        _energies(p.K, X).max(initial=0.0) for p, X in zip(parts, static, strict=True)
+    ]
+    min_energy = MIN_NEW_STATIC**2 * max(largest_energies)
+    for index, part in enumerate(parts):
+        X, energy = outside(part.M, part.K, joined_blocks[index], static[index])
+        X = X[:, energy > min_energy]
         X = X / np.sqrt(np.einsum("ij,ij->j", X, part.M @ X))
-        more = new_directions(part.M, joined_blocks[number], X, GRAM_RESOLUTION)
-        joined_blocks[number] = np.ascontiguousarray(np.hstack([joined_blocks[number], more]))
+        new_parts = new_directions(part.M, joined_blocks[index], X, GRAM_RESOLUTION)
+        joined_blocks[index] = np.ascontiguousarray(np.hstack([joined_blocks[index], new_parts]))
     return tuple(joined_blocks)
 
 
@@ -161,7 +166,7 @@ def shared_basis(
     lacking: float = np.inf,
     error: float = np.inf,
 ) -> SharedBasis:
-    """The basis of some blocks, ready for the assemblies of a range, of which one is given."""
+    """The basis of some blocks; `assembly` is any one of the range."""
     rows, n = ContactRows.of(assembly.contact), assembly.n_dof
     normal = sp.csr_matrix((len(rows.Z), n)).tolil()
     normal[:, rows.normal] = rows.Z

@@ -1,7 +1,7 @@
 """The shipped studies: in the package of a wheel, in the folder `studies` of a clone.
 
 A study is written with all that it names: model files and meshes, studies that it measures methods
-on, and those whose results it begins with.
+on, and those whose results it reads.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ class Example:
     Attributes
     ----------
     name : str
-        That of its file, without the ending.
+        Name of its file, without the ending.
     path : Path
         The file.
     kind, description : str
-        As it says itself.
+        As the study file states them.
     after : tuple of str
-        Studies whose results it begins with.
+        Names of the studies whose results it reads.
     """
 
     name: str
@@ -61,9 +61,9 @@ def examples() -> Mapping[str, Example]:
             continue
         tables = _tables(folder / path)
         if study := tables.get("study"):
-            about = study["kind"], study.get("description", "")
+            kind_and_description = study["kind"], study.get("description", "")
             after = tuple(dict.fromkeys(_results_of(tables)))
-            by_name[path.stem] = Example(path.stem, folder / path, *about, after)
+            by_name[path.stem] = Example(path.stem, folder / path, *kind_and_description, after)
     return by_name
 
 
@@ -133,7 +133,7 @@ def _common_folder(files: list[Path]) -> Path:
 
 
 def _with_named_files(path: Path) -> Iterator[Path]:
-    """A file, and those of the shipped ones that it names."""
+    """A file, and the shipped files that it names."""
     yield path
     if path.suffix != ".toml":
         return
@@ -147,7 +147,7 @@ def _with_named_files(path: Path) -> Iterator[Path]:
 
 
 def _results_of(tables: Mapping[str, Any]) -> Iterator[str]:
-    """Studies whose results a file names."""
+    """Names of the studies whose results a file reads."""
     for text in _texts(tables):
         folder, _, study = text.partition("/")
         if folder == RESULTS and study:

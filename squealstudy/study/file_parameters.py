@@ -1,4 +1,4 @@
-"""The parameters of a model file: places in it that studies may vary, and the operating point's."""
+"""The parameters of a model file: numbers in it that studies may vary, and the operating point."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
 
 
 def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath, ...]]:
-    """Where each parameter stands that points into the file."""
+    """Keys of the numbers in the file that each parameter sets."""
     places_of: dict[str, tuple[KeyPath, ...]] = {}
     owner: dict[KeyPath, str] = {}
     for name, table in file.parameters.items():
@@ -62,8 +62,8 @@ def file_parameters(
     file: ModelFile, source: SourceText, places: Mapping[str, tuple[KeyPath, ...]]
 ) -> Declared:
     """Parameters of the operating point, with the file's defaults, and those of the file."""
-    always = OPERATING if file.rotation is None else (*OPERATING, GYROSCOPIC)
-    operating = {p.name: p for p in (*always, *friction_parameters(), *contact_parameters())}
+    standard = OPERATING if file.rotation is None else (*OPERATING, GYROSCOPIC)
+    operating = {p.name: p for p in (*standard, *friction_parameters(), *contact_parameters())}
     of_file = []
     for name, table in file.parameters.items():
         keys = ("parameters", name)
@@ -73,10 +73,10 @@ def file_parameters(
             raise source.error(keys, f"'{name}' has another meaning in tables: choose another name")
         elif name not in places:
             hint = did_you_mean(name, operating) or "; or one of the operating point"
-            raise source.error(keys, f'expected path = "..." of the number that it is{hint}')
+            raise source.error(keys, f'expected path = "..." of its number{hint}')
         else:
             of_file.append(_parameter(name, table, file, source, places[name]))
-    first = [operating[p.name] for p in always]
+    first = [operating[p.name] for p in standard]
     changed = [operating[name] for name in file.parameters if name in operating]
     return (*first, *changed, friction_parameters, contact_parameters, *of_file)
 
@@ -102,9 +102,9 @@ def _size(unit: str, parameter_unit: str, source: SourceText, keys: KeyPath) -> 
     if unit == parameter_unit:  # some are known to no table of units, such as Pa/m^n
         return 1.0
     with contextlib.suppress(KeyError):
-        written, target = Unit.named(unit), Unit.named(parameter_unit or "1")
-        if written.powers == target.powers:
-            return float(written.size / target.size)
+        stated, target = Unit.named(unit), Unit.named(parameter_unit or "1")
+        if stated.powers == target.powers:
+            return float(stated.size / target.size)
     expected = f"a unit like '{parameter_unit}'" if parameter_unit else "no unit"
     raise source.error((*keys, "unit"), f"expected {expected}, got '{unit}'")
 
@@ -112,7 +112,7 @@ def _size(unit: str, parameter_unit: str, source: SourceText, keys: KeyPath) -> 
 def _default(
     table: ParameterTable, factor: float, parameter_unit: str, source: SourceText, keys: KeyPath
 ) -> float:
-    """The default in a parameter's own unit, of a bare number by the factor of its unit."""
+    """The default in the parameter's unit: a text converted, or a bare number times `factor`."""
     if not isinstance(table.default, str):
         assert table.default is not None
         return factor * table.default
@@ -131,7 +131,7 @@ def _parameter(
     source: SourceText,
     places: tuple[KeyPath, ...],
 ) -> Parameter:
-    """A parameter that stands in the file, SI units."""
+    """A parameter whose numbers stand in the file, SI units."""
     keys = ("parameters", name)
     dimension = dimension_of(places[0])
     for path, other in zip(table.paths[1:], places[1:], strict=True):
@@ -148,21 +148,23 @@ def _parameter(
     else:
         default = Numbers(file, {}).at(*places[0])
     kind = kind_of(places[0])
-    what = table.description or " and ".join(table.paths)
-    ratio = kind == "nu" and not isinstance(places[0][-1], int)
+    description = table.description or " and ".join(table.paths)
+    is_poisson_ratio = kind == "nu" and not isinstance(places[0][-1], int)
     if OF_CONTACT in places[0]:
         of_law = law_parameter_named(kind)
-        parameter = replace(of_law, name=name, default=default, description=what, structural=True)
+        parameter = replace(
+            of_law, name=name, default=default, description=description, structural=True
+        )
         return _checked(parameter, source, keys)
     parameter = Parameter(
         name,
         default,
         dimension.unit,
-        what,
+        description,
         positive=kind in POSITIVE,
         minimum=0.0 if kind in NOT_NEGATIVE else -float("inf"),
-        above=-1.0 if ratio else -float("inf"),
-        below=0.5 if ratio else float("inf"),
+        above=-1.0 if is_poisson_ratio else -float("inf"),
+        below=0.5 if is_poisson_ratio else float("inf"),
         maximum=1.0 if kind == "state" else float("inf"),
         structural=True,
     )

@@ -1,7 +1,7 @@
 """Tables of a study file with numbers in place of values with units.
 
-A text is turned into the number that the parameter's own unit asks for, before a file is checked
-further: what is computed, named and hashed knows numbers alone.
+A text such as "3 bar" becomes a number in the parameter's unit before a file is checked further:
+all that is computed, named and hashed has numbers only.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from squealstudy.study.toml_text import MAX_NESTING, KeyPath
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition
 
-TEMPERATURE = "temperature"  # a parameter whose bare numbers may be in another unit
+TEMPERATURE = "temperature"  # a parameter whose bare numbers may be in another unit than its own
 TABLES = ("sweep", "variable", "uncertain")  # lists of tables, each of one parameter
-OF_PARAMETER = ("start", "stop", "mean", "median", "std")  # their keys in its unit
-LISTS = ("values", "bounds")
-DIFFERENCES = ("std", "bounds")
+KEYS_IN_UNIT = ("start", "stop", "mean", "median", "std")  # numbers in the parameter's unit
+LISTS_IN_UNIT = ("values", "bounds")
+DIFFERENCES = ("std", "bounds")  # differences of two values: a temperature has no offset there
 
 
 def with_numbers(
@@ -35,18 +35,18 @@ def with_numbers(
     Parameters
     ----------
     tables : mapping
-        What the file says. What is no value of a parameter, or no number with a unit, stays as it
-        is: that is found when the file is checked. A bare temperature of tables is in K.
+        Tables of the file. Whatever is no number with a unit of a known parameter stays unchanged:
+        the check of the file refuses it. A bare temperature of tables is in K.
     model : callable
-        Gives the model whose parameters they are, asked where a value has a unit; None where
-        parameters have no units, or the model is not known.
+        Returns the model whose parameters they are, None where it is not known or its parameters
+        have no units. It is called only where a value has a unit.
     source : SourceText
         For messages.
 
     Raises
     ------
     StudyFileError
-        A unit that is not known or not that of the parameter; a parameter that is not known.
+        An unknown unit, or one that does not fit the parameter; an unknown parameter.
     """
     texts = list(_texts(tables))
     definition = model() if texts else None
@@ -83,7 +83,7 @@ def with_numbers(
 
 
 def _parameter(name: str, model: ModelDefinition) -> StudyParameter:
-    """The parameter of a name; of masses that the study adds, too. ParameterError."""
+    """The parameter of a name, also of a mass that the study adds; raises ParameterError."""
     try:
         return parse_parameter(name, model)
     except ParameterError:
@@ -114,21 +114,21 @@ def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, object]]:
             name = sweep.get("parameter") if isinstance(sweep, Mapping) else None
             if not isinstance(name, str):
                 continue
-            for key in OF_PARAMETER:
+            for key in KEYS_IN_UNIT:
                 if _is_quantity(sweep.get(key), name):
                     yield (table, number, key), name, sweep[key]
-            for key in LISTS:
+            for key in LISTS_IN_UNIT:
                 values = sweep.get(key)
-                for place, entry in enumerate(values if isinstance(values, list) else ()):
+                for index, entry in enumerate(values if isinstance(values, list) else ()):
                     if _is_quantity(entry, name):
-                        yield (table, number, key, place), name, entry
+                        yield (table, number, key, index), name, entry
 
 
 def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, object]]:
     """Texts in [parameters], whose names may be written with dots, in quotes or as tables."""
     for key, entry in table.items() if len(keys) <= MAX_NESTING else ():
-        here = (*keys, key)
+        path = (*keys, key)
         if isinstance(entry, Mapping):
-            yield from _nested(entry, here)
-        elif _is_quantity(entry, name := ".".join(map(str, here[1:]))):
-            yield here, name, entry
+            yield from _nested(entry, path)
+        elif _is_quantity(entry, name := ".".join(map(str, path[1:]))):
+            yield path, name, entry

@@ -25,7 +25,7 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 from squealstudy.system.row_blocks import BlockRows, weighted
 
 STIFFNESS, DAMPING, MASS = 0, 1, 2
-# whole matrices of one order, beyond which their sum is less work than their products
+# number of whole matrices of one order above which they are summed before a product
 SUM_FIRST_ABOVE = 3
 Matrix = Any  # ndarray or scipy sparse matrix
 Weights = tuple[Any, ...]  # of float, ndarray (k,), or ndarray (n, n) for dense terms
@@ -50,11 +50,11 @@ class Term:
     right: Matrix | None = None
     dense: bool = False
 
-    def seen_right(self, X: np.ndarray) -> np.ndarray:
+    def right_product(self, X: np.ndarray) -> np.ndarray:
         """R X, or X itself where R is the identity."""
         return X if self.right is None else np.asarray(self.right @ X)
 
-    def seen_left(self, Y: np.ndarray) -> np.ndarray:
+    def left_product(self, Y: np.ndarray) -> np.ndarray:
         """L Y, or Y itself where L is the identity."""
         return Y if self.left is None else np.asarray(self.left @ Y)
 
@@ -87,7 +87,7 @@ class ParametricSystem:
         ----------
         weights : Weights
         names : sequence of str
-            Of the terms, for the message.
+            Names of the terms, for the message.
         """
         for w, size, name in zip(weights, self._sizes, names, strict=True):
             if not (entry := largest_entry(w) * size) <= MAX_SQUARABLE_ENTRY:
@@ -96,14 +96,14 @@ class ParametricSystem:
 
     @cached_property
     def _sizes(self) -> list[float]:
-        """Largest entry of L^T R of each term at unit weight, at most."""
+        """Upper bound of the entries of L^T R of each term."""
         return [
             math.prod(largest_entry(side) for side in (t.left, t.right) if side is not None)
             for t in self.terms
         ]
 
     def numbers(self, order: int) -> list[int]:
-        """Positions of the terms of one power of lambda."""
+        """Indices of the terms of one power of lambda."""
         return [i for i, term in enumerate(self.terms) if term.order == order]
 
     def summed(self, weights: Weights, numbers: Iterable[int]) -> np.ndarray:
@@ -122,7 +122,7 @@ class ParametricSystem:
 
     @cached_property
     def _blocks(self) -> dict[int, BlockRows]:
-        """Blocks of the dense terms of so many rows, where they have any."""
+        """Blocks of the dense terms, by their number of rows; only where there are blocks."""
         sides: dict[int, dict[int, np.ndarray]] = {}
         for term in self.terms:
             if isinstance(term.left, np.ndarray) and isinstance(term.right, np.ndarray):
@@ -133,7 +133,7 @@ class ParametricSystem:
 
     @cached_property
     def _block_rows(self) -> frozenset[int]:
-        """Terms whose products are taken in blocks."""
+        """Indices of the terms whose products are computed by blocks."""
         return frozenset(
             i
             for i, term in enumerate(self.terms)
@@ -149,15 +149,15 @@ class ParametricSystem:
         return M, C, K
 
     def sparse_matrices(self, weights: Weights) -> tuple[LowRankSum, LowRankSum, LowRankSum]:
-        """M, C, K at a design point of a system of sparse terms and of few dense rows U^T d U."""
+        """Sparse M, C, K at a design point, with the few dense rows apart, as U^T diag(d) U."""
         self._check(weights)
         M, C, K = (self.sparse_sum(weights, self.numbers(o)) for o in (MASS, DAMPING, STIFFNESS))
         return M, C, K
 
     def sparse_sum(self, weights: Weights, numbers: Iterable[int]) -> LowRankSum:
-        """The same sum as `summed`, in which dense rows stay apart as U diag(d) U^T."""
+        """The sum that `summed` gives, as a sparse matrix plus U diag(d) U^T of the dense rows."""
         total, columns, values = sp.csr_matrix((self.n, self.n)), [], []
-        one = sp.identity(self.n, format="csr")
+        identity = sp.identity(self.n, format="csr")
         for i in numbers:
             term, w = self.terms[i], weights[i]
             if isinstance(term.right, np.ndarray) and term.left is term.right:
@@ -166,19 +166,21 @@ class ParametricSystem:
                 columns.append(rows[d != 0].T)
                 values.append(d[d != 0])
             elif not _vanishes(w):
-                left_matrix = one if term.left is None else term.left
-                right = one if term.right is None else term.right
+                left = identity if term.left is None else term.left
+                right = identity if term.right is None else term.right
                 scaled = right * float(w) if np.ndim(w) == 0 else sp.diags(w) @ right
-                if is_full(right) and left_matrix is not one:  # as of a projected assembly
-                    total = total + sp.csr_matrix(left_matrix.T.toarray() @ scaled.toarray())
+                if is_full(right) and left is not identity:  # as in a projected assembly
+                    total = total + sp.csr_matrix(left.T.toarray() @ scaled.toarray())
                 else:
-                    total = total + left_matrix.T @ scaled
+                    total = total + left.T @ scaled
         if not columns:
             return LowRankSum(total)
         return LowRankSum(total, np.hstack(columns), np.concatenate(values))
 
     def projected(self, V: np.ndarray) -> ParametricSystem:
-        """The terms on a basis V (n, r), for the same weights; a whole matrix has one number.
+        """The terms projected on a basis V (n, r); their weights stay the same.
+
+        A term without `left` is projected as one matrix.
 
         Raises
         ------
@@ -192,10 +194,10 @@ class ParametricSystem:
             if term.left is None and term.right is not None:
                 terms.append(Term(term.order, None, V.T @ np.asarray(term.right @ V)))
             elif term.left is term.right:
-                projected_rows = term.seen_right(V)
+                projected_rows = term.right_product(V)
                 terms.append(Term(term.order, projected_rows, projected_rows))
             else:
-                terms.append(Term(term.order, term.seen_left(V), term.seen_right(V)))
+                terms.append(Term(term.order, term.left_product(V), term.right_product(V)))
         return ParametricSystem(V.shape[1], tuple(terms))
 
     def of_order(self, weights: Weights, order: int) -> tuple[ParametricSystem, Weights]:
@@ -226,9 +228,12 @@ class ParametricSystem:
         for term, w in zip(system.terms, weights, strict=True):
             if term.order == STIFFNESS or _vanishes(w):
                 continue
-            observed, seen_left = right.through(term.right), left_columns.through(term.left)
+            observed, left_observed = (
+                right.product_with(term.right),
+                left_columns.product_with(term.left),
+            )
             observed = product(w, observed) if term.dense else _scaled(w, observed)
-            products = np.einsum("ij,ij->j", seen_left.conj(), observed)
+            products = np.einsum("ij,ij->j", left_observed.conj(), observed)
             total += products if term.order == DAMPING else 2.0 * lam * products
         return total
 
@@ -241,38 +246,40 @@ class ParametricSystem:
         self._check(weights)
         for term, w in zip(self.terms, weights, strict=True):
             if not _vanishes(w):
-                observed = right.through(term.right)
+                observed = right.product_with(term.right)
                 observed = product(w, observed) if term.dense else _scaled(w, observed)
-                total += left_columns.through(term.left).conj().T @ (observed * lam**term.order)
+                total += left_columns.product_with(term.left).conj().T @ (
+                    observed * lam**term.order
+                )
         return total
 
     def gathered(self, weights: Weights) -> tuple[ParametricSystem, Weights]:
-        """The same system at one design point with few terms, for several products there.
+        """The same system at one design point, with fewer terms for the products there.
 
-        Many whole matrices of one order are summed before any product.
+        Where many terms of one order are whole matrices, these are summed.
         """
-        whole: dict[int, list[int]] = {STIFFNESS: [], DAMPING: [], MASS: []}
+        by_order: dict[int, list[int]] = {STIFFNESS: [], DAMPING: [], MASS: []}
         for i, (term, w) in enumerate(zip(self.terms, weights, strict=True)):
             if term.left is None and isinstance(term.right, np.ndarray) and not np.ndim(w):
-                whole[term.order].append(i)
-        many = {
+                by_order[term.order].append(i)
+        to_sum = {
             order: term_numbers
-            for order, term_numbers in whole.items()
+            for order, term_numbers in by_order.items()
             if len(term_numbers) > SUM_FIRST_ABOVE
         }
-        if not many:
+        if not to_sum:
             return self, weights
-        summed = {i for term_numbers in many.values() for i in term_numbers}
-        term_numbers_kept = [i for i in range(len(self.terms)) if i not in summed]
+        summed = {i for term_numbers in to_sum.values() for i in term_numbers}
+        others = [i for i in range(len(self.terms)) if i not in summed]
         totals = [
             sum(weights[i] * self.terms[i].right for i in term_numbers)
-            for term_numbers in many.values()
+            for term_numbers in to_sum.values()
         ]
         terms = (
-            *(self.terms[i] for i in term_numbers_kept),
-            *(Term(order, dense=True) for order in many),
+            *(self.terms[i] for i in others),
+            *(Term(order, dense=True) for order in to_sum),
         )
-        return ParametricSystem(self.n, terms), (*(weights[i] for i in term_numbers_kept), *totals)
+        return ParametricSystem(self.n, terms), (*(weights[i] for i in others), *totals)
 
     def _check(self, weights: Weights) -> None:
         if len(weights) != len(self.terms):
@@ -281,12 +288,12 @@ class ParametricSystem:
     def _sum(
         self, weights: Weights, factors: Sequence[np.ndarray], X: Columns, adjoint: bool
     ) -> np.ndarray:
-        """Sum of the terms at X, or of their adjoints, each times the factor (m,) of its order.
+        """Sum of the terms times X, or of their adjoints, with a factor (m,) for each order.
 
-        Terms that share a matrix share its product.
+        Terms with the same left matrix share the product with it.
         """
         total = np.zeros(X.values.shape, dtype=complex)
-        before: dict[int, tuple[Matrix, np.ndarray]] = {}
+        left_factors: dict[int, tuple[Matrix, np.ndarray]] = {}
         system, weights = self.gathered(weights)
         for term, w in zip(system.terms, weights, strict=True):
             if _vanishes(w):
@@ -295,21 +302,21 @@ class ParametricSystem:
             if term.dense:
                 total += product(w.T if adjoint else w, X.values) * factor
                 continue
-            near, back = (term.left, term.right) if adjoint else (term.right, term.left)
-            part = _scaled(w, X.through(near)) * factor
-            if back is None:
+            first, second = (term.left, term.right) if adjoint else (term.right, term.left)
+            part = _scaled(w, X.product_with(first)) * factor
+            if second is None:
                 total += part
-            elif id(back) in before:
-                before[id(back)] = back, before[id(back)][1] + part
+            elif id(second) in left_factors:
+                left_factors[id(second)] = second, left_factors[id(second)][1] + part
             else:
-                before[id(back)] = back, part
-        for back, part in before.values():
-            total += product(back.T, part)
+                left_factors[id(second)] = second, part
+        for second, part in left_factors.values():
+            total += product(second.T, part)
         return total
 
 
 class Columns:
-    """Vectors (n, m) whose products with the matrices of terms are formed once.
+    """Vectors (n, m) that remember their products with the matrices of terms.
 
     Parameters
     ----------
@@ -318,19 +325,19 @@ class Columns:
 
     def __init__(self, values: np.ndarray) -> None:
         self.values = values
-        self._seen: dict[int, tuple[Matrix, np.ndarray]] = {}
+        self._products: dict[int, tuple[Matrix, np.ndarray]] = {}
 
-    def through(self, A: Matrix | None) -> np.ndarray:
-        """A X; X itself of None."""
+    def product_with(self, A: Matrix | None) -> np.ndarray:
+        """A X, or X itself where A is None."""
         if A is None:
             return self.values
-        if id(A) not in self._seen:
-            self._seen[id(A)] = A, product(A, self.values)
-        return self._seen[id(A)][1]
+        if id(A) not in self._products:
+            self._products[id(A)] = A, product(A, self.values)
+        return self._products[id(A)][1]
 
 
 def columns(X: np.ndarray | Columns) -> Columns:
-    """Vectors as columns whose products are kept."""
+    """The vectors as `Columns`."""
     return X if isinstance(X, Columns) else Columns(X)
 
 

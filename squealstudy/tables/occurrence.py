@@ -50,36 +50,38 @@ def occurrence(
     ResultsError
         Edges that do not ascend, fewer than two; weights that do not fit; no point that is solved.
     """
-    hz, size = (_edges(name, e) for name, e in (("bins_hz", bins_hz), ("bins", bins)))
+    hz_edges, level_edges = (_edges(name, e) for name, e in (("bins_hz", bins_hz), ("bins", bins)))
     weight = np.ones(len(points)) if weights is None else np.asarray(weights, dtype=float)
     if weight.shape != (len(points),) or not (weight >= 0).all():
         raise ResultsError(f"expected a weight of at least 0 for each of {len(points)} points")
     solved = (points["status"] == "ok").to_numpy(bool)
-    whole = float(weight[solved].sum())
-    if not whole > 0:
+    total_weight = float(weight[solved].sum())
+    if not total_weight > 0:
         raise ResultsError("no design point that counts is solved")
     by_id = pd.Series(weight[solved], index=points["point_id"].to_numpy()[solved])
     of_points = squeals[squeals["point_id"].isin(by_id.index).to_numpy(bool)]
-    column = np.searchsorted(hz, of_points["frequency_hz"].to_numpy(float), side="right") - 1
-    row = np.searchsorted(size, of_points[level].to_numpy(float), side="right") - 1
-    inside = (column >= 0) & (column < len(hz) - 1) & (row >= 0) & (row < len(size) - 1)
+    column = np.searchsorted(hz_edges, of_points["frequency_hz"].to_numpy(float), side="right") - 1
+    row = np.searchsorted(level_edges, of_points[level].to_numpy(float), side="right") - 1
+    inside = (
+        (column >= 0) & (column < len(hz_edges) - 1) & (row >= 0) & (row < len(level_edges) - 1)
+    )
     cells = pd.DataFrame({"column": column, "row": row, "id": of_points["point_id"].to_numpy()})
     points_of_cell = cells[inside].drop_duplicates().groupby(["column", "row"])["id"]
     counts, shares = (
         points_of_cell.count(),
-        points_of_cell.agg(lambda ids: float(by_id.loc[ids].sum()) / whole),
+        points_of_cell.agg(lambda ids: float(by_id.loc[ids].sum()) / total_weight),
     )
     rows = [
         {
-            "frequency_low_hz": hz[k],
-            "frequency_high_hz": hz[k + 1],
-            "level_low": size[j],
-            "level_high": size[j + 1],
+            "frequency_low_hz": hz_edges[k],
+            "frequency_high_hz": hz_edges[k + 1],
+            "level_low": level_edges[j],
+            "level_high": level_edges[j + 1],
             "n_points": int(counts.get((k, j), 0)),
             "share": float(shares.get((k, j), 0.0)),
         }
-        for k in range(len(hz) - 1)
-        for j in range(len(size) - 1)
+        for k in range(len(hz_edges) - 1)
+        for j in range(len(level_edges) - 1)
     ]
     table = pd.DataFrame(rows)
     table.attrs |= {"n_unsolved": int((~solved).sum()), "n_outside": int((~inside).sum())}

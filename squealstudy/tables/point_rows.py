@@ -16,34 +16,34 @@ import pyarrow.compute as pc
 from squealstudy.errors import ResultsError
 
 ROWS_PER_BATCH = 2**17  # rows of a long table that are looked at together
-ROW = "point_row"  # column: row in the points table of a mode, where that is known already
+ROW = "point_row"  # column of a modes table that may hold each mode's row in the points table
 
 
 def row_parts(count: int) -> Iterator[slice]:
-    """So many rows in parts of ROWS_PER_BATCH; one that is empty of none."""
+    """Slices of ROWS_PER_BATCH of `count` rows; one empty slice where there are no rows."""
     return (
         slice(start, start + ROWS_PER_BATCH) for start in range(0, max(count, 1), ROWS_PER_BATCH)
     )
 
 
 def point_codes(points: pd.DataFrame, modes: pd.DataFrame) -> np.ndarray:
-    """Row in `points` of each row of `modes` (n_modes,). ResultsError where one has none."""
+    """Row in `points` of each row of `modes` (n_modes,); ResultsError where a point is missing."""
     if ROW in modes:
-        row_of: np.ndarray = modes[ROW].to_numpy()
-        return row_of
+        point_rows: np.ndarray = modes[ROW].to_numpy()
+        return point_rows
     if not len(modes):
         return np.zeros(0, dtype=np.int64)
-    heads, run = _runs(_texts(modes["point_id"]))
-    rows = pc.index_in(heads, value_set=_texts(points["point_id"]))
+    point_ids, index_of_id = _runs(_texts(modes["point_id"]))
+    rows = pc.index_in(point_ids, value_set=_texts(points["point_id"]))
     if rows.null_count:
         raise ResultsError("the modes table has points that are not in the points table")
-    codes: np.ndarray = rows.to_numpy(zero_copy_only=False).astype(np.int64)[run]
+    codes: np.ndarray = rows.to_numpy(zero_copy_only=False).astype(np.int64)[index_of_id]
     return codes
 
 
-def rows_in(table: pd.DataFrame, part: pd.DataFrame) -> np.ndarray:
-    """Places in a table of the rows of a part of it (n,)."""
-    rows: np.ndarray = table.index.get_indexer(part.index)
+def rows_in(table: pd.DataFrame, selected: pd.DataFrame) -> np.ndarray:
+    """Positions (n,) in a table of the rows that were selected from it."""
+    rows: np.ndarray = table.index.get_indexer(selected.index)
     return rows
 
 
@@ -64,7 +64,7 @@ def _texts(column: pd.Series) -> pa.Array:
 
 
 def _runs(texts: pa.Array) -> tuple[pa.Array, np.ndarray]:
-    """Texts without immediate repetition, and the place of each (n,) among them."""
+    """Texts without immediate repetitions, and the position (n,) of each text among them."""
     begins = np.ones(len(texts), dtype=bool)
     if len(texts) > 1:
         changed = pc.not_equal(texts.slice(1), texts.slice(0, len(texts) - 1))

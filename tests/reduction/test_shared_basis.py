@@ -127,7 +127,7 @@ def test_a_range_that_no_basis_serves_is_reduced_value_by_value(tmp_path, monkey
     ],
 )
 def test_a_range_is_known_by_reductions_or_by_what_they_add(tests, needed, known):
-    assert shared_basis.within(*reduced._worst(tests, needed)) is known
+    assert shared_basis.is_accurate(*reduced._worst(tests, needed)) is known
 
 
 def test_the_range_is_part_of_the_identity(blocks, tmp_path):

@@ -1,6 +1,6 @@
-"""The structures of a study as problems for rungs, and what a worker keeps ready of them.
+"""The structures of a study as problems for rungs; a worker keeps the last ones.
 
-`ParameterBox` has their design points as coordinates theta in [-1, 1]^d, smooth for modes.
+`ParameterBox` maps their design points to coordinates theta in [-1, 1]^d with smooth modes.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
-MOST_KEPT = 2  # problems a process holds: of each its basis
-BASIS_TOLERANCE_SHARE = 1 / 3  # of the tolerance that the basis may use up
-INTERPOLATION_SHARE = 0.1  # and what the problem itself interpolates over the box
-# a basis to a looser tolerance is cut shorter and asks for more training points in exchange: at
-# 1e-2 four times the time of 1e-4, for as many vectors
-LOOSEST = 1e-4
+MAX_PROBLEMS = 2  # that a process keeps, each with its basis
+BASIS_TOLERANCE_SHARE = 1 / 3  # share of the study's tolerance that the basis may err by
+INTERPOLATION_SHARE = 0.1  # share that modal damping, interpolated over the box, may err by
+# a looser tolerance drops more vectors at each training point, and then needs more of these points:
+# at 1e-2 training takes four times as long as at 1e-4, and ends with as many vectors
+MAX_BASIS_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,13 @@ class SweptStructure:
     Attributes
     ----------
     key : str
-        Of the prepared model in the cache.
+        Key of the prepared model in the cache.
     chart : ParameterBox
-        The box.
+        Box of all its design points, with coordinates.
     band_hz : (low, high)
     tolerance : float
-        Of the study's modes.
+        Relative error that the study allows of its modes.
     settings : ReductionSettings
-        Of the reduction.
     """
 
     key: str
@@ -73,7 +72,7 @@ class SweptStructure:
 
     @cached_property
     def path(self) -> Path:
-        """Where the sweep basis is kept."""
+        """Folder of the sweep basis in the cache."""
         chart, law = self.chart.identity(), self.chart.design.law_identity
         code = [source_hash(), source_hash(("kinds/complex_modes",))]
         content = [code, chart, law, self.band_hz, self.tolerance]
@@ -81,11 +80,11 @@ class SweptStructure:
 
     @property
     def has_basis(self) -> bool:
-        """Whether the cache holds its sweep basis."""
+        """Whether the cache has the sweep basis."""
         return is_whole(self.path)
 
     def basis(self) -> SweepBasis:
-        """The sweep basis that the cache holds."""
+        """The sweep basis, from the cache."""
         basis: SweepBasis = load_value(self.path)
         return basis
 
@@ -95,13 +94,13 @@ class SweptStructure:
 
     @property
     def refusal(self) -> str:
-        """Why there can be no basis over this box; empty where none was refused."""
+        """Why an earlier run could make no basis over this box; empty where none has failed."""
         with contextlib.suppress(OSError, ValueError):  # not there, or damaged
             return str(unsealed(read_whole(self._refusal, OF_JSON))["reason"])
         return ""
 
     def refuse(self, reason: str) -> None:
-        """Keep why there can be no basis, for other runs."""
+        """Write down why no basis can be made, for later runs."""
         write_text(self._refusal, sealed({"reason": reason}))
 
 
@@ -124,7 +123,7 @@ def problem_of(structure: SweptStructure, rung: Rung) -> Problem:
     """The problem of a structure as a rung needs it, kept for the next call in this process."""
     key = f"{structure.path} {rung.over_a_basis}"
     if key not in _problems_by_key:
-        while len(_problems_by_key) >= MOST_KEPT:
+        while len(_problems_by_key) >= MAX_PROBLEMS:
             _problems_by_key.pop(next(iter(_problems_by_key)))
         prepared = prepared_any(structure.key)
         if isinstance(prepared, PreparedFamily):
@@ -192,33 +191,36 @@ def _brake_problem(
 
 
 def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBasis:
-    """The sweep basis of a structure, read where it is there, made and kept where it is not.
+    """The sweep basis of a structure from the cache, or made and written there.
 
     Raises
     ------
     ConvergenceError
-        Where none can be made, or where what it interpolates is wrong by too much.
+        Where none can be made, or where interpolated modal damping is too wrong.
     """
     if structure.has_basis:
         return structure.basis()
     problem = problem_of(structure, rung).swept
-    interpolated = problem.interpolation_error()
-    if interpolated > INTERPOLATION_SHARE * structure.tolerance:
+    interpolation_error = problem.interpolation_error()
+    if interpolation_error > INTERPOLATION_SHARE * structure.tolerance:
         raise ConvergenceError(
             "not_converged",
-            f"interpolated modal damping is wrong by {interpolated:.0e} in damping ratio",
+            f"interpolated modal damping is wrong by {interpolation_error:.0e} in damping ratio",
         )
     basis = build_sweep_basis(
-        problem, BASIS_TOLERANCE_SHARE * min(structure.tolerance, LOOSEST), report=report
+        problem,
+        BASIS_TOLERANCE_SHARE * min(structure.tolerance, MAX_BASIS_TOLERANCE),
+        report=report,
     )
-    basis = replace(basis, interpolated=interpolated)
+    basis = replace(basis, interpolated=interpolation_error)
     save_value(structure.path, basis)
     return basis
 
 
 Scaling = tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]
-# what the matrices are linear in, or nearly: friction damping goes as 1/speed, modal stiffness as
-# the square of a frequency, contact stiffness as a power of pressure
+# from a parameter to what the matrices depend on linearly, or nearly so, and back: friction damping
+# is proportional to 1/speed, modal stiffness to a frequency squared, contact stiffness to a power
+# of pressure
 SCALINGS: dict[str, Scaling] = {
     "linear": (lambda x: x, lambda t: t),
     "log": (np.log, np.exp),
@@ -244,9 +246,9 @@ class ParameterBox:
     Attributes
     ----------
     design : DesignPoint
-        Gives all values that do not vary.
+        One of the design points, for the values that do not vary.
     names, scalings : tuple of str
-        Parameters that vary, and how each becomes a coordinate.
+        Parameters that vary, and the scaling of each (`SCALINGS`).
     low, high : tuple of float
         Ends of the scaled coordinates.
     """
@@ -263,7 +265,7 @@ class ParameterBox:
         return len(self.names)
 
     def theta(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates (n, d) of design points given by the values (n, d) of what varies."""
+        """Coordinates (n, d) of design points, from their values (n, d) of `names`."""
         if not self.names:
             return np.zeros((len(values), 0))
         low, high = np.array(self.low), np.array(self.high)
@@ -276,23 +278,23 @@ class ParameterBox:
         """The design at a point (d,) of the box."""
         values = dict(self.design.values)
         for j, (name, scaling) in enumerate(zip(self.names, self.scalings, strict=True)):
-            at = self.low[j] + (theta[j] + 1.0) / 2.0 * (self.high[j] - self.low[j])
-            values[name] = float(SCALINGS[scaling][1](np.array(at)))
+            coordinate = self.low[j] + (theta[j] + 1.0) / 2.0 * (self.high[j] - self.low[j])
+            values[name] = float(SCALINGS[scaling][1](np.array(coordinate)))
         return self.design.with_values(values)
 
     def identity(self) -> list[object]:
-        """What a basis made over this box depends on."""
+        """All that a basis over this box depends on, to be hashed."""
         fixed = {k: v for k, v in self.design.values.items() if k not in self.names}
         return [sorted(fixed.items()), self.names, self.scalings, self.low, self.high]
 
 
 def chart_of(points: DesignPoints, names: Sequence[str]) -> ParameterBox:
-    """The chart of some points of one structure over the swept parameters that vary in them."""
+    """The box of some points of one structure, over the swept parameters that vary among them."""
     varied = [n for n in names if np.ptp(points.column(n)) > 0]
     scalings = [scaling_of(n, float(points.column(n).min())) for n in varied]
     low, high = [], []
     for name, scaling in zip(varied, scalings, strict=True):
-        with np.errstate(over="ignore"):  # points of such values fail by themselves
+        with np.errstate(over="ignore"):  # a design point with such a value fails when it is solved
             x = SCALINGS[scaling][0](points.column(name))
         low.append(float(x.min()))
         high.append(float(x.max()))

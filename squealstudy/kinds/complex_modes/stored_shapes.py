@@ -28,9 +28,9 @@ class ShapeFile:
     ----------
     path : Path
     offset, size : ndarray (n,) of int
-        Place of each point's shapes in the file, bytes.
+        Where each point's shapes begin in the file, and their length, bytes.
     count : ndarray (n,) of int
-        Modes of each point.
+        Number of modes of each point.
     """
 
     path: Path
@@ -46,16 +46,16 @@ class ShapeFile:
         return self.stack(np.array([point]), count)[0]
 
     def width(self, points: np.ndarray) -> np.ndarray:
-        """Coordinates k of a shape of each of some points with modes (r,)."""
+        """Number of coordinates k (r,) of a shape, for points that have modes."""
         coordinates: np.ndarray = self.size[points] // (BYTES_PER_ENTRY * self.count[points])
         return coordinates
 
     def stack(self, points: np.ndarray, count: int) -> np.ndarray:
-        """First `count` shapes (r, count, k) complex64 of points, all of as many coordinates."""
+        """First `count` shapes (r, count, k) complex64 of points whose shapes have one length k."""
         k = int(self.width(points[:1])[0])
-        if self._held is not None:
+        if self._in_memory is not None:
             start = self.offset[points] // BYTES_PER_ENTRY
-            return self._held[start[:, None] + np.arange(count * k)].reshape(-1, count, k)
+            return self._in_memory[start[:, None] + np.arange(count * k)].reshape(-1, count, k)
         shapes = np.empty((len(points), count, k), dtype=np.complex64)
         for row, offset in zip(shapes, self.offset[points].tolist(), strict=True):
             self._file.seek(offset)
@@ -63,8 +63,8 @@ class ShapeFile:
         return shapes
 
     @cached_property
-    def _held(self) -> np.ndarray | None:
-        """All of a small file."""
+    def _in_memory(self) -> np.ndarray | None:
+        """All numbers of the file where it is small, else None."""
         small = self.path.stat().st_size <= IN_MEMORY
         return np.fromfile(self.path, np.complex64) if small else None
 
@@ -88,24 +88,24 @@ class ShapeWriter:
         self._sizes = [np.zeros(0, dtype=np.int32)]
 
     def write(self, column: pa.ChunkedArray) -> None:
-        """Append the bytes of a binary column as they stand."""
-        with self._whole_or_gone():
+        """Append the bytes of a binary column unchanged."""
+        with self._deleted_on_error():
             for part in column.chunks:
                 _, ends, values = part.buffers()
-                places = np.frombuffer(ends, np.int32)[part.offset : part.offset + len(part) + 1]
-                self._sizes.append(np.diff(places))
+                offsets = np.frombuffer(ends, np.int32)[part.offset : part.offset + len(part) + 1]
+                self._sizes.append(np.diff(offsets))
                 if len(part):
-                    self._file.write(values[int(places[0]) : int(places[-1])])
+                    self._file.write(values[int(offsets[0]) : int(offsets[-1])])
 
     def discard(self) -> None:
         """Close the unfinished file and delete it."""
-        with contextlib.suppress(OSError):  # a full disk refuses what is left to write
+        with contextlib.suppress(OSError):  # a full disk refuses to write the last bytes
             self._file.close()
         self._path.unlink()
 
     @contextlib.contextmanager
-    def _whole_or_gone(self) -> Iterator[None]:
-        """Leave no part of the file on a disk that is full."""
+    def _deleted_on_error(self) -> Iterator[None]:
+        """Delete the file where writing it fails, as on a full disk."""
         try:
             with named(self._path.parent):
                 yield
@@ -115,7 +115,7 @@ class ShapeWriter:
 
     def close(self, order: np.ndarray, counts: np.ndarray) -> ShapeFile:
         """The file, its points in `order`, each with its number of modes."""
-        with self._whole_or_gone():
+        with self._deleted_on_error():
             self._file.close()
         size = np.concatenate(self._sizes).astype(np.int64)
         offset = np.cumsum(size) - size

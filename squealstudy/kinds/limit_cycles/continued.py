@@ -1,7 +1,4 @@
-"""Cycles continued from one design to others: branches along a parameter, steps to neighbours.
-
-Workers continue them after all design points are solved by themselves.
-"""
+"""Cycles continued from solved designs: branches along a parameter, steps to neighbours."""
 
 from __future__ import annotations
 
@@ -39,25 +36,25 @@ from squealstudy.kinds.limit_cycles.onset import ONSET_REL_TOLERANCE, onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
-TURNED = "turned"  # why a step to a neighbour ends: the cycle folds before it
-MAX_RETRACED_SHARE = 0.2  # share of the way back after which it is given up
-# relative: a branch passes a cycle where its frequency and its level differ by less
+TURNED = "turned"  # why a step to a neighbour fails: the branch folds before it gets there
+MAX_RETRACED_SHARE = 0.2  # share of the step that a branch may go back before it has turned
+# relative differences of frequency and level up to which a branch passes a cycle
 MAX_FREQUENCY_CHANGE, MAX_LEVEL_CHANGE = 1e-3, 0.05
 SAME_FOLD_SHARE = 1e-4  # distance of folds over the range, within which two branches are one
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A cycle that is continued.
+    """A cycle from which a branch is continued.
 
     Attributes
     ----------
     cycle_id : str
     mode : int
     value : float
-        Where it stands on the way.
+        Value of the parameter along which it is continued.
     Q : ndarray (2 H + 1, n)
-        In the shared modes.
+        Harmonics in the coordinates of the line, the modes that its designs share.
     omega : float
         rad/s.
     """
@@ -70,12 +67,12 @@ class Start:
 
     @property
     def point_id(self) -> str:
-        """Of its design."""
+        """Id of its design point."""
         return self.cycle_id.partition("-")[0]
 
     @property
     def motion(self) -> PeriodicMotion:
-        """With the value as `parameter`."""
+        """The cycle as a motion whose `parameter` is `value`."""
         return PeriodicMotion(self.Q, self.omega, self.value)
 
 
@@ -89,8 +86,9 @@ class LineTask:
     points : DesignPoints
         Ascending in the parameter.
     along : str
+        Name of the parameter.
     starts : tuple of Start
-        Those that are tried first come first.
+        In the order in which they are tried.
     """
 
     request: CyclesRequest
@@ -104,7 +102,7 @@ class StepTask:
     """A cycle of a design continued to a neighbour."""
 
     request: CyclesRequest
-    points: DesignPoints  # of the cycle, and the neighbour
+    points: DesignPoints  # the cycle's design point and its neighbour
     start: Start
 
 
@@ -132,11 +130,11 @@ class Mark:
     Attributes
     ----------
     point_id : str
-        Of the design that the branch was begun at.
+        Id of the design point at which the branch was begun.
     event : str
         F or H.
     motion : PeriodicMotion
-        Its `parameter` is the value of the parameter; of a Hopf point without size.
+        Its `parameter` is the parameter's value; at a Hopf point its amplitude is zero.
     """
 
     point_id: str
@@ -146,7 +144,7 @@ class Mark:
 
 @dataclass
 class ContinuedBranches:
-    """What was continued.
+    """Results of a continuation.
 
     Attributes
     ----------
@@ -166,7 +164,7 @@ class ContinuedBranches:
 
 
 def step_to_neighbour(task: StepTask) -> ContinuedBranches:
-    """The cycle at the neighbour, where it can be continued to it."""
+    """The cycle continued to the neighbour, or why it cannot be."""
     continuation, points, gaps = ContinuedBranches(), task.points, NewGaps()
     line, furthest = DesignLine(task.request, points[0], points[1]), 0.0
 
@@ -191,7 +189,7 @@ def step_to_neighbour(task: StepTask) -> ContinuedBranches:
 
 
 def follow_line(task: LineTask) -> ContinuedBranches:
-    """Branches through all cycles of a line, each once, and the cycles on them at its designs."""
+    """Branches through all cycles of a line, each branch once, and their cycles at its designs."""
     values = task.points.column(task.along)
     bounds = float(values[0]), float(values[-1])
     line = DesignLine(task.request, task.points[0], task.points[-1], bounds)
@@ -201,15 +199,15 @@ def follow_line(task: LineTask) -> ContinuedBranches:
         if any(b.passes(line, start.value, start.omega, level) for b in branches):
             continue
         try:
-            one = _branch(line, start)
+            new_branch = _branch(line, start)
         except FAILURES as error:
             continuation.lost.append(f"{start.cycle_id}: {error}")
             continue
-        if any(one.same_as(other, line) for other in branches):
+        if any(new_branch.same_as(other, line) for other in branches):
             continue
-        branches.append(one)
-        continuation.branches += one.rows(line, task.along)
-        continuation.marks += one.marks
+        branches.append(new_branch)
+        continuation.branches += new_branch.rows(line, task.along)
+        continuation.marks += new_branch.marks
     for point in task.points:
         continuation.cycles += _cycles_of(task, line, branches, point)
     return continuation
@@ -224,9 +222,9 @@ class Branch:
     start : Start
     points : list of BranchPoint
     ends : (str, str)
-        Why it ends.
-    onsets : mapping of int -> (value, frequency, criticality)
-        Of the Hopf points among the points: as the house's onsets are found.
+        Why it ends, at its first and its last point.
+    onsets : mapping of int -> (value, frequency [Hz], criticality)
+        Hopf points by their index in `points`, located as onsets of small vibrations are.
     """
 
     start: Start
@@ -236,20 +234,20 @@ class Branch:
 
     @property
     def marks(self) -> list[Mark]:
-        """Its folds and Hopf points."""
+        """The branch's folds and Hopf points."""
         folds = [p.motion for p in self.points if p.event == FOLD]
-        places = [
+        hopf_points = [
             PeriodicMotion(np.zeros((3, 1)), 2.0 * np.pi * hz, onset)
             for onset, hz, _ in self.onsets.values()
         ]
-        name = self.start.point_id
-        return [Mark(name, FOLD, m) for m in folds] + [Mark(name, HOPF, m) for m in places]
+        events = [(FOLD, m) for m in folds] + [(HOPF, m) for m in hopf_points]
+        return [Mark(self.start.point_id, event, motion) for event, motion in events]
 
     def crossings(self, value: float) -> list[PeriodicMotion]:
-        """Its motions at a value, between two points each."""
+        """Motions at a value of the parameter, each interpolated between two points."""
         crossings = []
-        for one, other in pairwise(self.points):
-            a, b = one.motion, other.motion
+        for before, after in pairwise(self.points):
+            a, b = before.motion, after.motion
             start, end = a.parameter, b.parameter
             if start != end and (value - start) * (value - end) <= 0.0 and value != end:
                 crossings.append(between(a, b, (value - start) / (end - start)))
@@ -257,7 +255,7 @@ class Branch:
         return [*crossings, last] if value == last.parameter else crossings
 
     def passes(self, line: DesignLine, value: float, omega: float, level: float) -> bool:
-        """Whether it passes a cycle of this frequency [rad/s] and contact velocity."""
+        """Whether the branch passes a cycle of this frequency [rad/s] and contact velocity."""
         contact = line.contact(value)
         return any(
             abs(m.omega / omega - 1.0) < MAX_FREQUENCY_CHANGE
@@ -312,9 +310,9 @@ class Branch:
             "balance_residual": point.residual,
         }
         if k in self.onsets:  # the cycle is steady sliding there
-            onset, hz, how = self.onsets[k]
-            error = ONSET_REL_TOLERANCE * abs(line.bounds[1] - line.bounds[0])
-            row |= {"value": onset, "value_error": error, "frequency_hz": hz, "criticality": how}
+            onset, hz, criticality = self.onsets[k]
+            row |= {"value": onset, "frequency_hz": hz, "criticality": criticality}
+            row["value_error"] = ONSET_REL_TOLERANCE * abs(line.bounds[1] - line.bounds[0])
             row |= dict.fromkeys(("torque_rms", "contact_velocity", "open_share_max"), 0.0)
         return row
 
@@ -354,7 +352,7 @@ def _branch(line: DesignLine, start: Start) -> Branch:
     for k, point in enumerate(points):
         if point.event == HOPF:
             neighbour = points[1] if k == 0 else points[k - 1]
-            with contextlib.suppress(SquealstudyError):  # it keeps what the curve has
+            with contextlib.suppress(SquealstudyError):  # the point keeps the values of the curve
                 half = abs(point.motion.parameter - neighbour.motion.parameter)
                 onsets[k] = onset_near(line, point.motion, half)
     return Branch(start, points, (ends[0], ends[1]), onsets)
@@ -363,7 +361,7 @@ def _branch(line: DesignLine, start: Start) -> Branch:
 def _cycle_at(
     contact: ContactOscillator, motion: PeriodicMotion, request: CyclesRequest
 ) -> Cycle | None:
-    """The cycle of a design near one that was continued to it; None where it is not confirmed."""
+    """The cycle of a design near a continued motion; None where no cycle is confirmed there."""
     projection = Projection.on_harmonics_of(contact.oscillator, motion)
     try:
         return cycle_near(contact, projection, motion, request.search(contact))
@@ -374,7 +372,7 @@ def _cycle_at(
 def _cycles_of(
     task: LineTask, line: DesignLine, branches: Sequence[Branch], point: DesignPoint
 ) -> list[Continued]:
-    """Cycles of branches at a design that its own curves have not led to."""
+    """Cycles of branches at a design that were not found at the design itself."""
     parameter_value = float(point.values[task.along])
     contact = line.contact(parameter_value)
     known_cycles = [
@@ -383,18 +381,18 @@ def _cycles_of(
         if s.point_id == point.point_id
     ]
     new_cycles: list[Continued] = []
-    for one in branches:
-        for motion in one.crossings(parameter_value):
+    for known_branch in branches:
+        for motion in known_branch.crossings(parameter_value):
             level = contact.contact_velocity(motion)
-            near = any(
+            is_known = any(
                 abs(motion.omega / w - 1.0) < MAX_FREQUENCY_CHANGE
                 and abs(level / v - 1.0) < MAX_LEVEL_CHANGE
                 for w, v in known_cycles
             )
-            if near:
+            if is_known:
                 continue
             cycle = _cycle_at(contact, motion, task.request)
-            new_cycles.append(Continued(point.point_id, one.start, cycle))
+            new_cycles.append(Continued(point.point_id, known_branch.start, cycle))
             if cycle is not None:
                 known_cycles.append((cycle.motion.omega, cycle.levels["contact_velocity"]))
     return new_cycles

@@ -1,4 +1,4 @@
-"""Facts of a manifest of runs in time: what they must be, whoever wrote them."""
+"""Types of the facts in a manifest of runs in time; read from a file, they are checked."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
 class ChangeAtDouble(FactGroup):
-    """Relative change of a quantity at twice the slope, and what chance explains of it."""
+    """Relative change of a quantity at twice the slope, and how much of it may be chance."""
 
     error: float
     chance: float
@@ -23,7 +23,11 @@ class Pilot(FactGroup):
 
 
 class Regularisation(FactGroup):
-    """The regularisation speed, from which slopes of friction at zero sliding follow."""
+    """The regularisation speed, from which slopes of friction at zero sliding follow.
+
+    `automatic` counts the design points whose speed is chosen as `share` of the slowest sliding
+    speed.
+    """
 
     speed: Finite
     speed_highest: Finite

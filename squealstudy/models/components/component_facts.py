@@ -13,7 +13,7 @@ from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.attached import component_matrices
 from squealstudy.models.components.bodies import Body, Brake, placement
 from squealstudy.models.components.constraints import Relation, Tie
-from squealstudy.models.components.dimensions import INERTIA, LENGTH, MASS, UNITS, between_corners
+from squealstudy.models.components.dimensions import INERTIA, LENGTH, MASS, UNITS, extent_text
 from squealstudy.models.components.free_modes import (
     FIRST_CUTOFF,
     LAST_CUTOFF,
@@ -226,10 +226,10 @@ def _location(inspection: Inspection, brake: Brake, body: Body) -> None:
     units = brake.file.units
     turn, shift = placement(body.name, brake.file.components[body.name], units)
     size, unit = LENGTH.factor(units), UNITS[units][0]
-    text = between_corners((body.nodes - shift) @ turn / size, unit)
+    text = extent_text((body.nodes - shift) @ turn / size, unit)
     is_moved = shift.any() or (turn != np.eye(3)).any()
     inspection.tell(
-        "", f"{text}; moved {between_corners(body.nodes / size, unit)}" if is_moved else text
+        "", f"{text}; moved {extent_text(body.nodes / size, unit)}" if is_moved else text
     )
 
 

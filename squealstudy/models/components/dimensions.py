@@ -1,4 +1,4 @@
-"""Systems of units of model files, and what numbers are in them."""
+"""Systems of units of model files, and dimensions of the numbers in them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from squealstudy.models.units import Unit
 
 # length, mass and time of each system in m, kg, s
 SYSTEMS = {"SI": (1.0, 1.0, 1.0), "t-mm-s": (1e-3, 1e3, 1.0), "mm-kg-ms": (1e-3, 1.0, 1e-3)}
-# of lengths, masses and moments of inertia
+# units of lengths, masses and moments of inertia
 UNITS = {
     "SI": ("m", "kg", "kg m2"),
     "t-mm-s": ("mm", "t", "t mm2"),
@@ -26,7 +26,7 @@ class Dimension:
     unit: str
 
     def factor(self, system: str) -> float:
-        """A unit of one of `SYSTEMS` in SI."""
+        """SI value of one unit of this dimension in one of `SYSTEMS`."""
         return float(
             SYSTEMS[system][0] ** self.powers[0]
             * SYSTEMS[system][1] ** self.powers[1]
@@ -53,7 +53,7 @@ RATE = Dimension((0, 0, -1), "1/s")
 
 
 def dimension_of_unit(unit: str) -> Dimension:
-    """Of numbers with a unit of SI, "m/s"; one that is not known is the same in all systems."""
+    """Dimension of a SI unit such as "m/s"; an unknown unit is the same in all systems."""
     try:
         mass, length, time = Unit.named(unit).powers[:3] if unit else (0, 0, 0)
     except KeyError:
@@ -61,8 +61,8 @@ def dimension_of_unit(unit: str) -> Dimension:
     return Dimension((length, mass, time), unit)
 
 
-def between_corners(nodes: np.ndarray, unit: str) -> str:
-    """The box of nodes (n, 3) in words."""
+def extent_text(nodes: np.ndarray, unit: str) -> str:
+    """Text with the two corners of the box about nodes (n, 3)."""
     corners = np.array([nodes.min(axis=0), nodes.max(axis=0)])
     corners[np.abs(corners) < 1e-6 * np.ptp(nodes, axis=0).max()] = 0.0
     low, high = ("[" + ", ".join(f"{c:.6g}" for c in corner) + "]" for corner in corners)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from squealstudy.models.components.component_table import ComponentTable, SetTable
-from squealstudy.models.components.dimensions import LENGTH, UNITS, between_corners
+from squealstudy.models.components.dimensions import LENGTH, UNITS, extent_text
 from squealstudy.models.components.faces import boundary
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.set_names import has_name
@@ -43,7 +43,7 @@ def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> 
                     keys,
                     f"none of {chosen.sum()} outer faces of {mesh.origin.name} is {what}, the "
                     f"nearest is {off[chosen].min():.3g} {unit} off; in the mesh's file it lies "
-                    f"{between_corners(mesh.nodes / size, UNITS[units][0])}",
+                    f"{extent_text(mesh.nodes / size, UNITS[units][0])}",
                 )
             chosen &= fulfilled
         if set_table.elements is not None:

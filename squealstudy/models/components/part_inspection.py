@@ -1,4 +1,4 @@
-"""What parts were understood as before there is a brake: a mesh alone, an unfinished model file."""
+"""Inspection of parts without a complete brake: a mesh alone, or an unfinished model file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from squealstudy.errors import ModelError
 from squealstudy.models.components.bodies import Brake, body_of
 from squealstudy.models.components.component_facts import Inspection, component_facts
-from squealstudy.models.components.dimensions import LENGTH, UNITS, between_corners
+from squealstudy.models.components.dimensions import LENGTH, UNITS, extent_text
 from squealstudy.models.components.faces import facet_groups
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.geometry import Geometry, geometry_of
@@ -22,20 +22,21 @@ from squealstudy.models.components.model_file import ModelFile, Numbers
 from squealstudy.models.file_table import KeyPath
 from squealstudy.wording import plural
 
-NEEDED = ("contact", "load", "rotation")  # of a brake; the last where something slides
-MAX_LISTED_SETS = 12  # sets that are listed
+# tables without which a model file is unfinished; a brake whose parts do not turn needs no rotation
+NEEDED = ("contact", "load", "rotation")
+MAX_LISTED_SETS = 12
 ASSEMBLY_TABLES = ("contact", "tie", "coupling", "layer", "spring", "point_mass", "fixed", "load")
 
 
 def part_alone(
     path: Path, units: str, part: str | None = None, pass_over: Sequence[str] = ()
 ) -> Brake:
-    """A model of one component without contact, of a mesh's file.
+    """A model of one component without contact, from a mesh file.
 
     Raises
     ------
     ModelError
-        An ending that no format has; there is no such file.
+        A file name whose ending is that of no format, or a file that does not exist.
     """
     if path.suffix.lower() not in FORMATS:
         endings = ", ".join(FORMATS)
@@ -55,13 +56,13 @@ def inspect_parts(
 ) -> tuple[Inspection, Geometry | None]:
     """Look at the components of a model file without contact or without load.
 
-    What cannot be used is a doubt, and the rest is told.
+    A component that cannot be used becomes a doubt of the inspection; the others are described.
 
     Returns
     -------
     Inspection
     Geometry or None
-        Of the components that can be used; None where there is none.
+        The components that can be used; None where there is none.
     """
     inspection = Inspection()
     usable = []
@@ -80,7 +81,7 @@ def inspect_parts(
             kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
             inspection.tell(name, f"{mesh.origin.name}: {len(mesh.nodes):,} nodes, {kinds}")
             unit = UNITS[brake.file.units][0]
-            inspection.tell("", between_corners(mesh.nodes, unit))
+            inspection.tell("", extent_text(mesh.nodes, unit))
             _sets(inspection, mesh, unit, 1.0)
     geometry = _geometry(brake, usable)
     if geometry is not None:
@@ -89,10 +90,10 @@ def inspect_parts(
             component_facts(inspection, geometry, body, overrides)
             _sets(inspection, body.mesh, UNITS[brake.file.units][0], size)
         for number, pair in enumerate(geometry.contacts):
-            table_of = brake.file.contact[number]
+            contact = brake.file.contact[number]
             inspection.tell(
                 brake.file.name_of("contact", number),
-                f"{table_of.kind}: {table_of.slave} on {table_of.master}, "
+                f"{contact.kind}: {contact.slave} on {contact.master}, "
                 f"{plural(len(pair.gap0), 'point')}, {100 * pair.in_reach:.1f} % of the slave"
                 f"{friction_of(geometry, numbers, number)}",
             )
@@ -104,7 +105,7 @@ def inspect_parts(
 
 
 def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
-    """Of the whole file, or where some of it cannot be used of the components alone."""
+    """Geometry of the file; where a component cannot be used, of the others without contacts."""
     if not usable:
         return None
     if len(usable) == len(brake.file.components):
@@ -116,7 +117,7 @@ def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
 
 
 def _sets(inspection: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
-    """Sets with what they have; lengths of the mesh are `size` units."""
+    """Describe the sets of a mesh; a length of 1 `unit` is `size` in the mesh."""
     surfaces = []
     for name, faces in mesh.surfaces.items():
         groups = tuple(group.nodes for group in facet_groups(mesh, faces))
@@ -128,10 +129,12 @@ def _sets(inspection: Inspection, mesh: SolidMesh, unit: str, size: float) -> No
         ("node sets", [f"{n} ({len(s):,})" for n, s in mesh.node_sets.items()]),
         ("element sets", [f"{n} ({len(s):,})" for n, s in mesh.element_sets.items()]),
     ]
-    for what, names in names_by_kind:
-        more = [f"and {len(names) - MAX_LISTED_SETS} more"] if len(names) > MAX_LISTED_SETS else []
+    for heading, names in names_by_kind:
+        unlisted = (
+            [f"and {len(names) - MAX_LISTED_SETS} more"] if len(names) > MAX_LISTED_SETS else []
+        )
         if names:
-            inspection.tell("", f"{what}: {', '.join([*names[:MAX_LISTED_SETS], *more])}")
+            inspection.tell("", f"{heading}: {', '.join([*names[:MAX_LISTED_SETS], *unlisted])}")
     if not mesh.surfaces and not mesh.node_sets:
         inspection.tell(
             "", "no surfaces and no node sets: [components.NAME.sets] names faces by place"

@@ -11,23 +11,23 @@ from squealstudy.models.lumped.matrices import MatrixSpace
 from squealstudy.models.lumped.parts import LumpedParts
 from squealstudy.wording import listed
 
-# singular value of unit rows below which a motion is held by nothing
+# singular value of the holding rows, each of norm 1, below which a motion is held by nothing
 UNSUPPORTED_SINGULAR_VALUE = 1e-9
 # eigenvalue of a stiffness with a diagonal of ones below which it holds nothing
 UNSUPPORTED_EIGENVALUE = 1e-11
-TAKES_PART = 0.05  # of the largest part: a coordinate that is named
-MOST_LISTED = 6  # coordinates that a message lists
+TAKES_PART = 0.05  # motion of a coordinate over the largest from which messages name it
+MAX_LISTED = 6  # coordinates that a message lists
 
 
 def check_pressed(space: MatrixSpace, parts: LumpedParts) -> None:
-    """That each load on coordinates comes to a contact, through the stiffness or by springs."""
-    joined = np.abs(parts.structure.K[0]) > 0.0
+    """Raise PlacedError unless stiffness or springs lead each load on coordinates to a contact."""
+    is_coupled = np.abs(parts.structure.K[0]) > 0.0
     rows = [s.row[0] for s in parts.springs]
-    numbers = parts.contact.spring_points[0]
-    rows += list(parts.contact.N[0, len(space.file.contact) :][numbers[:, -1] == 0.0])
+    spring_points = parts.contact.spring_points[0]
+    rows += list(parts.contact.N[0, len(space.file.contact) :][spring_points[:, -1] == 0.0])
     for row in rows:
-        joined |= np.outer(row != 0.0, row != 0.0)
-    groups = connected_components(joined, directed=False)[1]
+        is_coupled |= np.outer(row != 0.0, row != 0.0)
+    groups = connected_components(is_coupled, directed=False)[1]
     points = parts.contact.N[0, : len(space.file.contact)]
     touching = set(groups[(points != 0.0).any(axis=0)])
     for i, load in enumerate(space.file.load):
@@ -38,14 +38,14 @@ def check_pressed(space: MatrixSpace, parts: LumpedParts) -> None:
 
 
 def check_held(space: MassSpace | MatrixSpace, parts: LumpedParts) -> None:
-    """That springs, stiffness or contact hold every motion, at the values of `parts`."""
+    """Raise PlacedError unless springs, stiffness or contact of `parts` hold every motion."""
     rows = [s.row[0] for s in parts.springs if s.size[0] > 0.0]
-    points, numbers = parts.contact.N[0], parts.contact.spring_points[0]
-    acts = np.ones(len(points), dtype=bool)
-    acts[len(points) - len(numbers) :] = numbers[:, 0] > 0.0
+    points, spring_points = parts.contact.N[0], parts.contact.spring_points[0]
+    has_stiffness = np.ones(len(points), dtype=bool)
+    has_stiffness[len(points) - len(spring_points) :] = spring_points[:, 0] > 0.0
     diagonal = np.diagonal(parts.structure.K[0])
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    holding_rows = np.vstack([*rows, *points[acts]]) * scale
+    holding_rows = np.vstack([*rows, *points[has_stiffness]]) * scale
     holding_rows = holding_rows / np.linalg.norm(holding_rows, axis=1, keepdims=True)
     roots, shapes = np.linalg.eigh(scale[:, None] * parts.structure.K[0] * scale)
     holding_rows = np.vstack([holding_rows, shapes.T[roots > UNSUPPORTED_EIGENVALUE]])
@@ -53,8 +53,8 @@ def check_held(space: MassSpace | MatrixSpace, parts: LumpedParts) -> None:
     free = motions[int((sizes > UNSUPPORTED_SINGULAR_VALUE).sum()) :]
     if not len(free):
         return
-    part = np.abs(free[0] * scale)
-    moving = np.flatnonzero(part > TAKES_PART * part.max())
+    participation = np.abs(free[0] * scale)
+    moving = np.flatnonzero(participation > TAKES_PART * participation.max())
     keys: KeyPath
     if isinstance(space, MassSpace):
         names = [f"'{mass}' along {axis}" for mass, axis in (space.names[j] for j in moving)]
@@ -64,7 +64,7 @@ def check_held(space: MassSpace | MatrixSpace, parts: LumpedParts) -> None:
         names = [f"coordinate {space.names[j]}" for j in moving]
         keys = ("term", [term.matrix for term in space.file.term].index("K"))
     together = "" if len(moving) == 1 else ", moving together"
-    more = len(names) - MOST_LISTED
-    listed_names = names if more <= 0 else [*names[:MOST_LISTED], f"{more} others"]
+    n_unlisted = len(names) - MAX_LISTED
+    listed_names = names if n_unlisted <= 0 else [*names[:MAX_LISTED], f"{n_unlisted} others"]
     text = f"nothing holds {listed(listed_names)}{together}: expected a [[spring]] or [[contact]]"
     raise PlacedError(keys, f"{text} that does")

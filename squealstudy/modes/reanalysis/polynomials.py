@@ -181,7 +181,7 @@ def collocate(
     unit = _unit_mass(system, samples, W, V)
     r = V.shape[1]
     for number, term in enumerate(system.terms):
-        left_rows, right = term.seen_left(W), term.seen_right(V)
+        left_rows, right = term.left_product(W), term.right_product(V)
         if term.order == MASS and unit:
             expansions.append(ExpandedWeights(MASS, np.zeros((1, 0))))
             continue
@@ -216,5 +216,5 @@ def _unit_mass(
             values = [s[number] for s in samples]
             if any(np.size(v) > 1 or v != values[0] for v in values):
                 return False
-            total += float(values[0]) * (term.seen_left(W).T @ term.seen_right(V))
+            total += float(values[0]) * (term.left_product(W).T @ term.right_product(V))
     return bool(np.abs(total - np.eye(len(total))).max() < 1e-9)

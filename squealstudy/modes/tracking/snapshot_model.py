@@ -1,7 +1,7 @@
 """A reduced brake on a basis of its modes at a few design points, for points between those.
 
-Which mode goes on as which is asked at points that are in no table. A basis of right vectors of
-some design points (snapshots) has the modes of the others to some 1e-4, at a fifth of the time.
+Tracking follows modes through points that are in no table. A basis of right vectors at some design
+points (snapshots) gives the modes of the others to some 1e-4, in a fifth of the time.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from squealstudy.system.parametric import ParametricSystem
 
 # modes up to this times the band's top are snapshots: they may come into the band
 SNAPSHOT_BAND_FACTOR = 1.1
-# singular values of the snapshots, of the largest, from which on they are held: of the medium brake
-# over friction and pressure 148 of 618 directions, by which roots err by 1e-4 at most
-CUT = 1e-3
+# singular values over the largest from which directions of the snapshots are kept: of the medium
+# brake over friction and pressure 148 of 618, with errors of roots of 1e-4 at most
+MIN_SINGULAR_VALUE = 1e-3
 
 
 def snapshots(
@@ -35,7 +35,8 @@ def snapshots(
 ) -> np.ndarray:
     """Real and imaginary parts (n, 2 m) of the modes of a design state, those below the band too.
 
-    What a basis holds of a mode of which it lacks the rest has a root above that mode's.
+    Where a basis spans only a part of a mode, its root comes out too high; modes below the band
+    are snapshots so that theirs do not come out in it.
 
     Raises
     ------
@@ -51,7 +52,7 @@ def snapshot_basis(blocks: Sequence[np.ndarray]) -> np.ndarray:
     """Orthonormal basis (n, r) of snapshots (n, m) of several design points."""
     A = np.hstack(blocks)
     squares, U = la.eigh(A @ A.T, driver="evd")
-    basis: np.ndarray = U[:, squares > CUT**2 * max(squares[-1], 0.0)]
+    basis: np.ndarray = U[:, squares > MIN_SINGULAR_VALUE**2 * max(squares[-1], 0.0)]
     return basis
 
 
@@ -100,14 +101,14 @@ class SnapshotModel:
 def unlikeness(exact: Modes, other: Modes, band: tuple[float, float], edge: float) -> float:
     """Largest distance of a mode of one set from the nearest of another, both ways.
 
-    |lam - other lam| / |lam| + 1 - MAC. A mode that has none there counts only where it is farther
-    than `edge` (relative) from both ends of the band [rad/s].
+    The distance is |lam - other lam| / |lam| + 1 - MAC. Modes within `edge` (relative) of an end of
+    the band [rad/s] are passed over: their partners may be beyond that end.
     """
     size = np.maximum(np.abs(exact.lam), 1e-300)
-    apart = np.abs(exact.lam[:, None] - other.lam) / size[:, None]
-    apart = apart + 1.0 - mac(exact.shapes, other.shapes)
+    distances = np.abs(exact.lam[:, None] - other.lam) / size[:, None]
+    distances = distances + 1.0 - mac(exact.shapes, other.shapes)
     worst = 0.0
-    for lam, distance in ((exact.lam, apart), (other.lam, apart.T)):
+    for lam, distance in ((exact.lam, distances), (other.lam, distances.T)):
         inside = (np.abs(lam) > band[0] * (1 + edge)) & (np.abs(lam) < band[1] * (1 - edge))
         if inside.any():
             worst = max(worst, float(distance[inside].min(axis=1, initial=np.inf).max()))
