@@ -40,8 +40,8 @@ def import_texts_of(folder: Path) -> None:
 
 def _finder(path: str) -> FileFinder:
     """Of such a folder, or of a package in it; ImportError of another one."""
-    here = Path(path)
-    if not any(here == folder or _is_package(here, folder) for folder in _folders):
+    folder_path = Path(path)
+    if not any(folder_path == folder or _is_package(folder_path, folder) for folder in _folders):
         raise ImportError(path)
     return FileFinder(
         path, (TextLoader, SOURCE_SUFFIXES), (ExtensionFileLoader, EXTENSION_SUFFIXES)

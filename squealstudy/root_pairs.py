@@ -26,12 +26,12 @@ def by_modulus(lam: np.ndarray, late: np.ndarray) -> np.ndarray:
     size, rank, grown = (
         np.take_along_axis(x, order, -1) for x in (size, np.asarray(late, dtype=int), lam.real)
     )
-    apart = (np.diff(size, axis=-1) > EQUAL_MODULUS_REL_DISTANCE * size[..., 1:]) | (
+    is_distinct = (np.diff(size, axis=-1) > EQUAL_MODULUS_REL_DISTANCE * size[..., 1:]) | (
         np.diff(rank, axis=-1) > 0
     )
-    if not apart.all():
+    if not is_distinct.all():
         group = np.zeros(size.shape, dtype=int)
-        group[..., 1:] = np.cumsum(apart, axis=-1)
+        group[..., 1:] = np.cumsum(is_distinct, axis=-1)
         order = np.take_along_axis(order, np.lexsort((grown, group), axis=-1), -1)
     return order
 

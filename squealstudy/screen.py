@@ -72,10 +72,10 @@ def show(*parts: RenderableType) -> None:
         for part in parts:
             # a path longer than a line stays whole, so that it can be copied; files keep sentences
             # in one line, terminals have them broken between words
-            whole = isinstance(part, str) and not (
+            is_paragraph = isinstance(part, str) and not (
                 console.is_terminal and max(map(len, part.split()), default=0) <= console.width
             )
-            overflow: OverflowMethod | None = "ignore" if whole else None
+            overflow: OverflowMethod | None = "ignore" if is_paragraph else None
             text_or_part = plain(part) if isinstance(part, str) else part
             console.print(text_or_part, crop=False, overflow=overflow)
 
@@ -264,14 +264,14 @@ def letter_map(
     letters : mapping of str -> str
     """
     x, y = (sorted(set(map(float, axis_values))) for axis_values in values)
-    at = {(float(a), float(b)): w for a, b, w in zip(*values, words, strict=True)}
-    whole = len(at) == len(words) == len(x) * len(y)
-    if not whole or len(x) > MOST_ACROSS or len(y) > MOST_UP or set(words) - set(letters):
+    word_at = {(float(a), float(b)): w for a, b, w in zip(*values, words, strict=True)}
+    is_full_grid = len(word_at) == len(words) == len(x) * len(y)
+    if not is_full_grid or len(x) > MOST_ACROSS or len(y) > MOST_UP or set(words) - set(letters):
         return []
     labels = [f"{v:.6g}" for v in reversed(y)]
     width = max(map(len, labels))
     lines = [
-        f"{label:>{width}}  {' '.join(letters[at[a, b]] for a in x)}"
+        f"{label:>{width}}  {' '.join(letters[word_at[a, b]] for a in x)}"
         for label, b in zip(labels, reversed(y), strict=True)
     ]
     meaning = ", ".join(f"{letters[w]} {w.replace('_', ' ')}" for w in letters if w in set(words))

@@ -68,22 +68,26 @@ def _onsets(table: pd.DataFrame, along: str | None, unit: str) -> list[str]:
     if not along or not len(table):
         return []
     rows = [first_of(table, side) for side in SIDES]
-    one, two = (_onset(row, side, along, unit) for row, side in zip(rows, SIDES, strict=True))
+    onset_before, onset_after = (
+        _onset(row, side, along, unit) for row, side in zip(rows, SIDES, strict=True)
+    )
     sides = [row for row in rows if row is not None]
     if len(sides) < len(SIDES):
         none = [_none_to(table, side, along, unit) for side in SIDES]
-        return [f"First onset before: {one or none[0]}; after: {two or none[1]}."]
+        return [f"First onset before: {onset_before or none[0]}; after: {onset_after or none[1]}."]
     ends, errors = (
         [float(row[f"{name}_{side}"]) for row, side in zip(sides, SIDES, strict=True)]
         for name in ("onset", "onset_error")
     )
     difference, error = ends[1] - ends[0], sum(errors)
     if not math.isfinite(difference + error):  # bounds, and what no solved point is near to
-        return [f"The first onset is {one} before and {two} after."]
+        return [f"The first onset is {onset_before} before and {onset_after} after."]
     if abs(difference) <= error:
-        return [f"The first onset stays within its error: {one} before, {two} after."]
+        return [
+            f"The first onset stays within its error: {onset_before} before, {onset_after} after."
+        ]
     way = "up" if difference > 0 else "down"
-    return [f"The first onset moves {way}: {one} before, {two} after."]
+    return [f"The first onset moves {way}: {onset_before} before, {onset_after} after."]
 
 
 def _onset(row: pd.Series | None, side: str, along: str, unit: str) -> str:
@@ -119,13 +123,13 @@ def _counts(table: pd.DataFrame) -> list[str]:
     if not len(table):
         points = plural(facts["points"], "point")
         return [f"No mode is unstable, neither before nor after, at any of the {points} of both."]
-    one, two = (facts[side] for side in SIDES)
+    facts_before, facts_after = (facts[side] for side in SIDES)
     n_modes = [int((table[f"mode_{side}"] != "").sum()) for side in SIDES]
     modes = " and ".join(
         f"{plural(n, 'mode')} {side}" for n, side in zip(n_modes, SIDES, strict=True)
     )
     texts = [
-        f"Unstable: {modes}, at {one['unstable']} and {two['unstable']} of the "
+        f"Unstable: {modes}, at {facts_before['unstable']} and {facts_after['unstable']} of the "
         f"{plural(facts['points'], 'point')} of both."
     ]
     unpaired = _unpaired(table)

@@ -75,14 +75,14 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
         (JOURNAL, f"names {refused_names(store.journal)}, which no run writes here: not touched")
     ] * bool(store.journal.refused)
     harmless = {FOREIGN} if finished else {FOREIGN, UNFINISHED}  # a killed run may leave these
-    whole = faults.keys() <= harmless
+    is_intact = faults.keys() <= harmless
     for folder, reason in manifest.get(SIDE_STUDIES, {}).items():
         if not reason:
             facts, is_whole = _check_side_study(directory / folder)
             rows += [(f"{folder}: {name}", text) for name, text in facts]
-            whole &= is_whole
-    verdict = "yes" if whole else "no: run the study again, which makes anew what is not"
-    return [*rows, ("whole", verdict)], whole
+            is_intact &= is_whole
+    verdict = "yes" if is_intact else "no: run the study again, which makes anew what is not"
+    return [*rows, ("whole", verdict)], is_intact
 
 
 def _check_side_study(directory: Path) -> tuple[Rows, bool]:

@@ -29,9 +29,9 @@ def on_results(command: Callable[..., None]) -> Callable[..., None]:
             names = ("results", "frequency", "time")
             results_given = [arguments_by_name[name] for name in names if name in arguments_by_name]
             listed = [
-                one
+                renderable
                 for part in results_given
-                for one in (part if isinstance(part, list) else [part])
+                for renderable in (part if isinstance(part, list) else [part])
             ]
             raise ContradictionError(
                 f"{', '.join(map(str, listed))}: what the files say does not fit together "

@@ -188,17 +188,20 @@ def correlation_lines(measured: Measured, correlation: Correlation) -> list[Rend
         for row, ratio in zip(rows, measured.hysteretic, strict=True):
             row.insert(N_COLUMNS_TO_DAMPING, figure(100 * ratio, ".3f"))
     used, seen_dof = correlation.used, measured.measured_directions[correlation.used]
-    far = np.flatnonzero(~used)
+    unused_rows = np.flatnonzero(~used)
     where = "in the assembly" if correlation.in_assembly else "in its mesh's file"
     text = f"{used.sum()} of {plural(len(used), 'point')} have a node of the part as it is {where}"
     text += (
         f", at most {1e3 * correlation.distance[used].max():.3g} mm away; {seen_dof.sum()} freedoms"
     )
     lines: Rows = [("compared", text)]
-    if len(far):
-        apart = 1e3 * correlation.distance[far]
+    if len(unused_rows):
+        distance_mm = 1e3 * correlation.distance[unused_rows]
         lines.append(
-            ("no node for", f"{plural(len(far), 'point')}, {apart.min():.3g} mm away or more")
+            (
+                "no node for",
+                f"{plural(len(unused_rows), 'point')}, {distance_mm.min():.3g} mm away or more",
+            )
         )
     spare = _unpaired(correlation)
     if spare:
@@ -267,8 +270,8 @@ def doubts(measured: Measured, correlation: Correlation) -> list[str]:
             f"apart badly (their MAC there is {mac:.2f}): more points or directions are needed"
         )
     if not correlation.used.all():
-        far = [str(n) for n in measured.numbers[~correlation.used]]
-        texts.append(f"measured points without a node: {listed(far)}")
+        unused_points = [str(n) for n in measured.numbers[~correlation.used]]
+        texts.append(f"measured points without a node: {listed(unused_points)}")
     return texts
 
 

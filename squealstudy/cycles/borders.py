@@ -90,10 +90,10 @@ def fold_near(
     before = np.nan, np.nan  # log size, slope of the parameter over it
     for _ in range(FOLD_MAX_ITERATIONS):
         u = u + change * along
-        u, residual, _, there = newton(equations, u, normal, float(u[SIZE_HELD]))
+        u, residual, _, bordered = newton(equations, u, normal, float(u[SIZE_HELD]))
         if abs(change) < FOLD_TOLERANCE and change:
             return equations.motion(u), residual
-        along = there.tangent / there.tangent[SIZE_HELD]
+        along = bordered.tangent / bordered.tangent[SIZE_HELD]
         size, slope = float(u[SIZE_HELD]), float(along[-1])
         bend = (slope - before[1]) / (size - before[0])
         step = -slope / bend if np.isfinite(bend) and bend else FOLD_FIRST_STEP
@@ -164,11 +164,13 @@ def follow_border(
 
 def _foreseen(points: list[BorderPoint], over: float) -> PeriodicMotion:
     """The motion at a value of the second parameter, straight on."""
-    one = points[-1]
+    last_point = points[-1]
     if len(points) < 2:
-        return one.motion
+        return last_point.motion
     before = points[-2]
-    return between(before.motion, one.motion, (over - before.over) / (one.over - before.over))
+    return between(
+        before.motion, last_point.motion, (over - before.over) / (last_point.over - before.over)
+    )
 
 
 def _border_coordinates(motion: PeriodicMotion, width: float) -> np.ndarray:

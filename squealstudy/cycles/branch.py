@@ -127,11 +127,13 @@ class Loop:
         )
         try:
             start = self._place(self._near(self._start, DAMPING_HELD))
-            apart = self._place(self._near(motion, coordinate, float(start[coordinate]))) - start
+            difference = (
+                self._place(self._near(motion, coordinate, float(start[coordinate]))) - start
+            )
         except ConvergenceError:
             return False
         closeness = CLOSURE_TOLERANCE if self._moving.complete else PROJECTED_CLOSURE_TOLERANCE
-        return bool(np.abs(apart).max() < closeness)
+        return bool(np.abs(difference).max() < closeness)
 
     def _near(
         self, motion: PeriodicMotion, held: int, value: float | None = None
@@ -264,8 +266,8 @@ def _fold_apart(moving: Moving, curve: list[CurveMotion], k: int) -> float:
     """What the value of a fold, the point of this place, errs by; NaN where not known."""
     for reach in FOLD_NEIGHBOURS:  # with more harmonics it may be beyond the nearest ones
         before, behind = (
-            list(itertools.takewhile(lambda p: not p.event, places))
-            for places in (curve[max(k - reach, 0) : k][::-1], curve[k + 1 : k + 1 + reach])
+            list(itertools.takewhile(lambda p: not p.event, side))
+            for side in (curve[max(k - reach, 0) : k][::-1], curve[k + 1 : k + 1 + reach])
         )
         if not (before and behind):
             return np.nan
@@ -297,12 +299,15 @@ def _with_changes(
     steps = np.abs(np.diff([point.motion.parameter for point in points]))
     at_one_value = np.concatenate(([False], steps < ONE_VALUE_REL_WIDTH * width, [False]))
     with_changes = points[:1]
-    for k, (one, other) in enumerate(itertools.pairwise(points)):
-        if FOLD not in (one.event, other.event) and HOPF not in (one.event, other.event):
-            changes = _changes(moving, one, other, highest, width)
+    for k, (start_point, end_point) in enumerate(itertools.pairwise(points)):
+        if FOLD not in (start_point.event, end_point.event) and HOPF not in (
+            start_point.event,
+            end_point.event,
+        ):
+            changes = _changes(moving, start_point, end_point, highest, width)
             meets_one_value = at_one_value[k : k + 3].any()  # where a multiplier is 1
             with_changes += [p for p in changes if not (meets_one_value and p.event == BP)]
-        with_changes.append(other)
+        with_changes.append(end_point)
     return with_changes
 
 
@@ -320,8 +325,8 @@ def _changes(
         event = _passing(moving, before, after, passing, highest, width)
         events.append(event)
         passing += 2 if event.event == NS else 1
-    back = after.motion.parameter < before.motion.parameter
-    return sorted(events, key=lambda p: -p.motion.parameter if back else p.motion.parameter)
+    goes_back = after.motion.parameter < before.motion.parameter
+    return sorted(events, key=lambda p: -p.motion.parameter if goes_back else p.motion.parameter)
 
 
 def _passing(
@@ -335,13 +340,13 @@ def _passing(
     """Where the multiplier of a number by size passes the unit circle."""
     ends = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (before, after)]
     share = ends[0] / (ends[0] - ends[1])
-    apart = abs(after.motion.parameter - before.motion.parameter)
+    interval = abs(after.motion.parameter - before.motion.parameter)
     near = min((before, after), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
     # sizes near the circle: what they err by moves the passing by so many steps
     wrong = max(float(p.multipliers.errors[number]) for p in (before, after))
-    beside = wrong / abs(ends[0] - ends[1]) if apart else 0.0
+    beside = wrong / abs(ends[0] - ends[1]) if interval else 0.0
     motion = between(before.motion, after.motion, share)
-    point = replace(near, motion=motion, apart=apart * (1.0 + beside))
+    point = replace(near, motion=motion, apart=interval * (1.0 + beside))
     if moving.complete:  # small: each try costs little
 
         def at(share: float) -> BranchPoint:
@@ -352,10 +357,10 @@ def _passing(
             return float(np.log(np.abs(at(share).multipliers.multipliers[number])))
 
         try:
-            precision = min(0.5, BIFURCATION_REL_TOLERANCE * width / apart) if apart else 0.5
+            precision = min(0.5, BIFURCATION_REL_TOLERANCE * width / interval) if interval else 0.5
             point = at(float(brentq(size, 0.0, 1.0, xtol=precision)))
             judged = moving.stability(point.motion, highest)
-            point = replace(point, multipliers=judged, apart=apart * beside)
+            point = replace(point, multipliers=judged, apart=interval * beside)
         except (ConvergenceError, ValueError):  # it stays known to the step
             pass
     passing = complex(point.multipliers.multipliers[number])

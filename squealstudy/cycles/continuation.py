@@ -179,19 +179,19 @@ def newton(
             F = equations.residual(u)
         else:
             F, J = equations.jacobian(u)
-            there = Bordered(J, normal)
+            bordered = Bordered(J, normal)
         residual = float(np.abs(F).max())
         if not np.isfinite(residual) or not (stale or np.isfinite(J).all()):
             raise ConvergenceError("not_finite", "the forces of a periodic motion are not finite")
         if residual < tolerance and left_over < tolerance:
-            return u, residual, count, there
+            return u, residual, count, bordered
         if residual > max(STALL_RATIO * before[step], tolerance):
             break
         before.append(residual)
         plane = 0.0 if offset is None else float(normal @ u - offset)
-        change = there.solve(F, plane)
+        change = bordered.solve(F, plane)
         if offset is None:
-            normal = there.tangent
+            normal = bordered.tangent
             change = change - (normal @ change) * normal
         last = float(np.abs(change).max())
         if not last <= MAX_NEWTON_STEP_LENGTH:
@@ -220,9 +220,9 @@ def _searched(
     before = float(np.hypot(np.linalg.norm(F), plane))
     share = 1.0
     while share > MIN_NEWTON_SHARE:
-        there: np.ndarray = u - share * change
+        trial: np.ndarray = u - share * change
         residual_norm = float(
-            np.hypot(np.linalg.norm(equations.residual(there)), (1.0 - share) * plane)
+            np.hypot(np.linalg.norm(equations.residual(trial)), (1.0 - share) * plane)
         )
         if (
             before < equations.tolerance
@@ -230,7 +230,7 @@ def _searched(
         ):
             break
         share *= 0.5
-    return there, residual_norm / before if before else 0.0
+    return trial, residual_norm / before if before else 0.0
 
 
 def follow(
@@ -259,21 +259,21 @@ def follow(
     along = along / np.linalg.norm(along)
     u, residual, _, last = newton(equations, u, along, float(along @ u))
     equations.accepted(u)
-    here = CurvePoint(u, last.tangent, residual)
-    curve, h = Curve([here]), steps.first
+    current = CurvePoint(u, last.tangent, residual)
+    curve, h = Curve([current]), steps.first
     for _ in range(steps.count):
-        next_found = next_point(equations, here, h, steps.least, tests, located, watched)
+        next_found = next_point(equations, current, h, steps.least, tests, located, watched)
         if next_found is None:
             curve.end = "not_converged"
             return curve
-        there, events, taken, iterations = next_found
-        curve.points += [*events, there]
-        equations.accepted(there.u)
-        if reason := stop(there.u):
+        following, events, taken, iterations = next_found
+        curve.points += [*events, following]
+        equations.accepted(following.u)
+        if reason := stop(following.u):
             curve.end = reason
             return curve
-        h = grown(taken, iterations, steps, float(here.tangent @ there.tangent))
-        here = there
+        h = grown(taken, iterations, steps, float(current.tangent @ following.tangent))
+        current = following
     return curve
 
 
@@ -308,21 +308,28 @@ def next_point(
     """
     while h >= least:
         try:
-            there, iterations = _corrected(equations, current, h)
-            distance_from_tangent = float(np.linalg.norm(there.u - current.u - h * current.tangent))
+            following, iterations = _corrected(equations, current, h)
+            distance_from_tangent = float(
+                np.linalg.norm(following.u - current.u - h * current.tangent)
+            )
             smooth = (
-                there.tangent @ current.tangent >= MIN_TANGENT_COSINE
+                following.tangent @ current.tangent >= MIN_TANGENT_COSINE
                 and distance_from_tangent <= FAR_OFF * h
             )
             no_dip = (
                 watched is None
                 or h <= DIP_TEST_MIN_ARC_LENGTH
-                or not _dips(current, there, watched, h)
+                or not _dips(current, following, watched, h)
             )
             if (smooth and no_dip) or (
                 h <= CORNER_ARC_LENGTH and distance_from_tangent <= h and no_dip
             ):
-                return there, _events(equations, current, there, h, tests, located), h, iterations
+                return (
+                    following,
+                    _events(equations, current, following, h, tests, located),
+                    h,
+                    iterations,
+                )
         except ConvergenceError:
             pass
         h *= 0.5
@@ -346,8 +353,8 @@ def _corrected(
 ) -> tuple[CurvePoint, int]:
     predicted = current.u + h * current.tangent if start is None else start
     offset = float(current.tangent @ predicted)
-    u, residual, iterations, there = newton(equations, predicted, current.tangent, offset)
-    return CurvePoint(u, there.tangent, residual), iterations
+    u, residual, iterations, bordered = newton(equations, predicted, current.tangent, offset)
+    return CurvePoint(u, bordered.tangent, residual), iterations
 
 
 def _events(
@@ -374,8 +381,8 @@ def _events(
         return solutions[s]
 
     for name, test in tests.items():
-        before, behind = test(current.u, current.tangent), test(following.u, following.tangent)
-        if not before * behind < 0:
+        before, after = test(current.u, current.tangent), test(following.u, following.tangent)
+        if not before * after < 0:
             continue
 
         def value(s: float, test: Test = test) -> float:

@@ -206,11 +206,11 @@ class Path:
         """Why the curve on from the first motion ended; what is found on it is added."""
         projection, steps = self.projection, self.steps
         h, tries = steps.first, 0
-        equations, here = self._begun(motions, held)
+        equations, current = self._begun(motions, held)
         while len(motions) < steps.count:
             step = next_point(
                 equations,
-                here,
+                current,
                 h,
                 steps.least,
                 self.tests,
@@ -218,32 +218,32 @@ class Path:
                 watched=self.watched,
             )
             if step is None:  # what the last motion has missing may be what its successor needs
-                way = None if tries else self._grown(equations, here, motions[-1].motion)
+                way = None if tries else self._grown(equations, current, motions[-1].motion)
                 if way is None:
                     return LOST
                 tries, h = tries + 1, steps.first
-                equations, here = self._again(motions, *way)
+                equations, current = self._again(motions, *way)
                 continue
-            there, events, taken, iterations = step
-            motion = equations.motion(there.u)
-            change = projection.correction(motion, local=equations.forces(there.u))
+            following, events, taken, iterations = step
+            motion = equations.motion(following.u)
+            change = projection.correction(motion, local=equations.forces(following.u))
             error = projection.error(motion, change)
             if error > CURVE_BASIS_ERROR:
                 tries += 1
                 h = taken if tries % MAX_ENRICHMENTS_PER_STEP else 0.5 * taken
                 if h < steps.least:
                     return BASIS
-                if way := self._grown(equations, here, motion, equations.forces(there.u)):
-                    equations, here = self._again(motions, *way)
+                if way := self._grown(equations, current, motion, equations.forces(following.u)):
+                    equations, current = self._again(motions, *way)
                 continue
-            h = grown(taken, iterations, steps, float(here.tangent @ there.tangent))
-            tries, here = 0, there
-            equations.accepted(there.u)
-            for p in (*events, there):
+            h = grown(taken, iterations, steps, float(current.tangent @ following.tangent))
+            tries, current = 0, following
+            equations.accepted(following.u)
+            for p in (*events, following):
                 motion_here = equations.motion(p.u)
                 motions.append(CurveMotion(motion_here, p.residual, error, "".join(p.events)))
             projection.remember(motion)
-            if reason := self.ended(there.u, motion):
+            if reason := self.ended(following.u, motion):
                 return reason
         return "steps"
 
@@ -322,11 +322,11 @@ class Path:
         self,
         motion: PeriodicMotion,
         ahead: PeriodicMotion | None = None,
-        behind: PeriodicMotion | None = None,
+        previous: PeriodicMotion | None = None,
     ) -> tuple[CycleEquations, CurvePoint]:
         """A motion of the curve, in the basis as it is, and the way on to the side of `ahead`.
 
-        Which is not to be that to the side of `behind`, the motion before.
+        Which is not to be that to the side of `previous`, the motion before.
         """
         equations = self.projection.equations(self.harmonics)
         u = equations.pack(motion)
@@ -335,10 +335,10 @@ class Path:
         if ahead is not None:
             along = equations.pack(ahead) - u
             along /= np.linalg.norm(along)
-        u, residual, _, there = newton(equations, u, along, None)
-        tangent = there.towards(along)
-        back = behind is not None and tangent @ (equations.pack(behind) - u) > 0.0
-        if ahead is not None and (back or tangent @ along < MIN_DIRECTION_COSINE):
+        u, residual, _, bordered = newton(equations, u, along, None)
+        tangent = bordered.towards(along)
+        points_back = previous is not None and tangent @ (equations.pack(previous) - u) > 0.0
+        if ahead is not None and (points_back or tangent @ along < MIN_DIRECTION_COSINE):
             raise ConvergenceError(LOST, "which way the curve goes on cannot be told")
         return equations, CurvePoint(u, tangent, residual)
 

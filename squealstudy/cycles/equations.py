@@ -62,15 +62,15 @@ class PeriodicMotion:
 
     def near(self, other: PeriodicMotion) -> bool:
         """Whether two motions are nearly of one size and frequency."""
-        apart = abs(np.log(self.size / other.size)) / LOG_SIZE
-        return bool(max(apart, abs(self.omega / other.omega - 1.0) / FREQUENCY) < 1.0)
+        distance = abs(np.log(self.size / other.size)) / LOG_SIZE
+        return bool(max(distance, abs(self.omega / other.omega - 1.0) / FREQUENCY) < 1.0)
 
     @property
     def tail(self) -> float:
         """Share of the highest harmonic in the norm of all beyond the mean."""
         H = self.harmonics
-        whole = float(np.linalg.norm(self.Q[1:]))
-        return float(np.linalg.norm(self.Q[[H, 2 * H]])) / whole
+        norm = float(np.linalg.norm(self.Q[1:]))
+        return float(np.linalg.norm(self.Q[[H, 2 * H]])) / norm
 
 
 class CycleEquations:

@@ -203,9 +203,9 @@ def _family(
     if velocity <= 0.0:
         return Family(lam, (), 0, [], "no_contact_motion")
     projection = Projection(contact.oscillator, phi, lam.imag)
-    whole = projection.complete
+    is_complete = projection.complete
     size = START * speed * float(np.linalg.norm(phi * scale)) / velocity
-    harmonics = search.harmonics or (CURVE_HARMONICS if whole else PROJECTED_HARMONICS)
+    harmonics = search.harmonics or (CURVE_HARMONICS if is_complete else PROJECTED_HARMONICS)
     start = linear_motion(phi, lam, scale, size)
     noise = 2.0 * max(tolerance, ROUNDED) * abs(lam)
 
@@ -213,14 +213,14 @@ def _family(
         if contact.contact_velocity(motion) > search.reach:
             return FAR
         missing = (min(start.parameter, 0.0) - motion.parameter) / (2.0 * start.omega)
-        return DAMPED if not whole and missing > GIVE_UP_DAMPING_RATIO else ""
+        return DAMPED if not is_complete and missing > GIVE_UP_DAMPING_RATIO else ""
 
     try:
         curve, end = family_curve(
             projection,
             replace(start, Q=with_harmonics(start.Q, harmonics)),
             stop,
-            CURVE_STEPS if whole else PROJECTED_STEPS,
+            CURVE_STEPS if is_complete else PROJECTED_STEPS,
         )
     except ConvergenceError as error:
         return Family(lam, (), 0, [], error.status, largest=start, noise=noise)

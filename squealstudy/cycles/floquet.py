@@ -132,10 +132,10 @@ class Floquet:
         Beside the trivial one it is a double root, which errs by the square root of what other
         multipliers err by: twice what is seen is told.
         """
-        apart = np.abs(self.multipliers - 1.0)
-        nearest = np.argsort(apart)[:2]  # the trivial one and that of the fold
+        distance_from_1 = np.abs(self.multipliers - 1.0)
+        nearest = np.argsort(distance_from_1)[:2]  # the trivial one and that of the fold
         errors = self.errors.copy()
-        errors[nearest] = np.maximum(errors[nearest], 2.0 * apart[nearest])
+        errors[nearest] = np.maximum(errors[nearest], 2.0 * distance_from_1[nearest])
         return replace(self, errors=errors)
 
 
@@ -201,8 +201,8 @@ def floquet_on(
         small, cycle_on_basis, trapezoidal(small, cycle_on_basis, TRAPEZOIDAL_STEPS, precision)
     )
     rough = replace(rough, Q=rough.Q[:, :few])
-    whole = trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2, precision)
-    coarse = np.linalg.eigvals(whole)
+    period_map = trapezoidal(osc.on(V[:, :few]), rough, TRAPEZOIDAL_STEPS // 2, precision)
+    coarse = np.linalg.eigvals(period_map)
     sizes = np.abs(fine.vectors[: small.n]) ** 2
     inside = sizes[:few].sum(axis=0) > 0.5 * sizes.sum(axis=0)
     return replace(fine, errors=_changes(fine, coarse, inside))
@@ -276,7 +276,7 @@ def trapezoidal(
     n, h = osc.n, precision(2 * np.pi / steps)
     Q: np.ndarray = np.eye(2 * n, n, dtype=precision)  # rows are deviations: as LAPACK has columns
     P = np.roll(Q, n, axis=0)
-    one: np.ndarray = np.eye(n, dtype=precision)
+    identity: np.ndarray = np.eye(n, dtype=precision)
     (solve,) = get_lapack_funcs(("gesv",), (Q,))
     C, K = _averaged(osc, cycle, steps, precision)
     pull = -(P @ C(0).T + Q @ K(0).T)
@@ -285,7 +285,7 @@ def trapezoidal(
         middle = Q + h / 2 * P
         right_side = P + h / 2 * (pull - middle @ K1.T)
         _, _, x, lapack_status = solve(
-            one + h / 2 * C1 + h**2 / 4 * K1, right_side.T, overwrite_b=True
+            identity + h / 2 * C1 + h**2 / 4 * K1, right_side.T, overwrite_b=True
         )
         if lapack_status:
             raise ConvergenceError("singular", "a step of small deviations is singular")
@@ -331,11 +331,11 @@ def _stiffness(
 def monodromy(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarray:
     """Matrix (2 n, 2 n) from deviations (omega q, q') at theta = 0 to those a period later."""
     m = 2 * osc.n
-    whole = np.eye(m)
+    product = np.eye(m)
     chunk = max(1, min(steps, CHUNK_BYTES // (8 * m * m)))
     for first in range(0, steps, chunk):
-        whole = _product(_steps(osc, cycle, steps, first, min(first + chunk, steps))) @ whole
-    return whole
+        product = _product(_steps(osc, cycle, steps, first, min(first + chunk, steps))) @ product
+    return product
 
 
 def _product(steps: np.ndarray) -> np.ndarray:
@@ -354,9 +354,9 @@ def _steps(osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last:
     offset = h * np.sqrt(3.0) / 6.0
     A1, A2 = (_rates(osc, cycle, middle + side * offset) for side in (-1, 1))
     A = 0.5 * h * (A1 + A2) + np.sqrt(3.0) / 12.0 * h**2 * (A2 @ A1 - A1 @ A2)
-    square, one = A @ A, np.eye(2 * osc.n)
-    even = one + square / 10.0
-    odd = A @ (0.5 * one + square / 120.0)
+    square, identity = A @ A, np.eye(2 * osc.n)
+    even = identity + square / 10.0
+    odd = A @ (0.5 * identity + square / 120.0)
     propagators: np.ndarray = np.linalg.solve(even - odd, even + odd)
     return propagators
 

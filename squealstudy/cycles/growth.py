@@ -121,13 +121,13 @@ def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
     if sizes[-1] > sizes.max() + np.log(END_SIZE_RATIO) or not 0 < rose < len(passed) - 1:
         return False
     share = (sizes[-1] - sizes[rose - 1]) / (sizes[rose] - sizes[rose - 1])
-    there = between(passed[rose - 1], passed[rose], float(share))
+    crossing = between(passed[rose - 1], passed[rose], float(share))
     frequency, damping, alike = SAME_MOTION_TOLERANCES
     most = max(abs(m.parameter) for m in passed)
-    one, other = (m.Q[1] - 1j * m.Q[m.harmonics + 1] for m in (there, last))
-    mac = abs(one.conj() @ other) ** 2 / ((one.conj() @ one) * (other.conj() @ other)).real
-    near = abs(there.omega / last.omega - 1.0) < frequency
-    return bool(near and abs(there.parameter - last.parameter) < damping * most and mac > alike)
+    x, y = (m.Q[1] - 1j * m.Q[m.harmonics + 1] for m in (crossing, last))
+    mac = abs(x.conj() @ y) ** 2 / ((x.conj() @ x) * (y.conj() @ y)).real
+    near = abs(crossing.omega / last.omega - 1.0) < frequency
+    return bool(near and abs(crossing.parameter - last.parameter) < damping * most and mac > alike)
 
 
 @dataclass

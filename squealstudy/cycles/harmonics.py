@@ -69,8 +69,8 @@ def series_at(theta: np.ndarray, harmonics: int) -> tuple[np.ndarray, np.ndarray
     """Matrices (S, 2 H + 1) that give states and their derivatives by theta at angles (S,)."""
     h = np.arange(1, harmonics + 1)
     c, s = np.cos(np.outer(theta, h)), np.sin(np.outer(theta, h))
-    one = np.ones((len(theta), 1))
-    return np.hstack([one, c, s]), np.hstack([0 * one, -h * s, h * c])
+    ones = np.ones((len(theta), 1))
+    return np.hstack([ones, c, s]), np.hstack([0 * ones, -h * s, h * c])
 
 
 @lru_cache(maxsize=32)

@@ -251,17 +251,22 @@ def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
 
     The whole difference: at first order the error of the finer one, at second three times that.
     """
-    (one, _), (other, window) = run_levels(coarse), run_levels(fine)
-    rms, swing = other["torque_rms"], other["torque_peak_to_peak"]
+    (coarse_levels, _), (fine_levels, window) = run_levels(coarse), run_levels(fine)
+    rms, swing = fine_levels["torque_rms"], fine_levels["torque_peak_to_peak"]
     if not (rms > 0 and swing > 0):
         return StepParts.unknown("nothing vibrates at its end"), True
-    change = abs(other["torque_rms"] - one["torque_rms"]) / rms
-    windows = sum(0.5 * (r["torque_rms_high"] - r["torque_rms_low"]) for r in (one, other)) / rms
-    mean = abs(other["torque_mean"] - one["torque_mean"]) / rms
-    peaks = abs(other["torque_peak_to_peak"] - one["torque_peak_to_peak"]) / swing
+    change = abs(fine_levels["torque_rms"] - coarse_levels["torque_rms"]) / rms
+    windows = (
+        sum(
+            0.5 * (r["torque_rms_high"] - r["torque_rms_low"]) for r in (coarse_levels, fine_levels)
+        )
+        / rms
+    )
+    mean = abs(fine_levels["torque_mean"] - coarse_levels["torque_mean"]) / rms
+    peaks = abs(fine_levels["torque_peak_to_peak"] - coarse_levels["torque_peak_to_peak"]) / swing
     if change > MAX_REL_STEP_PART:
         return StepParts.unknown(f"half the step changes its level by {100 * change:.0f} %"), False
-    hz = abs(other["frequency_hz"] / one["frequency_hz"] - 1.0)
+    hz = abs(fine_levels["frequency_hz"] / coarse_levels["frequency_hz"] - 1.0)
     parts = np.array([change, mean, peaks, hz]) + settling(fine, window)
     return StepParts(*parts.tolist()), change <= max(STEP_REL_TOLERANCE, windows)
 
@@ -275,7 +280,9 @@ class Refined(Motion):
     @classmethod
     def of(cls, motion: Motion, by_step: StepParts) -> Refined:
         """The motion with it."""
-        motion_fields = {one.name: getattr(motion, one.name) for one in fields(Motion) if one.init}
+        motion_fields = {
+            field.name: getattr(motion, field.name) for field in fields(Motion) if field.init
+        }
         return cls(**motion_fields, by_step=by_step)
 
 

@@ -42,13 +42,23 @@ def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
             f"{frequency.directory} and {transient.directory} are of model files that differ, or "
             "whose meshes do: expected two studies of one model"
         )
-    one, two = (r.manifest.get("options", {}) for r in (frequency, transient))
-    odd = sorted(k for k in one.keys() | two.keys() if one.get(k) != two.get(k))
+    frequency_options, time_options = (
+        r.manifest.get("options", {}) for r in (frequency, transient)
+    )
+    odd = sorted(
+        k
+        for k in frequency_options.keys() | time_options.keys()
+        if frequency_options.get(k) != time_options.get(k)
+    )
     if odd:
-        differences = ", ".join(f"{k} {one.get(k)} and {two.get(k)}" for k in odd)
+        differences = ", ".join(
+            f"{k} {frequency_options.get(k)} and {time_options.get(k)}" for k in odd
+        )
         raise ResultsError(f"the two studies differ in the options of their model: {differences}")
-    one, two = (_followed(r) for r in (frequency, transient))
-    if odd := sorted(k for k in one.keys() | two.keys() if one.get(k) != two.get(k)):
+    tables = [_followed(r) for r in (frequency, transient)]
+    if odd := sorted(
+        k for k in tables[0].keys() | tables[1].keys() if tables[0].get(k) != tables[1].get(k)
+    ):
         raise ResultsError(
             f"the two studies differ in the table that {odd[0]} follows, or one has none: expected "
             "the same values at each design point"

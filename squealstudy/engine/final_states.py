@@ -33,14 +33,14 @@ class FinalState(NamedTuple):
 
 
 def state_files(
-    states: States, prepared_key: str, representation: str, apart: bool
+    states: States, prepared_key: str, representation: str, in_own_folder: bool
 ) -> dict[str, dict[str, Any]]:
-    """Files of final states by their paths: each `apart`, or one of all.
+    """Files of final states by their paths: each `in_own_folder`, or one of all.
 
     States are in component-mode coordinates of one model.
     """
     model = {"prepared_key": prepared_key, "representation": representation}
-    if apart or len(states) < 2:
+    if in_own_folder or len(states) < 2:
         return {f"{STATES}/{i}.npz": {"q": q, "v": v, **model} for i, (q, v) in states.items()}
     q, v = (np.array(part) for part in zip(*states.values(), strict=True))
     name = f"{STATES}/{content_hash(sorted(states))}.npz"

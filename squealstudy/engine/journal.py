@@ -158,10 +158,12 @@ class Journal:
             state = path.lstat()
         except OSError:
             return MISSING
-        whole = stat.S_ISREG(state.st_mode) and state.st_size == entry.size  # never a link
-        if whole and thoroughly:
-            whole = _hash_of(path, state) == entry.sha256
-        return "" if whole else DAMAGED
+        has_stated_size = (
+            stat.S_ISREG(state.st_mode) and state.st_size == entry.size
+        )  # never a link
+        if has_stated_size and thoroughly:
+            has_stated_size = _hash_of(path, state) == entry.sha256
+        return "" if has_stated_size else DAMAGED
 
 
 def refused_names(journal: Journal) -> str:

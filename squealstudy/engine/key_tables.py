@@ -54,9 +54,9 @@ def _table(
     if kinds := table.get("kinds"):
         lines += ["", f"Kinds: {', '.join(f'`{k}`' for k in kinds)}."]
     deeper: list[str] = []
-    for one in inner:
-        lines += ["", *_rows(one["properties"], one.get("required", ()), schema)]
-        for key, entry in one["properties"].items():
+    for inner_key in inner:
+        lines += ["", *_rows(inner_key["properties"], inner_key.get("required", ()), schema)]
+        for key, entry in inner_key["properties"].items():
             for nested in _inner(entry, schema):
                 plain = heading.strip("[]")
                 inside = f"{plain}.{key}{_table_suffix(entry)}"

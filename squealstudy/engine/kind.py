@@ -234,7 +234,7 @@ class Kind:
             return (task.at(np.array([k])) for k in range(len(task)))
         points = task.points
         each = ((p,) for p in points) if isinstance(points, tuple) else self.single_tasks(points)
-        return (replace(task, points=one) for one in each)
+        return (replace(task, points=point) for point in each)
 
     def failed_row(self, point_id: str, status: str, message: str) -> dict[str, Any]:
         """Row of a design point that could not be solved."""

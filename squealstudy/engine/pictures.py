@@ -200,8 +200,8 @@ class Plots:
         plot = plots().get(name)
         if plot is None:
             hint = did_you_mean(name, plots())
-            there = ", ".join(dir(self)) or "none: these results have no plots"
-            raise UnknownNameError(f"there is no plot '{name}', expected {there}{hint}")
+            names = ", ".join(dir(self)) or "none: these results have no plots"
+            raise UnknownNameError(f"there is no plot '{name}', expected {names}{hint}")
         return _method(plot, self._results)
 
     def __dir__(self) -> list[str]:
@@ -215,12 +215,12 @@ def _method(plot: Plot, results: ResultTables) -> Draw:
     def method(*arguments: Any, **choices: Any) -> Figure:
         return plot(results, *arguments, **choices)
 
-    whole = inspect.signature(plot.draw)
-    parameters_but_results = list(whole.parameters.values())[1:]
+    signature = inspect.signature(plot.draw)
+    parameters_but_results = list(signature.parameters.values())[1:]
     method.__name__ = method.__qualname__ = plot.name
     method.__module__ = plot.draw.__module__
     method.__doc__ = _without_results(inspect.getdoc(plot.draw) or "")
-    method.__signature__ = whole.replace(parameters=parameters_but_results)  # type: ignore[attr-defined]
+    method.__signature__ = signature.replace(parameters=parameters_but_results)  # type: ignore[attr-defined]
     return method
 
 

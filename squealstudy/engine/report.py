@@ -67,41 +67,44 @@ def report(results: Sequence[Results], shapes: bool = True) -> str:
     results = [*_with_beside(results)]
     bytes_left = MOST_BYTES
     parts = [_overview(results)] if len(results) > 1 else []
-    for number, one in enumerate(results, start=1):
-        shown = _shape(one) if shapes else []
+    for number, results_of_study in enumerate(results, start=1):
+        shown = _shape(results_of_study) if shapes else []
         bytes_left -= sum(map(len, shown))
-        drawn, spent = report_pictures(one, bytes_left)
+        drawn, spent = report_pictures(results_of_study, bytes_left)
         bytes_left -= spent
         parts += [
             f'<section id="r{number}">',
-            *_head(one, results),
+            *_head(results_of_study, results),
             *drawn[:1],  # the picture of the question
-            *_findings(one),
+            *_findings(results_of_study),
             *shown,
             *(["<h2>Pictures</h2>", *drawn[1:]] if drawn[1:] else []),
-            *_tables(one),
-            *_errors(one),
-            *_provenance(one),
+            *_tables(results_of_study),
+            *_errors(results_of_study),
+            *_provenance(results_of_study),
             "</section>",
         ]
-    heading = ", ".join(str(one.manifest["name"]) for one in results)
+    heading = ", ".join(str(results_of_study.manifest["name"]) for results_of_study in results)
     page = TEMPLATE.read_text(encoding="utf-8").replace("{{title}}", escape(heading))
     return page.replace("{{body}}", "\n".join(parts))
 
 
 def _with_beside(results: Sequence[Results]) -> Iterator[Results]:
     """The results, each followed by those of the studies that were run with it."""
-    for one in results:
-        yield one
-        for folder, reason in one.manifest.get(SIDE_STUDIES, {}).items():
+    for study_results in results:
+        yield study_results
+        for folder, reason in study_results.manifest.get(SIDE_STUDIES, {}).items():
             if not reason:
-                yield type(one).open(one.directory / folder)
+                yield type(study_results).open(study_results.directory / folder)
 
 
 def _overview(results: Sequence[Results]) -> str:
     rows = [
-        [f'<a href="#r{n}">{escape(str(one.manifest["name"]))}</a>', *map(escape, _whose(one))]
-        for n, one in enumerate(results, start=1)
+        [
+            f'<a href="#r{n}">{escape(str(study_results.manifest["name"]))}</a>',
+            *map(escape, _whose(study_results)),
+        ]
+        for n, study_results in enumerate(results, start=1)
     ]
     return "<h1>Overview</h1>" + _html_table(["study", "kind", "model", "verdict"], rows)
 
@@ -279,7 +282,7 @@ def named_files(tables: Any) -> list[str]:
     if not isinstance(tables, Mapping | list):
         return []
     members = tables.values() if isinstance(tables, Mapping) else tables
-    return list(dict.fromkeys(name for one in members for name in named_files(one)))
+    return list(dict.fromkeys(name for file_name in members for name in named_files(file_name)))
 
 
 def _pairs(rows: Iterable[tuple[str, str]]) -> str:

@@ -86,7 +86,7 @@ def _name(modes: ResultTables, motions: ResultTables, row: pd.Series, hertz: flo
     """What complex modes of the same model call the root at a design point; empty of others."""
     if modes.kind != "complex_modes" or modes.manifest["model"] != motions.manifest["model"]:
         return ""
-    points, there = modes.points, np.ones(len(modes.points), dtype=bool)
+    points, is_same_point = modes.points, np.ones(len(modes.points), dtype=bool)
     for name in {*modes.parameters, *motions.parameters}:
         mine, theirs = (
             (column[name] if name in column else results.manifest["nominal"].get(name))
@@ -94,13 +94,15 @@ def _name(modes: ResultTables, motions: ResultTables, row: pd.Series, hertz: flo
         )
         if mine is None or theirs is None:
             return ""
-        there &= np.isclose(np.asarray(theirs, float), mine, rtol=SAME_VALUE_REL_TOLERANCE, atol=0)
-    ids = points.loc[there, "point_id"]
+        is_same_point &= np.isclose(
+            np.asarray(theirs, float), mine, rtol=SAME_VALUE_REL_TOLERANCE, atol=0
+        )
+    ids = points.loc[is_same_point, "point_id"]
     mode_rows = modes.modes[modes.modes["point_id"].isin(ids).to_numpy()]
-    apart = (mode_rows["frequency_hz"] / hertz - 1.0).abs().to_numpy(float)
-    if not len(mode_rows) or apart.min() > FREQUENCY_TOLERANCE:
+    rel_distance = (mode_rows["frequency_hz"] / hertz - 1.0).abs().to_numpy(float)
+    if not len(mode_rows) or rel_distance.min() > FREQUENCY_TOLERANCE:
         return ""
-    track = int(mode_rows["track"].iloc[int(apart.argmin())])
+    track = int(mode_rows["track"].iloc[int(rel_distance.argmin())])
     if track <= 0:
         return ""
     name = track_number(track)

@@ -248,9 +248,9 @@ class ResultTables(NamedTables):
         for name in parameter_columns(self.points, varied=True):
             if name == along:
                 continue
-            there = chosen[np.isclose(chosen[name], nominal[name], rtol=1e-6, atol=0.0)]
-            if len(there):
-                fixed[name], chosen = nominal[name], there
+            at_nominal = chosen[np.isclose(chosen[name], nominal[name], rtol=1e-6, atol=0.0)]
+            if len(at_nominal):
+                fixed[name], chosen = nominal[name], at_nominal
         return fixed
 
     def row_of(self, point: str | int) -> int:

@@ -129,13 +129,18 @@ def run_study(
             while beside_left:
                 _remove(beside_left.pop(), kind.tables)
         store.journal.begin(plan.owner)
-        whole = store.repair(warn)
+        is_intact = store.repair(warn)
         options = _Options(jobs, yes, progress, warn, fresh, cluster)
         beside, changed = _run_beside(plan, directory, options)
         if (further := kind.extended_plan(plan, store)) is not plan:
             plan = further
             failures |= kind.make_missing_models(plan, workers)
-        if manifest_before and whole and not changed and _is_complete(manifest_before, plan, store):
+        if (
+            manifest_before
+            and is_intact
+            and not changed
+            and _is_complete(manifest_before, plan, store)
+        ):
             statuses = store.read_table(kind.tables[0], ["status", "message"])
             if len(statuses):
                 _expect_solved(plan, directory, statuses.to_pandas())
@@ -321,11 +326,11 @@ def _finish(
     tables_started = time.perf_counter()
     points, facts = as_kind(plan.kind).build_tables(plan, store, workers)
     pa.default_memory_pool().release_unused()  # rankings and pictures need memory next
-    apart = facts.pop("seconds", {})  # points solved for the tables alone
+    extra_seconds = facts.pop("seconds", {})  # points solved for the tables alone
     manifest |= facts
     now = time.perf_counter()
-    tables_s = now - tables_started - sum(apart.values())
-    manifest["timings"] |= {"tables_s": tables_s, **apart, "total_s": now - started}
+    tables_s = now - tables_started - sum(extra_seconds.values())
+    manifest["timings"] |= {"tables_s": tables_s, **extra_seconds, "total_s": now - started}
     solved = points["status"].isin(SOLVED)
     manifest["n_failed"] = int((~solved).sum())
     manifest["n_inaccurate"] = int((points["status"] == INACCURATE).sum())

@@ -72,11 +72,11 @@ def study_schema() -> dict[str, Any]:
 
     definitions = {name: definition_of(name) for name in kind_names()}
     of_models = {name: d for name, d in definitions.items() if issubclass(d, StudyDefinition)}
-    whole = create_model(
+    study_model = create_model(
         "StudyDefinition",
         __base__=tuple(sorted(set(of_models.values()), key=lambda d: -len(d.__mro__))),
     )
-    schema: dict[str, Any] = _without_null(whole.model_json_schema())
+    schema: dict[str, Any] = _without_null(study_model.model_json_schema())
     schema["$defs"]["StudySection"]["properties"]["kind"]["enum"] = list(of_models)
     model = schema["$defs"]["ModelSection"]
     model["properties"]["name"]["enum"] = list(model_names())

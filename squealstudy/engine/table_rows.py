@@ -47,8 +47,8 @@ def batches(
     Of a frame that is there already, else of its file.
     """
     if table is not None:
-        whole = table[list(columns)].reset_index(drop=True)
-        yield from (whole.iloc[rows] for rows in row_parts(len(whole)))
+        selected = table[list(columns)].reset_index(drop=True)
+        yield from (selected.iloc[rows] for rows in row_parts(len(selected)))
         return
     first = 0
     for batch in store.batches(file, columns, point_rows.ROWS_PER_BATCH):

@@ -123,8 +123,8 @@ def _line(name: str) -> Any:
     """Lines of tracks, or of branches, over a parameter, with their points."""
     fig = _figure(name, HEIGHT)
     fig.add_layout(_zero())
-    here = Span(name="here", dimension="height", location=0, line_color=DARK, line_dash="dashed")
-    fig.add_layout(here)
+    marker = Span(name="here", dimension="height", location=0, line_color=DARK, line_dash="dashed")
+    fig.add_layout(marker)
     lines: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "width": [], "dash": []}
     fig.multi_line(
         "xs",

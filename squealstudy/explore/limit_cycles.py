@@ -64,12 +64,12 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
     named[GROWTH] = ("fastest growth", "1/s")
     named["threshold_velocity"] = ("kick along unstable cycle", "m/s")
     n = points["n_unstable"]
-    for name, (text, one) in named.items():
+    for name, (text, column) in named.items():
         if name not in points:  # of an earlier version
             continue
         values = _numbers(points[name])
         if np.isfinite(values).any():
-            measures.append(measure(text, one, values, n if name == GROWTH else None))
+            measures.append(measure(text, column, values, n if name == GROWTH else None))
     return content, measures
 
 
@@ -86,8 +86,8 @@ def _numbers(column: pd.Series) -> np.ndarray:
 def _of_points(table: pd.DataFrame, place: pd.Series) -> pd.DataFrame:
     """Rows of a table that belong to design points of the page, with the place of these."""
     rows = place.reindex(table["point_id"]).to_numpy(dtype=float)
-    there = np.isfinite(rows)
-    return table[there].assign(row=rows[there].astype(int))
+    is_shown = np.isfinite(rows)
+    return table[is_shown].assign(row=rows[is_shown].astype(int))
 
 
 def _with_runs(cycles: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:

@@ -160,9 +160,9 @@ def _filled(results: Results, kind: KindPage, content: Content, library: str) ->
         "parts": _file(kind.script.replace(".js", ".html")),
         "script": "\n".join(_file(name) for name in ("page.js", "map.js", kind.script)),
     }
-    whole: Any = _file("explore.html").split("@@")  # text, name, text, ...: filled in once
-    whole[1::2] = [shown[name] for name in whole[1::2]]
-    return "".join(whole)
+    pieces: Any = _file("explore.html").split("@@")  # text, name, text, ...: filled in once
+    pieces[1::2] = [shown[name] for name in pieces[1::2]]
+    return "".join(pieces)
 
 
 def _file(name: str) -> str:

@@ -37,7 +37,7 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
     """
     unit = results.units.get(TORQUE, "N m")
     with_history = results.store.kept_histories()
-    rows = [row for row, one in enumerate(points["point_id"]) if one in with_history]
+    rows = [row for row, point_id in enumerate(points["point_id"]) if point_id in with_history]
     most = MOST_ROWS // (2 * LEAST_BINS)
     bins = min(MOST_BINS, MOST_ROWS // (2 * max(min(len(rows), most), 1)))
     histories = {}

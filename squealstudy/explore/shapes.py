@@ -33,10 +33,14 @@ def shapes_content(results: Results, points: pd.DataFrame) -> tuple[Content, int
     """
     shapes: Content = {}
     room, n_without_room = MOST_BYTES, 0
-    place = {one: row for row, one in enumerate(points["point_id"])}
+    row_of_point = {point_id: row for row, point_id in enumerate(points["point_id"])}
     for path in sorted((results.directory / FOLDER).glob("*.*"))[:MOST_FILES]:
         named = OF_A_MODE.fullmatch(path.name)
-        if named is None or named[3] not in place or leads_out(results.directory, _below(path)):
+        if (
+            named is None
+            or named[3] not in row_of_point
+            or leads_out(results.directory, _below(path))
+        ):
             continue
         size = path.stat().st_size if path.is_file() else 0
         if size > room:
@@ -45,7 +49,7 @@ def shapes_content(results: Results, points: pd.DataFrame) -> tuple[Content, int
         text = _picture(path) if named[4] == "png" else _page(path)
         if text:
             room -= len(text)
-            key = f"{place[named[3]]} {'T' if named[1] == 'T' else ''}{named[2]}"
+            key = f"{row_of_point[named[3]]} {'T' if named[1] == 'T' else ''}{named[2]}"
             shapes.setdefault(key, {})[named[4]] = text
     return shapes, n_without_room
 

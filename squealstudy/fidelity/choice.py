@@ -190,9 +190,9 @@ def _combinations(
 def _front(combinations: Sequence[Combination]) -> list[Combination]:
     """Those that no other beats in both, cheapest first."""
     front: list[Combination] = []
-    for one in sorted(combinations, key=lambda c: (c.cost, c.error)):
-        if not front or one.error < front[-1].error:
-            front.append(one)
+    for candidate in sorted(combinations, key=lambda c: (c.cost, c.error)):
+        if not front or candidate.error < front[-1].error:
+            front.append(candidate)
     return front
 
 

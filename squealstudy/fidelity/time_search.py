@@ -88,16 +88,16 @@ class RunSearch:
 
     def try_bases(self, ladder: Ladder) -> None:
         """Smaller bases against all modes, until one is within its share."""
-        *small, whole = ladder
+        *smaller_bases, full_basis = ladder
         truth = self.measure({})
         settings = []
-        for rung in small:
+        for rung in smaller_bases:
             measurement = self.measure(rung.changes)
             error = self.fidelity.error(measurement, truth)
             settings.append(TriedSetting(rung.label, rung.changes, error, measurement.seconds))
             if error <= self.share:
                 break
-        settings.append(TriedSetting(whole.label, whole.changes, 0.0, truth.seconds))
+        settings.append(TriedSetting(full_basis.label, full_basis.changes, 0.0, truth.seconds))
         self._keep(BASIS, settings)
 
     def try_contact_points(self, ladder: Ladder) -> None:

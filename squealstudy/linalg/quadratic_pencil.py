@@ -275,8 +275,8 @@ def _iterated(invert: Solve, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _dense(pencil: QuadraticPencil, sigma: complex, count: int) -> tuple[np.ndarray, np.ndarray]:
-    one = np.eye(pencil.n)
-    M, C, K = (np.asarray(A @ one) for A in (pencil.M, pencil.C, pencil.K))
+    identity = np.eye(pencil.n)
+    M, C, K = (np.asarray(A @ identity) for A in (pencil.M, pencil.C, pencil.K))
     return _sorted(*right_pairs(C, K, M), sigma, count)
 
 

@@ -195,7 +195,7 @@ def _dense_roots(
     M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int, limit: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
     """The `n_roots` smallest roots up to a limit by LAPACK, for models too small for the others."""
-    one = np.eye(M.shape[0])
-    lam, psi = pairs_up_to(C @ one, K @ one, limit, M.toarray())
+    identity = np.eye(M.shape[0])
+    lam, psi = pairs_up_to(C @ identity, K @ identity, limit, M.toarray())
     first = np.argsort(np.abs(lam))[:n_roots]
     return one_of_each_pair(lam[first], psi[:, first], (0.0, limit))

@@ -84,12 +84,12 @@ def _joined(arrays: list[np.ndarray], width: int) -> np.ndarray:
     if arrays[0].ndim == 1:
         return np.concatenate(arrays)
     shape = (sum(map(len, arrays)), *arrays[0].shape[1:-1], width)
-    whole = np.full(shape, np.nan, dtype=arrays[0].dtype)
+    joined_array = np.full(shape, np.nan, dtype=arrays[0].dtype)
     start = 0
     for array in arrays:
-        whole[start : start + len(array), ..., : array.shape[-1]] = array
+        joined_array[start : start + len(array), ..., : array.shape[-1]] = array
         start += len(array)
-    return whole
+    return joined_array
 
 
 def _batch_block(values: Values, rows: slice, band_hz: tuple[float, float]) -> BatchModes:

@@ -235,8 +235,8 @@ class Model:
         0.3
         """
         arrays = {k: np.asarray(v) for k, v in values.items() if np.ndim(v) == 1}
-        whole = np.meshgrid(*reversed(arrays.values()), indexing="ij")
-        columns = zip(reversed(arrays), (array.ravel() for array in whole), strict=True)
+        grids = np.meshgrid(*reversed(arrays.values()), indexing="ij")
+        columns = zip(reversed(arrays), (array.ravel() for array in grids), strict=True)
         modes = self.at(**{**values, **dict(columns)}).modes(band)
         table = modes.to_pandas()
         counts_and_messages = zip(

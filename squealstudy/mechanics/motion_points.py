@@ -102,7 +102,11 @@ def motions_at(
             sliding_or_error.append(_sliding(reference, prepared, point, regularisation, gap))
         except FAILURES as error:
             sliding_or_error.append(error)
-    sliding_points = [one for one in sliding_or_error if isinstance(one, SlidingPoint)]
+    sliding_points = [
+        sliding_point
+        for sliding_point in sliding_or_error
+        if isinstance(sliding_point, SlidingPoint)
+    ]
     followed = iter(_all_followed(reference, sliding_points, band_hz, tolerance, settings))
     return [s if isinstance(s, Exception) else next(followed) for s in sliding_or_error]
 

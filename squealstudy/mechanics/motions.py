@@ -121,8 +121,8 @@ class Runs:
         status = np.atleast_1d(np.array(self.status, dtype=object))
         runs = zip(self.motions, self.systems, strict=True)
         rows = [
-            {"status": one, **self._row(motion, system)}
-            for one, (motion, system) in zip(status, runs, strict=True)
+            {"status": point_status, **self._row(motion, system)}
+            for point_status, (motion, system) in zip(status, runs, strict=True)
         ]
         return pd.DataFrame(rows)
 
@@ -170,13 +170,15 @@ def set_up(
             [None] * len(points),
             run_settings,
         )
-        for number, point, one in zip(numbers.tolist(), points, steady_motions, strict=True):
-            if isinstance(one, Exception):
+        for number, point, steady_motion in zip(
+            numbers.tolist(), points, steady_motions, strict=True
+        ):
+            if isinstance(steady_motion, Exception):
                 if single:
-                    raise one
-                starts[number] = one
+                    raise steady_motion
+                starts[number] = steady_motion
                 continue
-            steady, motion_start = one
+            steady, motion_start = steady_motion
             starts[number] = reference, motion_start, point, steady
     return [starts[number] for number in range(values.count)]
 
@@ -206,15 +208,15 @@ def simulated(
     ]
     systems: list[ModalSystem | None] = [None] * len(ready)
     together: dict[int, list[int]] = {}
-    for number, one in enumerate(ready):
-        if not isinstance(one, Exception):
-            together.setdefault(id(one[0]), []).append(number)
+    for number, motion_point in enumerate(ready):
+        if not isinstance(motion_point, Exception):
+            together.setdefault(id(motion_point[0]), []).append(number)
     for numbers in together.values():
         points, reference = [], None
         for number in numbers:
-            one = ready[number]
-            assert not isinstance(one, Exception)
-            reference, motion_start, _, _ = one
+            motion_point = ready[number]
+            assert not isinstance(motion_point, Exception)
+            reference, motion_start, _, _ = motion_point
             points.append(perturbed(reference.system, motion_start, perturbation))
         assert reference is not None
         system = replace(reference.system, sensed=_sensed(reference, structures.basis.band_hz))

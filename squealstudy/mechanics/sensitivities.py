@@ -249,10 +249,10 @@ def all_sensitivities(
     if not is_small_batch(values):
         return tuple(map(_or_raise, each(structures, find, single)))
     batch = _at_once(values, names, choice, change, basis.band_hz)
-    for number in [i for i, one in enumerate(batch) if one is None]:
+    for number in [i for i, point_batch in enumerate(batch) if point_batch is None]:
         alone = Structures(values.at(number), structures.nominal, basis, structures.improved)
         batch[number] = _or_raise(each(alone, find, single=False)[0])
-    return tuple(one for one in batch if one is not None)
+    return tuple(point_batch for point_batch in batch if point_batch is not None)
 
 
 def _or_raise(sensitivities: Sensitivities | Exception) -> Sensitivities:

@@ -376,11 +376,11 @@ class System(Design):
     def _judged(self, findings: Sequence[PointPairs | Exception]) -> tuple[Any, Any]:
         """Status and message, those of inaccurate points among them."""
         status, message = statuses(findings), messages(findings)
-        for number, one in enumerate(findings):
-            if isinstance(one, Exception) or not len(one.lam):
+        for number, finding in enumerate(findings):
+            if isinstance(finding, Exception) or not len(finding.lam):
                 continue
-            point = np.zeros(len(one.lam), dtype=int)
-            worst = float(worst_errors(one.lam, one.error_rung, point, 1)[0][0])
+            point = np.zeros(len(finding.lam), dtype=int)
+            worst = float(worst_errors(finding.lam, finding.error_rung, point, 1)[0][0])
             if worst > MODE_TOLERANCE:
                 status[number] = INACCURATE
                 message[number] = _may_be_wrong(worst)

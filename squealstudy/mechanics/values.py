@@ -30,7 +30,7 @@ def column_of(parameter: StudyParameter, value: Any) -> Column:
     """
     texts = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "UO"
     if texts or isinstance(value, list | tuple):
-        value = [quantity(one, parameter) for one in value]
+        value = [quantity(entry, parameter) for entry in value]
     value = quantity(value, parameter)
     if isinstance(value, int | float):  # a truth value is none of them: the check says so
         return parameter.check(value)

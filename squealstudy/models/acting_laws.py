@@ -39,9 +39,9 @@ def expect_acting(parameter: StudyParameter, design: ModelPoint) -> None:
     acting = [option for option, laws in owners.items() if chosen[option] in laws]
     if parameter.structural or not owners or acting:
         return
-    here = law_choices({option: [chosen[option]] for option in owners})
+    acting_choices = law_choices({option: [chosen[option]] for option in owners})
     raise ParameterError(
         parameter.name,
         f"'{parameter.name}' does nothing here: it belongs to {law_choices(owners)}, "
-        f"and this is {here}",
+        f"and this is {acting_choices}",
     )

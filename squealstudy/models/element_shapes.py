@@ -91,9 +91,9 @@ def _of_library(name: str) -> tuple[Any, tuple[int, ...]]:
         "hex20": library.ElementHexS2,
     }
     element = kinds[name]()
-    apart = np.abs(SHAPES[name].places[:, None] - element.doflocs[None]).max(axis=2)
-    order = apart.argmin(axis=1)
-    assert apart.min(axis=1).max() == 0.0
+    distances = np.abs(SHAPES[name].places[:, None] - element.doflocs[None]).max(axis=2)
+    order = distances.argmin(axis=1)
+    assert distances.min(axis=1).max() == 0.0
     assert len(set(order)) == len(order)
     return element, tuple(int(i) for i in order)
 

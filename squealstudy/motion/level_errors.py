@@ -78,19 +78,22 @@ def _coarse(finding: Mapping[str, Any], step: float) -> str:
     steps = 1.0 / (step * hz) if hz > 0 else np.inf
     if not steps < ENOUGH_STEPS_PER_PERIOD:
         return ""
-    apart, fitted = "", finding.get("growth_rate", np.nan)
+    difference_text, fitted = "", finding.get("growth_rate", np.nan)
     if finding.get("growth_method") == LEFT_VECTOR:
         unsure = finding["growth_rate_high"] - finding["growth_rate_low"]
         step_part = finding.get("growth_rate_step_error", np.nan)
         unsure -= 2 * abs(step_part) if np.isfinite(step_part) else 0.0
         allowed = max(GROWTH_APART * abs(predicted), DAMPING_APART * 2 * np.pi * hz) + unsure
         if abs(fitted - predicted) > allowed:
-            apart = f" and small motions grow by {fitted:.4g} instead of {predicted:.4g} 1/s"
-    if steps >= TOO_FEW_STEPS_PER_PERIOD and not apart:
+            difference_text = (
+                f" and small motions grow by {fitted:.4g} instead of {predicted:.4g} 1/s"
+            )
+    if steps >= TOO_FEW_STEPS_PER_PERIOD and not difference_text:
         return ""
     return (
-        f"a period of the mode at {hz:.4g} Hz has {steps:.2g} steps{apart}: growth and levels may "
-        f"be wrong, which a step of {1 / (ENOUGH_STEPS_PER_PERIOD * hz):.2g} s would show"
+        f"a period of the mode at {hz:.4g} Hz has {steps:.2g} steps{difference_text}: growth "
+        "and levels may be wrong, which a step of "
+        f"{1 / (ENOUGH_STEPS_PER_PERIOD * hz):.2g} s would show"
     )
 
 

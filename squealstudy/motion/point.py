@@ -207,15 +207,18 @@ def with_step_roots(
     As they are where there is no run, or where its integrator is none of the kernel.
     """
     method = None if settings is None else settings.integrator
-    counts = [len(one.lam) for one in modes]
+    counts = [len(point_modes.lam) for point_modes in modes]
     if settings is None or not (any(counts) and isinstance(method, KernelIntegrator)):
         return list(modes)
     owner = np.repeat(np.arange(len(modes)), counts)
-    lam = np.concatenate([one.lam for one in modes])
-    right = np.concatenate([one.right.T for one in modes])
+    lam = np.concatenate([point_modes.lam for point_modes in modes])
+    right = np.concatenate([point_modes.right.T for point_modes in modes])
     roots = integrated_roots(motions, owner, lam, right, method, settings.step)
     parts = np.split(roots, np.cumsum(counts)[:-1], axis=1)
-    return [replace(one, integrated=part) for one, part in zip(modes, parts, strict=True)]
+    return [
+        replace(point_modes, integrated=part)
+        for point_modes, part in zip(modes, parts, strict=True)
+    ]
 
 
 def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray, np.ndarray]:
@@ -277,8 +280,8 @@ def perturbed(
         return replace(point, q0=q0, v0=v0)
     if modes:
         for mode in modes:
-            one = np.eye(1, system.n, mode - 1)[0]
-            v0[mode - 1] = contact_sign(system, one) / contact_speed(system, one)
+            unit_row = np.eye(1, system.n, mode - 1)[0]
+            v0[mode - 1] = contact_sign(system, unit_row) / contact_speed(system, unit_row)
     else:
         for lam, right in zip(point.growing.lam, point.growing.right.T, strict=True):
             # the phase at which the velocity is largest: the displacement is then small

@@ -250,8 +250,8 @@ def _block_steps(watch: Watch | None, count: int, settings: MotionSettings) -> n
 
 def _paused(counts: np.ndarray) -> list[int]:
     """Designs that run and are at their pause."""
-    here = counts[:, layout.STEP] == counts[:, layout.PAUSE]
-    return [int(k) for k in np.flatnonzero(here & (counts[:, layout.STATUS] == layout.RUNNING))]
+    at_pause = counts[:, layout.STEP] == counts[:, layout.PAUSE]
+    return [int(k) for k in np.flatnonzero(at_pause & (counts[:, layout.STATUS] == layout.RUNNING))]
 
 
 def _judged(system: ModalSystem, motion: Motion) -> Motion:

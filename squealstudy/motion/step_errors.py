@@ -199,15 +199,24 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
         )
         return simulate(system, [point], how)[0]
 
-    here = run_with(1.0)
+    reference_run = run_with(1.0)
     others = (run_with(factor) for factor in (2.0, 0.5))
-    other = next((one for one in others if one.outcome == "ok"), None)
-    if here.outcome != "ok" or other is None:
+    other = next((other_run for other_run in others if other_run.outcome == "ok"), None)
+    if reference_run.outcome != "ok" or other is None:
         return StepParts.unknown("no run with another step came to its end")
-    halves = (slice(1, len(here.times) // 2), slice(len(here.times) // 2, len(here.times)))
-    sums = [[_weighted(one.history, half) for half in halves] for one in (here, other)]
+    halves = (
+        slice(1, len(reference_run.times) // 2),
+        slice(len(reference_run.times) // 2, len(reference_run.times)),
+    )
+    sums = [
+        [_weighted(other_run.history, half) for half in halves]
+        for other_run in (reference_run, other)
+    ]
     first, second = (np.abs(a - b) for a, b in zip(*sums, strict=True))
-    hz, changed = (own_frequency(one, slice(1, len(one.times))).hz for one in (here, other))
+    hz, changed = (
+        own_frequency(other_run, slice(1, len(other_run.times))).hz
+        for other_run in (reference_run, other)
+    )
     level, change = np.append(sums[0][1], hz), np.append(second, abs(changed - hz))
     return _parts(level, change * _total_difference_ratio(first[0], second[0], run.time / length))
 

@@ -101,19 +101,19 @@ def alone() -> AbstractContextManager[None]:
 
 def smallest_system() -> tuple[ModalSystem, MotionPoint]:
     """One mode under one sliding point."""
-    one, row = np.ones(1), np.ones((1, 1))
+    ones, row = np.ones(1), np.ones((1, 1))
     system = ModalSystem(
-        omega2=one,
+        omega2=ones,
         N=row,
         T1=row,
         T2=row,
-        area=one,
-        frictional=one,
-        radius=one,
-        gap=0 * one,
-        k_ref=one,
+        area=ones,
+        frictional=ones,
+        radius=ones,
+        gap=0 * ones,
+        k_ref=ones,
         force=np.zeros((1, 3)),
         sensed=np.array([1]),
     )
     law = contact_law("exponential", p0=1.0, lam=1.0)
-    return system, MotionPoint(contact=law, friction=FrictionLaw(0.5, 1.0), speed=1.0, c=one)
+    return system, MotionPoint(contact=law, friction=FrictionLaw(0.5, 1.0), speed=1.0, c=ones)

@@ -158,8 +158,10 @@ class _Crossings:
         order = np.argsort(other, kind="stable")
         for line, crossings in places.items():
             first, last = (np.searchsorted(other, line, side, order) for side in ("left", "right"))
-            here = order[first:last]
-            distance[here] = np.abs(along[here][:, None] - np.array(crossings)).min(axis=1)
+            group_rows = order[first:last]
+            distance[group_rows] = np.abs(along[group_rows][:, None] - np.array(crossings)).min(
+                axis=1
+            )
         return np.where(self._plane.unstable, -distance, distance)
 
     def _part(self, edge: StabilityEdge) -> float:

@@ -107,13 +107,13 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
         zero = (curves["event"].to_numpy(str) == "C")[of_mode]
         stable = _stable(results.table("cycles"), design["point_id"], mode, x[zero])
         for is_stable, label in CYCLES.items():
-            here = np.array([s is is_stable for s in stable], dtype=bool)
-            if here.any():
+            is_drawn = np.array([s is is_stable for s in stable], dtype=bool)
+            if is_drawn.any():
                 face = DARK if is_stable else "white"
                 dots: dict[str, Any] = {"color": DARK, "markersize": 6, "markerfacecolor": face}
                 if label not in axes.get_legend_handles_labels()[1]:
                     dots["label"] = label
-                axes.plot(x[zero][here], y[zero][here], "o", **dots)
+                axes.plot(x[zero][is_drawn], y[zero][is_drawn], "o", **dots)
     axes.axhline(0.0, color="0.2", linewidth=1.0, zorder=1)
     low, high = growth_limits(rate)
     axes.set_ylim(max(low, float(np.nanmin(rate)) - 0.05 * (high - low)), high)

@@ -144,10 +144,10 @@ def _together(results: Results, first: str, second: str) -> tuple[Results, str]:
     """The design points at which two parameters are equal, as one parameter."""
     name, points = f"{first} = {second}", results.points
     points = points[points[first] == points[second]]
-    here = np.zeros(len(results.points), dtype=bool)
-    here[rows_in(results.points, points)] = True
+    on_line = np.zeros(len(results.points), dtype=bool)
+    on_line[rows_in(results.points, points)] = True
     columns = ["point_id", *COLUMNS, "overdamped"]
-    modes = results.rows("modes", [ROW, *columns], lambda modes: here[modes[ROW].to_numpy()])
+    modes = results.rows("modes", [ROW, *columns], lambda modes: on_line[modes[ROW].to_numpy()])
     modes = modes[columns]
     points = points.drop(columns=second).rename(columns={first: name})
     facts = results.manifest | {"units": {**results.units, name: results.units.get(first, "")}}
@@ -391,10 +391,10 @@ def _onsets(
     table = results.onsets if "onsets" in results.tables else None
     if table is None or shown.name != results.along or not {*others} <= {*table.columns}:
         return pd.DataFrame(columns=columns)
-    here = table["status"].isin((REFINED, CUBIC)).to_numpy(bool) & table["onset"].notna().to_numpy(
-        bool
-    )
+    is_located = table["status"].isin((REFINED, CUBIC)).to_numpy(bool) & table[
+        "onset"
+    ].notna().to_numpy(bool)
     for name in others:
-        here &= np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
-    on_line = table[here]
+        is_located &= np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
+    on_line = table[is_located]
     return on_line.assign(x=shown.scaled(on_line["onset"]))[columns].reset_index(drop=True)

@@ -163,24 +163,24 @@ def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
         )
 
 
-def spread(wanted: np.ndarray, apart: float, low: float, high: float) -> np.ndarray:
-    """Places (n,) near the wanted ones, `apart` from each other and between limits if they fit.
+def spread(positions: np.ndarray, min_distance: float, low: float, high: float) -> np.ndarray:
+    """Positions (n,) moved to be `min_distance` from each other, between limits if they fit.
 
-    Least squares under the order of the wanted places: blocks that would overlap are merged about
+    Least squares under the order of `positions`: blocks that would overlap are merged about
     their mean (pool adjacent violators).
     """
-    order = np.argsort(wanted, kind="stable")
-    apart = min(apart, (high - low) / max(len(wanted) - 1, 1))
+    order = np.argsort(positions, kind="stable")
+    min_distance = min(min_distance, (high - low) / max(len(positions) - 1, 1))
     blocks: list[tuple[float, int]] = []  # mean of place less its offset, length
-    for k, height in enumerate(wanted[order]):
-        blocks.append((float(height) - k * apart, 1))
+    for k, height in enumerate(positions[order]):
+        blocks.append((float(height) - k * min_distance, 1))
         while len(blocks) > 1 and blocks[-2][0] > blocks[-1][0]:
             (b, m), (a, n) = blocks.pop(), blocks.pop()
             blocks.append(((a * n + b * m) / (n + m), n + m))
     base = np.concatenate([np.full(n, mean) for mean, n in blocks])
-    base = np.clip(base, low, high - (len(wanted) - 1) * apart)
-    placed = np.empty(len(wanted))
-    placed[order] = base + apart * np.arange(len(wanted))
+    base = np.clip(base, low, high - (len(positions) - 1) * min_distance)
+    placed = np.empty(len(positions))
+    placed[order] = base + min_distance * np.arange(len(positions))
     return placed
 
 

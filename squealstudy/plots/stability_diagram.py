@@ -96,17 +96,17 @@ def stability_diagram(
     >>> results.plot.stability_diagram(colour_by="friction").savefig("diagram.png")
     """
     points, units = results.points, results.units
-    here = np.ones(len(points), dtype=bool)
+    on_line = np.ones(len(points), dtype=bool)
     if point_id is not None:
-        here = (points["point_id"] == point_id).to_numpy(bool)
-    shown = points[here]
+        on_line = (points["point_id"] == point_id).to_numpy(bool)
+    shown = points[on_line]
     if not len(shown):
         raise ResultsError(f"the study has no design point '{point_id}'")
     varied = parameter_columns(points, varied=True)
     if colour_by is not None and colour_by not in parameter_columns(points):
         hint = did_you_mean(colour_by, results.parameters)
         raise ResultsError(f"'{colour_by}' is no parameter of this study{hint}")
-    table = results.rows("modes", DRAWN_COLUMNS, lambda modes: here[modes[ROW].to_numpy()])
+    table = results.rows("modes", DRAWN_COLUMNS, lambda modes: on_line[modes[ROW].to_numpy()])
     drawn = oscillating(table)
     figure, axes = one_panel(ax)
     axes.set_ylim(damping_limits(100 * drawn["damping_ratio"].to_numpy()))

@@ -171,9 +171,11 @@ def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> st
     """Dots at the solved nodes; how many they are of all nodes shown."""
     if solved is None:
         return ""
-    here = solved[plane.rows]
-    axes.plot(plane.x[here], plane.y[here], ".", color="0.25", markersize=2.5, markeredgewidth=0)
-    return f"{here.sum()} of {len(here)} nodes solved (dots)"
+    is_solved = solved[plane.rows]
+    axes.plot(
+        plane.x[is_solved], plane.y[is_solved], ".", color="0.25", markersize=2.5, markeredgewidth=0
+    )
+    return f"{is_solved.sum()} of {len(is_solved)} nodes solved (dots)"
 
 
 def _is_switch(results: Results, parameter: str) -> bool:

@@ -352,8 +352,8 @@ def _turning(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:
         return None
     spans = [assembly.slices[name] for name in assembly.component_names]
     blocks = [T.T @ (G[s, s] @ T) for s, T in zip(spans, basis.blocks, strict=True)]
-    whole: np.ndarray = la.block_diag(*((B - B.T) / 2 for B in blocks))
-    return whole
+    assembled: np.ndarray = la.block_diag(*((B - B.T) / 2 for B in blocks))
+    return assembled
 
 
 def _own_damping(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:

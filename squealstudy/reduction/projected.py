@@ -228,5 +228,5 @@ def _positive(K: np.ndarray) -> np.ndarray:
 
 
 def _block_diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
-    whole: np.ndarray = la.block_diag(*blocks)
-    return whole
+    assembled: np.ndarray = la.block_diag(*blocks)
+    return assembled

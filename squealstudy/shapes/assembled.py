@@ -66,18 +66,18 @@ def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
     order = sorted(bodies, key=lambda name: float(bodies[name].nodes.mean(axis=0) @ axis))
     below = (VIEW_DEG[0], -VIEW_DEG[1])
     views = ((0.0, VIEW_DEG), (GAP_OVER_DIAGONAL * diagonal, below))
-    for axes, (apart, view) in zip(figure.subplots(1, 2), views, strict=True):
+    for axes, (spacing, view) in zip(figure.subplots(1, 2), views, strict=True):
         points, values, facets = [], [], []
         start = 0
         for number, (name, body) in enumerate(bodies.items()):
-            moved_apart = body.nodes + apart * order.index(name) * axis
+            moved_apart = body.nodes + spacing * order.index(name) * axis
             coloured = [
                 (eight(nodes), len(greys) + names.index(face))
                 for face, groups in body.faces.items()
                 for nodes in groups
             ]
-            rest = _without(body.facets, [f for f, _ in coloured])
-            for part_facets, colour in [(rest, number), *coloured]:
+            uncoloured = _without(body.facets, [f for f, _ in coloured])
+            for part_facets, colour in [(uncoloured, number), *coloured]:
                 used = np.where(part_facets == NONE, NONE, part_facets + start)
                 facets.append(used)
                 points.append(moved_apart)

@@ -213,10 +213,10 @@ def _axes(direction: np.ndarray) -> np.ndarray:
 
     x and y of an axis along z.
     """
-    one = np.eye(3)[np.abs(direction).argmin()]
-    one = one - (one @ direction) * direction
-    one /= np.linalg.norm(one)
-    return np.column_stack([one, np.cross(direction, one), direction])
+    unit_vector = np.eye(3)[np.abs(direction).argmin()]
+    unit_vector = unit_vector - (unit_vector @ direction) * direction
+    unit_vector /= np.linalg.norm(unit_vector)
+    return np.column_stack([unit_vector, np.cross(direction, unit_vector), direction])
 
 
 def _most_diameters(theta: np.ndarray) -> int | None:

@@ -249,9 +249,14 @@ def _contact(figure: Any, shape: Shape, pairs: list[str]) -> None:
         norm = TwoSlopeNorm(0.0, -high, high) if signed else Normalize(0.0, high)
         column_axes = [grid[len(pairs) * column + k] for k in range(len(pairs))]
         for axes, pair in zip(column_axes, pairs, strict=True):
-            here = np.array([name == pair for name in contact.pairs])
+            of_pair = np.array([name == pair for name in contact.pairs])
             _points(
-                axes, contact.points[here] @ across, contact.area[here], values[here], norm, colours
+                axes,
+                contact.points[of_pair] @ across,
+                contact.area[of_pair],
+                values[of_pair],
+                norm,
+                colours,
             )
             axes.set_title(words(pair), fontsize=10)
         column_axes[0].set_ylabel("y [mm]", fontsize=8)

@@ -129,7 +129,7 @@ def stacked_assembly(
         with np.errstate(all="ignore"):  # what overflows is told by its point
             return _checked(model.stack(options, model_columns), count)
     values = np.column_stack([columns[name] for name in varied]) if varied else np.zeros((1, 0))
-    distinct, place = np.unique(values, axis=0, return_inverse=True)
+    distinct, index_of_row = np.unique(values, axis=0, return_inverse=True)
     common = {p.name: _first(columns[p.name]) for p in model.parameters}
     built: list[Assembly | None] = []
     reasons: dict[int, tuple[str, str]] = {}
@@ -141,17 +141,18 @@ def stacked_assembly(
         except SquealstudyError as error:
             reasons[i] = ("structure", str(error))
             built.append(None)
-    there = [a for a in built if a is not None]
-    if not there:
+    assemblies = [a for a in built if a is not None]
+    if not assemblies:
         raise SquealstudyError(next(iter(reasons.values()))[1])
-    stack = StackedAssembly.of([a if a is not None else there[0] for a in built])
+    stack = StackedAssembly.of([a if a is not None else assemblies[0] for a in built])
     if not varied:
         return stack, {}
-    place = place.reshape(-1)
+    index_of_row = index_of_row.reshape(-1)
     failures = {
-        int(i): reasons[int(place[i])] for i in np.flatnonzero(np.isin(place, list(reasons)))
+        int(i): reasons[int(index_of_row[i])]
+        for i in np.flatnonzero(np.isin(index_of_row, list(reasons)))
     }
-    return stack.at(place), failures
+    return stack.at(index_of_row), failures
 
 
 def stacked_system(
@@ -223,7 +224,7 @@ def natural_frequencies(
             {name: v if np.ndim(v) == 0 else np.ravel(v)[[i]] for name, v in columns.items()}
             for i in range(count)
         )
-        alone = [natural_frequencies(model, options, one, 1)[0] for one in ones]
+        alone = [natural_frequencies(model, options, values, 1)[0] for values in ones]
         width = max(map(len, alone))
         return np.array([np.resize(hz, width) for hz in alone])
     K = np.where(system.linear.finite[:, None, None], system.linear.K_sym, 0.0)

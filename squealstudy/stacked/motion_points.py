@@ -47,20 +47,20 @@ def watched_points(
     if not (computable(C) & computable(K)).all():
         raise np.linalg.LinAlgError("matrices that cannot be computed with")
     modes = stacked_growing_modes(C, K, system.omega2, band_hz, tolerance)
-    motions = LinearMotions(C, K, system.omega2, np.array([one.motion.c for one in points]))
+    motions = LinearMotions(C, K, system.omega2, np.array([point.motion.c for point in points]))
     growing = with_step_roots(modes, motions, settings)
-    return [replace(one.motion, growing=g) for one, g in zip(points, growing, strict=True)]
+    return [replace(point.motion, growing=g) for point, g in zip(points, growing, strict=True)]
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def tangents(system: ModalSystem, points: Sequence[SlidingPoint]) -> tuple[np.ndarray, np.ndarray]:
     """Damping and stiffness (m, n, n) linearised at steady sliding, as `point.tangent`."""
-    weights = [weights_in_time(system, one.motion, one.steady, one.state) for one in points]
+    weights = [weights_in_time(system, point.motion, point.steady, point.state) for point in points]
     normal, coupling, across = (
         np.array([getattr(w, name) for w in weights]) for name in ("normal", "coupling", "across")
     )
     along = np.array([np.broadcast_to(w.along, w.normal.shape) for w in weights])
-    d, s = (np.array([getattr(one.motion, name) for one in points]) for name in ("d", "s"))
+    d, s = (np.array([getattr(point.motion, name) for point in points]) for name in ("d", "s"))
     N, T, across_T, U = (A[None] for A in (system.N, system.T1, system.T2, system.shapes))
     K = quadratic(N, normal - system.k_ref, N) + quadratic(T, coupling, N) + quadratic(U, s, U)
     C = quadratic(across_T, across, across_T) + quadratic(U, d, U)
@@ -68,8 +68,8 @@ def tangents(system: ModalSystem, points: Sequence[SlidingPoint]) -> tuple[np.nd
         C = C + quadratic(T, along, T)
     diagonal = np.arange(system.n)
     K[:, diagonal, diagonal] += system.omega2
-    C[:, diagonal, diagonal] += np.array([one.motion.c for one in points])
-    for matrix, one in zip(C, points, strict=True):
-        if one.motion.damping_between is not None:
-            matrix += one.motion.damping_between
+    C[:, diagonal, diagonal] += np.array([point.motion.c for point in points])
+    for matrix, point in zip(C, points, strict=True):
+        if point.motion.damping_between is not None:
+            matrix += point.motion.damping_between
     return C, K

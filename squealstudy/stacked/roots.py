@@ -176,10 +176,10 @@ def _gram(
         ],
         axis=1,
     )
-    there = np.concatenate([held, held & paired], axis=1)
+    entries = np.concatenate([held, held & paired], axis=1)
     size = np.sqrt(np.maximum(np.einsum("mii->mi", G).real, TINY))
     G = G / (size[:, :, None] * size[:, None, :])
-    both_there = there[:, :, None] & there[:, None, :]
+    both_there = entries[:, :, None] & entries[:, None, :]
     unit: np.ndarray = np.where(both_there, G, np.eye(G.shape[1]))
     return unit
 

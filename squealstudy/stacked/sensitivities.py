@@ -114,17 +114,17 @@ def stacked_sensitivities(
     requested: RequestedSensitivities,
 ) -> StackedSensitivities:
     """Sensitivities of `count` design points; arguments and errors as of `stacked_system`."""
-    whole = stacked_system(model, options, columns, count)
+    system = stacked_system(model, options, columns, count)
     solved = np.ones(count, dtype=bool)
-    solved[list(whole.failures)] = False
+    solved[list(system.failures)] = False
     band = angular_band(requested.band_hz)
-    pairs = right_pairs(*_matrices(whole))
+    pairs = right_pairs(*_matrices(system))
     is_left = solved & drowned_rows(pairs[0], band[1])
     owner, place = chosen_modes(pairs[0], band, requested.choice)
     is_served = (solved & ~is_left)[owner]
     owner, place = owner[is_served], place[is_served]
     rows = np.unique(owner)  # of the others no changed design is solved
-    part, part_columns = whole, columns
+    part, part_columns = system, columns
     if len(rows) < count:
         part_columns = {k: np.asarray(x)[rows] if np.ndim(x) else x for k, x in columns.items()}
         pairs = (pairs[0][rows], pairs[1][rows])
@@ -139,7 +139,7 @@ def stacked_sensitivities(
     for name in requested.structural if len(rows) else ():
         batch.by_structure(structure, name, requested.change)
     names = (*(p.name for p in requested.state), *requested.structural)
-    return batch.told(whole, names, rows, is_left)
+    return batch.told(system, names, rows, is_left)
 
 
 def _matrices(system: StackedSystem) -> tuple[np.ndarray, np.ndarray]:
@@ -256,12 +256,12 @@ class _SensitivityBatch:
 
     def told(
         self,
-        whole: StackedSystem,
+        system: StackedSystem,
         names: tuple[str, ...],
         rows: np.ndarray,
         is_left: np.ndarray,
     ) -> StackedSensitivities:
-        """What was found, of those that are not left; `rows` are its design points in `whole`."""
+        """What was found, of those that are not left; `rows` are its design points in `system`."""
         modes, shape = self._modes, (len(self._modes.owner), len(names))
         is_served = ~self._left[modes.owner]
         is_left = is_left.copy()
@@ -279,7 +279,7 @@ class _SensitivityBatch:
         owner = rows[modes.owner[is_served]] if len(rows) else modes.owner[is_served]
         return StackedSensitivities(
             names=names,
-            system=whole,
+            system=system,
             left=is_left,
             owner=owner,
             lam=modes.lam[is_served, 0] if shape[0] else np.zeros(0, dtype=complex),

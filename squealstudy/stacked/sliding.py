@@ -240,8 +240,8 @@ def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
             state[open_rows[done]] = SOLVED
             lost = ~np.isfinite(step).all(axis=1)
             open_rows = open_rows[~done & ~lost]
-        whole = PointRows(equations, gap0, np.arange(m))
-        F, p, kappa = whole.imbalance(gap)
+        all_rows = PointRows(equations, gap0, np.arange(m))
+        F, p, kappa = all_rows.imbalance(gap)
         movement = largest_opening + np.abs(gap).max(axis=1) + SMALLEST_POSITIVE
         residual = np.abs(F).max(axis=1) / movement
         corner = (state == SOLVED) & at_a_corner(gap, springs)
@@ -364,10 +364,10 @@ def _tangent_error(
     """Relative change (m,) of the contact stiffness, of gaps that err by AMPLIFIED times F."""
     pressed, size = np.abs(p) > 0, np.abs(kappa)
     weight = np.where(pressed, area * size, 0.0)
-    whole = np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)
+    total_weight = np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)
     weight[:, weight.shape[1] - of_springs.shape[1] :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         change = AMPLIFIED * np.abs(F) * size / np.where(pressed, np.abs(p), 1.0)
         total = np.where(pressed, weight * change, 0.0).sum(axis=1)
-    errors: np.ndarray = (total + AMPLIFIED * of_springs.sum(axis=1)) / whole
+    errors: np.ndarray = (total + AMPLIFIED * of_springs.sum(axis=1)) / total_weight
     return errors

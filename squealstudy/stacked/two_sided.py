@@ -118,10 +118,10 @@ def families(
         distance = np.abs(near[:, :, None] - mu[owner][:, None, :]) / np.abs(near)[:, :, None]
     distance = np.where(np.isnan(distance), np.inf, distance)
     partner = distance.argmin(axis=2)
-    there = (
+    in_family = (
         np.take_along_axis(distance, partner[:, :, None], 2)[:, :, 0] < LEFT_RIGHT_ROOT_REL_DISTANCE
     )
-    both = there[:, :, None] & there[:, None, :] & ~np.eye(order.shape[1], dtype=bool)
+    both = in_family[:, :, None] & in_family[:, None, :] & ~np.eye(order.shape[1], dtype=bool)
     twice = (both & (partner[:, :, None] == partner[:, None, :])).any(axis=(1, 2))
     rows = owner[:, None]
     # (N, q, n): one advanced index before and after the slice puts it last
@@ -135,8 +135,8 @@ def families(
             C[owner].swapaxes(1, 2), K[owner].swapaxes(1, 2), roots.conj(), left_vectors[:, :, 0]
         ),
     )
-    is_served = there[:, 0] & ~twice
-    return StackedFamilies(owner, near, right, left_vectors, norm, there, is_served, residual)
+    is_served = in_family[:, 0] & ~twice
+    return StackedFamilies(owner, near, right, left_vectors, norm, in_family, is_served, residual)
 
 
 def _nearest_first(lam: np.ndarray, roots: np.ndarray, place: np.ndarray) -> np.ndarray:

@@ -164,7 +164,7 @@ def _rung(name: str) -> str:
     """A rung that there is, or the choice of one."""
     names = (AUTO, *rung_names())
     if name not in names:
-        listed = ", ".join(shown(one) for one in names)
+        listed = ", ".join(shown(rung_name) for rung_name in names)
         raise ValueError(f"expected one of {listed}, got {shown(name)}{did_you_mean(name, names)}")
     return name
 

@@ -222,8 +222,8 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
     if problem["type"] == "value_error":
         return str(context["error"])
     if problem["type"] == "missing":
-        whole = not isinstance(loc[-1], int)
-        return _missing(kind, loc) if whole else _too_few(kind, loc, written)
+        names_key = not isinstance(loc[-1], int)
+        return _missing(kind, loc) if names_key else _too_few(kind, loc, written)
     if problem["type"] == "extra_forbidden":
         keys = list((_section(kind, loc[:-1]) or kind).model_fields)
         if where := _elsewhere(kind, str(loc[-1])):
@@ -233,7 +233,7 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
     if problem["type"] == "tuple_type" and isinstance(written, dict):
         return f"expected [[{loc[-1]}]] with two brackets: there can be several"
     if problem["type"] == "model_type" and isinstance(written, list):
-        if not all(isinstance(one, dict) for one in written) and (of := _section(kind, loc)):
+        if not all(isinstance(entry, dict) for entry in written) and (of := _section(kind, loc)):
             return f"expected a table {{{' = ..., '.join(of.model_fields)} = ...}}"
         return f"expected [{loc[-1]}] with one bracket: there is only one"
     expected = expectation(problem["type"], context)
@@ -258,8 +258,8 @@ def _missing(kind: type[BaseModel], loc: KeyPath) -> str:
     section = _section(kind, loc[:-1]) or kind
     field = section.model_fields.get(str(loc[-1]))
     meaning = f": {field.description}" if field is not None and field.description else ""
-    whole = len(loc) == 1 and _section(kind, loc) is not None
-    what = f"table [{loc[-1]}]" if whole else f"key '{loc[-1]}'"
+    is_section = len(loc) == 1 and _section(kind, loc) is not None
+    what = f"table [{loc[-1]}]" if is_section else f"key '{loc[-1]}'"
     return f"the {what} is missing{meaning}"
 
 
@@ -300,10 +300,14 @@ def _tables_with(kind: type[BaseModel], key: str, path: str) -> Iterator[str]:
         if table is None:
             continue
         origins = [get_origin(k) for k in kinds]
-        here = f"{path}{name}" + (".NAME" if dict in origins else "")
+        table_path = f"{path}{name}" + (".NAME" if dict in origins else "")
         if key in table.model_fields:
-            yield f"[[{here}]]" if tuple in origins and dict not in origins else f"[{here}]"
-        yield from _tables_with(table, key, f"{here}.")
+            yield (
+                f"[[{table_path}]]"
+                if tuple in origins and dict not in origins
+                else f"[{table_path}]"
+            )
+        yield from _tables_with(table, key, f"{table_path}.")
 
 
 def _annotation_parts(annotation: Any) -> Iterator[Any]:

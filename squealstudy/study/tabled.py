@@ -142,13 +142,15 @@ def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText)
 
 def _knots(parameter: Parameter, entries: Any, keys: KeyPath, source: SourceText) -> list[float]:
     """Ascending values of the parameter that a table is over."""
-    here = (*keys, parameter.name)
+    parameter_keys = (*keys, parameter.name)
     if not isinstance(entries, list) or len(entries) < MIN_KNOTS:
         text = f"expected a list of {MIN_KNOTS} or more values, got {shown(entries)}"
-        raise source.error(here, text)
-    knots = [_number(parameter, number, (*here, k), source) for k, number in enumerate(entries)]
+        raise source.error(parameter_keys, text)
+    knots = [
+        _number(parameter, number, (*parameter_keys, k), source) for k, number in enumerate(entries)
+    ]
     if any(b <= a for a, b in pairwise(knots)):
-        raise source.error(here, f"expected values of {parameter.name} that ascend")
+        raise source.error(parameter_keys, f"expected values of {parameter.name} that ascend")
     return knots
 
 

@@ -48,6 +48,6 @@ def coupled_pair(phi: np.ndarray, x: np.ndarray) -> CoupledPair:
     modes = np.array([order[0], order[-1]])
     phase = np.nan
     if len(order) > 1:
-        apart = np.degrees(np.angle(q[order[1]] * np.conj(q[order[0]]))) % 180.0
-        phase = float(min(apart, 180.0 - apart))
+        phase_difference = np.degrees(np.angle(q[order[1]] * np.conj(q[order[0]]))) % 180.0
+        phase = float(min(phase_difference, 180.0 - phase_difference))
     return CoupledPair(modes, share[modes], phase)

@@ -200,7 +200,9 @@ class ContactStructure:
             (U, U),
             (self.N, self.N),
         ]
-        whole = [(none, none) if A is None else (None, A) for A in (self.damping, self.turning)]
+        whole_matrices = [
+            (none, none) if A is None else (None, A) for A in (self.damping, self.turning)
+        ]
         terms = (
             Term(MASS, None, self.mass),
             *(Term(STIFFNESS, *sides) for sides in symmetric),
@@ -208,7 +210,7 @@ class ContactStructure:
             *(Term(DAMPING, *sides) for sides in symmetric),
             Term(DAMPING, self.T_perp, self.T_perp),
             Term(DAMPING, self.T, self.T),
-            *(Term(DAMPING, *sides) for sides in whole),
+            *(Term(DAMPING, *sides) for sides in whole_matrices),
         )
         return ParametricSystem(self.n, terms)
 

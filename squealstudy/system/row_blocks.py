@@ -77,7 +77,7 @@ class BlockRows(NamedTuple):
         """Of matrices (m, n); without blocks where they do not pay."""
         blocks = blocks_of(matrices)
         entries = {
-            id(A): [np.hstack([A[b.rows, there] for _, there in b.runs]) for b in blocks]
+            id(A): [np.hstack([A[b.rows, columns] for _, columns in b.runs]) for b in blocks]
             for A in matrices
         }
         return cls(blocks, entries)

@@ -130,20 +130,23 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
         is the least value at which the mode turns unstable on lines that both studies have
         (`onset_kind`: `threshold_kind` of `rank_modes`), its error NaN where none is known.
     """
-    one, two = before.table, after.table
+    table_before, table_after = before.table, after.table
     distance = _distances(before.roots, after.roots)
-    overdamped = [t["mode"].eq(group_kind(OVERDAMPED_GROUP)).to_numpy(bool) for t in (one, two)]
+    overdamped = [
+        t["mode"].eq(group_kind(OVERDAMPED_GROUP)).to_numpy(bool)
+        for t in (table_before, table_after)
+    ]
     distance[np.ix_(*overdamped)] = 0.0
-    for row, one_has in enumerate(one[COMPONENTS].to_numpy()):
-        for column, two_has in enumerate(two[COMPONENTS].to_numpy()):
+    for row, one_has in enumerate(table_before[COMPONENTS].to_numpy()):
+        for column, two_has in enumerate(table_after[COMPONENTS].to_numpy()):
             if any(one_has) and any(two_has) and not set(filter(None, one_has)) & set(two_has):
                 distance[row, column] = np.inf
     partner = partners(distance, REL_TOLERANCE)
-    alone = np.setdiff1d(np.arange(len(two)), partner)
-    rows = ([*range(len(one)), *[-1] * len(alone)], [*partner.tolist(), *alone.tolist()])
+    alone = np.setdiff1d(np.arange(len(table_after)), partner)
+    rows = ([*range(len(table_before)), *[-1] * len(alone)], [*partner.tolist(), *alone.tolist()])
     table = pd.DataFrame(index=range(len(rows[0])))
     for name, kind in COLUMNS.items():
-        for side, side_table, places in zip(SIDES, (one, two), rows, strict=True):
+        for side, side_table, places in zip(SIDES, (table_before, table_after), rows, strict=True):
             values = side_table[name.replace("_{}", "")].reindex(places).reset_index(drop=True)
             if kind in EMPTY:
                 values = values.where(values.notna(), EMPTY[kind])

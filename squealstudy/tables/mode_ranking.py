@@ -196,9 +196,9 @@ def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
     untracked_rows = np.flatnonzero(unstable & ~overdamped & (track <= 0))
     hz = modes["frequency_hz"].to_numpy(float)[untracked_rows]
     order = np.argsort(hz, kind="stable")
-    apart = np.diff(hz[order]) > GROUP_REL_GAP * hz[order][:-1]
+    is_separate = np.diff(hz[order]) > GROUP_REL_GAP * hz[order][:-1]
     group[untracked_rows[order]] = FIRST_UNTRACKED_GROUP - np.cumsum(
-        np.append(False, apart)[: len(order)]
+        np.append(False, is_separate)[: len(order)]
     )
     return np.where(unstable, group, 0)
 

@@ -25,7 +25,9 @@ def rows_that_count(
     """As `selection`, failed points too."""
     of_points, modes_selected = set(points.columns), np.ones(len(modes), dtype=bool)
     parts = query(where, points.columns, modes.columns)
-    for condition in (one for one in parts if not one.columns <= of_points):
+    for condition in (
+        condition_part for condition_part in parts if not condition_part.columns <= of_points
+    ):
         mode_columns = modes[[c for c in modes if c in condition.columns - of_points]]
         for rows in row_parts(len(modes)):  # of very many all would be there at once
             used = {c: points[c].array.take(code[rows]) for c in condition.columns & of_points}

@@ -61,10 +61,10 @@ def base_rows(n_points: int, d: int) -> np.ndarray:
 def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
     """Values (n (d + 2),) by role, without the groups in which one is not finite; their number."""
     rows = values.reshape(-1, d + MIXED)
-    whole = np.isfinite(rows).all(axis=1)
-    whole_groups = rows[whole]
+    is_solved = np.isfinite(rows).all(axis=1)
+    whole_groups = rows[is_solved]
     return Groups(whole_groups[:, ROW_A], whole_groups[:, ROW_B], whole_groups[:, MIXED:].T), int(
-        (~whole).sum()
+        (~is_solved).sum()
     )
 
 

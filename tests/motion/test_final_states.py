@@ -107,5 +107,5 @@ def test_ids_of_a_foreign_file_are_ids(tmp_path):
 
 def test_one_state_keeps_the_name_of_its_point():
     state = {IDS[0]: (np.zeros(2), np.ones(2))}
-    assert list(state_files(state, "k", "modal", apart=False)) == [f"{STATES}/{IDS[0]}.npz"]
-    assert state_files({}, "k", "modal", apart=False) == {}
+    assert list(state_files(state, "k", "modal", in_own_folder=False)) == [f"{STATES}/{IDS[0]}.npz"]
+    assert state_files({}, "k", "modal", in_own_folder=False) == {}

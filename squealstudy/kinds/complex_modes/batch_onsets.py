@@ -106,11 +106,13 @@ class BatchOnsets:
         roots = system.roots(self._plan.band_hz)
         oscillating = (roots.lam.imag != 0) & roots.held
         width = roots.lam.shape[1]
-        whole = oscillating.sum(axis=1) == count
+        has_all_modes = oscillating.sum(axis=1) == count
         if width < count:
-            return ManyModes(*_placeholder_modes(len(points), count, system.structures.n)), whole
+            return ManyModes(
+                *_placeholder_modes(len(points), count, system.structures.n)
+            ), has_all_modes
         shapes = system.shapes(roots.psi)
-        return ManyModes(roots.lam[:, :count], shapes[:, :count]), whole
+        return ManyModes(roots.lam[:, :count], shapes[:, :count]), has_all_modes
 
 
 def _placeholder_modes(n: int, count: int, k: int) -> tuple[np.ndarray, np.ndarray]:

@@ -210,9 +210,13 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
     top, unit = float(results.points[along].max()), results.units.get(along, "")
     texts = []
     for end in ends:
-        there = [x for x, onset in zip(lines, first_onsets, strict=True) if _same_onset(onset, end)]
-        values = [f"{n} {amount(v, results.units.get(n, ''))}" for n, v in there[0].design.items()]
-        design = ", ".join(values) if len(there) == 1 else f"{len(there)} of the designs"
+        at_extreme = [
+            x for x, onset in zip(lines, first_onsets, strict=True) if _same_onset(onset, end)
+        ]
+        values = [
+            f"{n} {amount(v, results.units.get(n, ''))}" for n, v in at_extreme[0].design.items()
+        ]
+        design = ", ".join(values) if len(at_extreme) == 1 else f"{len(at_extreme)} of the designs"
         onset_text = f"{along} {amount(end, unit)}" if np.isfinite(end) else ""
         onset_text = onset_text or ("below range" if end < 0 else f"none up to {amount(top, unit)}")
         texts.append(f"with {design} ({onset_text})")
@@ -290,8 +294,8 @@ def design_table(
 
 def _of_one_mode(table: pd.DataFrame) -> dict[int, list[int]]:
     """Tracks of each mode whose number changes, by the least of them."""
-    one = table[((table["track"] > 0) & (table["family_modes"] == 1)).to_numpy(bool)]
-    families = {int(str(n)): sorted(rows["track"]) for n, rows in one.groupby("family")}
+    single_modes = table[((table["track"] > 0) & (table["family_modes"] == 1)).to_numpy(bool)]
+    families = {int(str(n)): sorted(rows["track"]) for n, rows in single_modes.groupby("family")}
     return {number: tracks for number, tracks in families.items() if len(tracks) > 1}
 
 

@@ -132,20 +132,20 @@ def unseen_text(results: ResultTables) -> str:
     checked = [c["point_id"] for c in results.manifest.get("reference", []) if "roots" in c]
     if not checked or "error_rung" not in results.columns("modes"):
         return ""
-    there = anywhere = -np.inf
+    highest_there = highest = -np.inf
     columns = ["point_id", "error_rung", "frequency_hz", "damping_ratio"]
     for modes in results.batches("modes", columns):
         light = modes["damping_ratio"].abs() < LIGHT_DAMPING
         estimate = (modes["error_rung"] / (2 * np.pi * modes["frequency_hz"])).where(light)
-        anywhere = np.fmax(anywhere, estimate.max())
-        there = np.fmax(there, estimate[modes["point_id"].isin(checked)].max())
+        highest = np.fmax(highest, estimate.max())
+        highest_there = np.fmax(highest_there, estimate[modes["point_id"].isin(checked)].max())
     if not (
-        np.isfinite(there)
-        and anywhere > NEGLIGIBLE_METHOD_ERROR
-        and there < MIN_CHECK_ERROR_SHARE * anywhere
+        np.isfinite(highest_there)
+        and highest > NEGLIGIBLE_METHOD_ERROR
+        and highest_there < MIN_CHECK_ERROR_SHARE * highest
     ):
         return ""  # or the method has no light mode at these points
-    near, far = error_percent(there), error_percent(anywhere)
+    near, far = error_percent(highest_there), error_percent(highest)
     if near == far:  # both too small to be told
         return ""
     return (

@@ -69,9 +69,9 @@ class PointNeighbourhood:
     def design_at(self, x: np.ndarray) -> DesignPoint:
         """The design at other coordinates (p,); coordinates that agree keep their exact value."""
         values = dict(self.design.values)
-        for (name, log), here, other in zip(self.sweeps, self.x, x, strict=True):
-            if other != here:
-                values[name] = float(np.exp(other) if log else other)
+        for (name, log), coordinate, new_coordinate in zip(self.sweeps, self.x, x, strict=True):
+            if new_coordinate != coordinate:
+                values[name] = float(np.exp(new_coordinate) if log else new_coordinate)
         return self.design.with_values(values)
 
     def solve(self, x: np.ndarray) -> Modes:

@@ -73,8 +73,8 @@ class FinishedNodes:
     def _coordinates(self, key: str) -> tuple[np.ndarray, np.ndarray]:
         """What leads from a structure's shapes to those of NodeModes, (k, k) and (k, s)."""
         if self._plan.stacked:
-            one = np.eye(self._plan.first.assembly().n_dof)
-            return one, one
+            identity = np.eye(self._plan.first.assembly().n_dof)
+            return identity, identity
         if key not in self._known:
             prepared = prepared_any(key)
             if isinstance(prepared, PreparedFamily):

@@ -197,8 +197,8 @@ class OnsetSearch:
         before, after = self._neighbours()
         inner = np.column_stack([before[ends[:, 0]], ends, after[ends[:, 1]]])
         near = self._follower.near
-        whole = (inner >= 0).all(axis=1) & near.joined(*self._point[inner[:, [0, -1]]].T)
-        crossing, inner = crossing[whole], inner[whole]
+        has_neighbours = (inner >= 0).all(axis=1) & near.joined(*self._point[inner[:, [0, -1]]].T)
+        crossing, inner = crossing[has_neighbours], inner[has_neighbours]
         rows = np.column_stack([before[inner[:, 0]], inner, after[inner[:, 3]]])
         missing = (rows < 0) | ~near.joined(self._point[rows], self._point[inner[:, :1]])
         x = self._plan.coordinates[:, self._column][self._point[rows]]
@@ -206,7 +206,7 @@ class OnsetSearch:
         onset, error = cubic_onsets(np.where(missing, np.nan, x), zeta)
         sure = ~(self._ambiguous[rows] & ~missing).any(axis=1)
         good = (error <= self._precision()) & sure
-        error += self._shift(ends[:, 0], ends[:, 1])[whole]
+        error += self._shift(ends[:, 0], ends[:, 1])[has_neighbours]
         self._enter_value(table, crossing[good], onset[good], error[good])
         table["status"][crossing[good]] = CUBIC
 

@@ -203,8 +203,8 @@ def outside_facts(plan: Plan, looked: Sequence[Outside], started: float) -> dict
     return {
         "reach_hz": None if is_small(plan) else SEARCHED_BAND_FACTOR * plan.band_hz[1],
         "looked": len(looked),
-        "below": _worst(plan, [(one.row, one.below) for one in looked]),
-        "above": _worst(plan, [(one.row, one.above) for one in looked]),
+        "below": _worst(plan, [(point.row, point.below) for point in looked]),
+        "above": _worst(plan, [(point.row, point.above) for point in looked]),
         "seconds": time.perf_counter() - started,
     }
 

@@ -83,8 +83,8 @@ class PassingModes:
         assert modes is not None
         c2 = mac(modes.shapes, modes.shapes).astype(float)
         c = np.maximum(np.sqrt(c2) - SHAPE_REL_ROUND_OFF, 0.0)
-        apart = np.abs(modes.lam[:, None] - modes.lam)
-        h: np.ndarray = apart * c / (2.0 * np.sqrt(np.maximum(1.0 - c2, SHAPE_REL_ROUND_OFF)))
+        distances = np.abs(modes.lam[:, None] - modes.lam)
+        h: np.ndarray = distances * c / (2.0 * np.sqrt(np.maximum(1.0 - c2, SHAPE_REL_ROUND_OFF)))
         return h
 
     def _may_lock_in(self, a: Node, b: Node) -> bool:
@@ -117,9 +117,9 @@ def _locked(lam: np.ndarray) -> np.ndarray:
 
     Their lock-in is no news: the number of unstable modes shows where it ends.
     """
-    apart = lam[:, None] - lam
+    differences = lam[:, None] - lam
     opposite = lam.real[:, None] * lam.real < 0
-    locked: np.ndarray = opposite & (np.abs(apart.imag) < np.abs(apart.real))
+    locked: np.ndarray = opposite & (np.abs(differences.imag) < np.abs(differences.real))
     return locked
 
 

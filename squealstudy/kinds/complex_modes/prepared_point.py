@@ -11,5 +11,5 @@ from squealstudy.study.design import DesignPoint
 
 def prepared_of(design: DesignPoint) -> PreparedModel:
     """All modes of its components; ConvergenceError without steady sliding."""
-    whole = ReductionSettings(np.inf, np.inf, 0.0)
-    return prepare(design.assembly(), design.operating_point(), whole)
+    unreduced = ReductionSettings(np.inf, np.inf, 0.0)
+    return prepare(design.assembly(), design.operating_point(), unreduced)

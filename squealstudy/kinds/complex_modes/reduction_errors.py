@@ -168,9 +168,9 @@ def carried(
     """
     near = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
     away = np.take_along_axis(distance, near, axis=1)
-    here = away[:, 0] <= SAMPLE_POINT_DISTANCE
+    is_sample = away[:, 0] <= SAMPLE_POINT_DISTANCE
     weight = 1.0 / np.maximum(away, SAMPLE_POINT_DISTANCE) ** 2
-    weight = np.where(here[:, None], np.arange(near.shape[1]) == 0, weight)
+    weight = np.where(is_sample[:, None], np.arange(near.shape[1]) == 0, weight)
     weight /= weight.sum(axis=1, keepdims=True)
     total = np.zeros(len(lam))
     for k, sample in enumerate(samples):
@@ -178,7 +178,7 @@ def carried(
         rows = np.flatnonzero(share[point])
         error = np.log(sample.relative[_nearest(lam[rows], sample.lam)])
         total[rows] += share[point[rows]] * error
-    relative: np.ndarray = np.exp(total) * np.where(here, 1.0, CARRIED)[point]
+    relative: np.ndarray = np.exp(total) * np.where(is_sample, 1.0, CARRIED)[point]
     return relative
 
 

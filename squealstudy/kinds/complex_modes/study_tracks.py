@@ -141,8 +141,8 @@ class Follower:
 
     def _enter(self, pairings: Pairings, point: int, pairing: Pairing) -> bool:
         """Write a refined pairing; whether its partners changed."""
-        one = Pairing(*(part[None] for part in pairing))
-        return bool(pairings.enter(np.array([point]), one, int(self.lams.counts[point]))[0])
+        batch = Pairing(*(part[None] for part in pairing))
+        return bool(pairings.enter(np.array([point]), batch, int(self.lams.counts[point]))[0])
 
     def _doubtful(self, pairings: Pairings, refined: np.ndarray) -> tuple[list[int], list[int]]:
         """Steps in doubt within a structure, and those to another one, the least trusted first."""

@@ -184,12 +184,12 @@ def _findings(
 def _outside_columns(looked: Sequence[Outside], count: int) -> dict[str, pa.Array]:
     """What grows outside the band at the points that were looked at; missing at others."""
     values = np.full((4, count), np.nan)
-    for one in looked:
-        lam = np.concatenate([one.below, one.above])
-        values[:2, one.row] = len(one.below), len(one.above)
+    for point in looked:
+        lam = np.concatenate([point.below, point.above])
+        values[:2, point.row] = len(point.below), len(point.above)
         if len(lam):
             root = lam[np.argmax(lam.real)]
-            values[2:, one.row] = root.real, abs(root) / (2 * np.pi)
+            values[2:, point.row] = root.real, abs(root) / (2 * np.pi)
     missing = np.isnan(values)
     counts = [
         pa.array(np.nan_to_num(row).astype(int), COUNT, mask=mask)

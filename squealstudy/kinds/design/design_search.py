@@ -211,11 +211,11 @@ class DesignSearch(EvaluatedDesigns):
 
     def _distinct(self, designs: Iterable[np.ndarray]) -> list[np.ndarray]:
         """The first so many that lie apart."""
-        apart: list[np.ndarray] = []
+        distinct: list[np.ndarray] = []
         for z in designs:
-            if all(np.abs(z - other).max() >= MIN_START_DISTANCE for other in apart):
-                apart.append(z)
-        return apart[: self.goal.starts]
+            if all(np.abs(z - other).max() >= MIN_START_DISTANCE for other in distinct):
+                distinct.append(z)
+        return distinct[: self.goal.starts]
 
     def _search(self, starts: Sequence[np.ndarray], role: str) -> list[np.ndarray]:
         """Where the searches from all starts end; raises where rows are missing."""

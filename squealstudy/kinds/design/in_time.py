@@ -71,11 +71,11 @@ def runs_in_time(
         for how, q, v in vibrating.lasting:
             words, other = f"{name}{how}", design.structure != point.structure
             if other:
-                whole = v @ v
+                norm_squared = v @ v
                 q, v = carried(
                     np.column_stack([q, v]), design.structure, point.structure, request
                 ).T
-                share = 100 * float(v @ v / whole)
+                share = 100 * float(v @ v / norm_squared)
                 words += f", brought to this structure with {share:.0f} % of its kinetic energy"
             starts.append((words, replace(contact.point, q0=q, v0=v, continued=not other)))
     starts += _kicks(contact, near, request)
@@ -131,7 +131,10 @@ class _Today:
     @classmethod
     def of(cls, point: DesignPoint) -> _Today:
         described = (point.values, point.options)
-        return cls(point, (point.structure, *(tuple(sorted(one.items())) for one in described)))
+        return cls(
+            point,
+            (point.structure, *(tuple(sorted(description.items())) for description in described)),
+        )
 
 
 class _Vibrations(NamedTuple):

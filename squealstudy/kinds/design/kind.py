@@ -270,7 +270,7 @@ class Design(ModelKind):
         text = f"damping of {100 * margin.damping_ratio:g} % at every operating point"
         if margin.probability is not None:
             text += f", with probability {margin.probability:g}"
-        names = [one.name for one in _design_plan(plan).design_study.alternatives]
+        names = [alternative.name for alternative in _design_plan(plan).design_study.alternatives]
         variants = [("variants", f"each searched and proven likewise: {', '.join(names)}")]
         return [("goal", text), *(variants if names else [])]
 

@@ -300,16 +300,16 @@ def midpoints(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.nd
     (n, k) that it is in.
     """
     middles = []
-    here = points[number]
+    coordinates = points[number]
     for k in range(points.shape[1]):
         values, ends = np.unique(points[:, k]), np.unique(matrix[:, k])
-        for side in (values[values < here[k]][-1:], values[values > here[k]][:1]):
+        for side in (values[values < coordinates[k]][-1:], values[values > coordinates[k]][:1]):
             for neighbour in side:
-                middle = here.copy()
-                middle[k] = float(f"{(here[k] + neighbour) / 2:.9g}")
+                middle = coordinates.copy()
+                middle[k] = float(f"{(coordinates[k] + neighbour) / 2:.9g}")
                 after = int(np.searchsorted(ends, middle[k]))
                 if (
-                    abs(neighbour - here[k])
+                    abs(neighbour - coordinates[k])
                     > (ends[after] - ends[after - 1]) * ROUND_OFF_FACTOR / GRID_STEP_SUBDIVISIONS
                 ):
                     middles.append(middle)

@@ -90,9 +90,9 @@ def _of_reduction(results: ResultTables) -> str:
     both = full.merge(reduced.drop_duplicates(by), on=by, suffixes=("", "_reduced"))
     if not len(both):
         return "; the reduced model was not held against full order"
-    apart = (both["min_damping_ratio"] - both["min_damping_ratio_reduced"]).abs().max()
+    largest_difference = (both["min_damping_ratio"] - both["min_damping_ratio_reduced"]).abs().max()
     where = plural(len(both), "point")
-    return f"; the reduction by {error_percent(apart)}, against full order at {where}"
+    return f"; the reduction by {error_percent(largest_difference)}, against full order at {where}"
 
 
 def today_rows(results: ResultTables) -> pd.DataFrame:

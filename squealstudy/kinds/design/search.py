@@ -82,8 +82,8 @@ def descend(
     step is refused. `steps` keeps solved linear programs for a search that is repeated.
     """
     z = start
-    here = yield z
-    if here is None:
+    current = yield z
+    if current is None:
         return z
     aim = MARGIN_OVERSHOOT + REL_MARGIN_OVERSHOOT * abs(margin)
     radius, n_steps = FIRST_RADIUS, 0
@@ -91,25 +91,25 @@ def descend(
         weight = nu * float(box.cost.sum())
         radius = max(radius, 10 * LEAST_RADIUS)
         while n_steps < MOST_STEPS and radius >= LEAST_RADIUS:
-            inputs = (z, here.excess, here.slopes, np.array([radius, weight, aim]))
+            inputs = (z, current.excess, current.slopes, np.array([radius, weight, aim]))
             key = tuple(a.tobytes() for a in inputs)
             if key not in steps:
-                steps[key] = _step(box, z, here, radius, weight, aim)
+                steps[key] = _step(box, z, current, radius, weight, aim)
             trial, predicted = steps[key]
-            before = _merit(box, z, here, weight, aim)
+            before = _merit(box, z, current, weight, aim)
             if before - predicted <= MIN_REL_PREDICTED_DECREASE * float(box.cost.sum()):
                 break
             n_steps += 1
-            there = yield trial
-            gain = -np.inf if there is None else before - _merit(box, trial, there, weight, aim)
+            tried = yield trial
+            gain = -np.inf if tried is None else before - _merit(box, trial, tried, weight, aim)
             ratio = gain / (before - predicted)
-            if there is not None and ratio >= RATIO_ACCEPT:
-                z, here = trial, there
+            if tried is not None and ratio >= RATIO_ACCEPT:
+                z, current = trial, tried
             if ratio > RATIO_EXPAND:
                 radius = min(2.0 * radius, LARGEST_RADIUS)
             elif ratio < RATIO_SHRINK:
                 radius *= 0.4
-        if here.worst >= 0.0:
+        if current.worst >= 0.0:
             break
     return z
 

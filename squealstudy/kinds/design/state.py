@@ -76,8 +76,8 @@ class DampingDemand:
     @property
     def is_settled(self) -> bool:
         """Whether the bracket of the least demand is narrow, or none is needed."""
-        apart = self.decays - self.lasts  # NaN of what is not of runs
-        return not apart > max(NEAR_ENOUGH * self.decays, MORE_DAMPING[1] / 2)
+        interval = self.decays - self.lasts  # NaN of what is not of runs
+        return not interval > max(NEAR_ENOUGH * self.decays, MORE_DAMPING[1] / 2)
 
     @property
     def at_proven_level(self) -> DampingDemand:

@@ -50,7 +50,10 @@ OF_FACTS = (  # that the facts of a study have under the same names
 
 def plans(plan: DesignPlan) -> dict[str, DesignPlan]:
     """What is solved for each variant, by the folder of its results."""
-    return {f"{FOLDER}/{one.name}": first_plan(one.study) for one in plan.design_study.alternatives}
+    return {
+        f"{FOLDER}/{alternative.name}": first_plan(alternative.study)
+        for alternative in plan.design_study.alternatives
+    }
 
 
 def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -60,12 +63,17 @@ def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> li
         return []
     rows = [_row(AS_IN_FILE, study, 0.0, "", facts, "")]
     reasons = (read_manifest(store.directory) or {}).get(SIDE_STUDIES, {})
-    for one in study.alternatives:
-        folder = f"{FOLDER}/{one.name}"
+    for alternative in study.alternatives:
+        folder = f"{FOLDER}/{alternative.name}"
         manifest = {} if reasons.get(folder) else read_manifest(store.directory / folder) or {}
         variant_facts = manifest.get("design_study")
         row = _row(
-            one.name, one.study, one.cost, folder, variant_facts, str(reasons.get(folder, ""))
+            alternative.name,
+            alternative.study,
+            alternative.cost,
+            folder,
+            variant_facts,
+            str(reasons.get(folder, "")),
         )
         if variant_facts and row["outcome"] in PROVEN:
             outside = zip(variant_facts["beside"], facts["today_beside"], strict=True)

@@ -218,12 +218,12 @@ def by_nearness(points: DesignPoints) -> np.ndarray:
     sequence = list[int]()
     for _, rows in points.of_structures():
         remaining = rows.copy()
-        here, remaining = remaining[0], remaining[1:]
-        sequence.append(int(here))
+        current, remaining = remaining[0], remaining[1:]
+        sequence.append(int(current))
         while len(remaining):
-            k = int(np.argmin(((x[remaining] - x[here]) ** 2).sum(axis=1).round(12)))
-            here, remaining = remaining[k], np.delete(remaining, k)
-            sequence.append(int(here))
+            k = int(np.argmin(((x[remaining] - x[current]) ** 2).sum(axis=1).round(12)))
+            current, remaining = remaining[k], np.delete(remaining, k)
+            sequence.append(int(current))
     return np.array(sequence)
 
 

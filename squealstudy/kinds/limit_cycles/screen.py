@@ -239,13 +239,13 @@ def _borders(borders: pd.DataFrame) -> Rows:
     counted_curves = (plural(n, f"curve of {k}", f"curves of {k}") for k, n in counts.items() if n)
     text = " and ".join(counted_curves)
     over = f"{text} over {first['along'].iloc[0]} and {first['over'].iloc[0]}"
-    apart = borders["line_difference"].abs().max()
+    largest_difference = borders["line_difference"].abs().max()
     return [
         (
             "borders",
             over
-            + f"; where they meet branches they differ by {apart:.1g} at most"
-            * bool(apart == apart),
+            + f"; where they meet branches they differ by {largest_difference:.1g} at most"
+            * bool(largest_difference == largest_difference),
         )
     ]
 

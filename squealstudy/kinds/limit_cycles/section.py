@@ -24,8 +24,8 @@ MOST_FAMILY = 10_000  # number of a mode: no band has as many that oscillate
 
 
 def _harmonics(value: object) -> object:
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    if value == AUTO or (whole and 1 <= value <= MAX_HARMONICS):  # type: ignore[operator]
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    if value == AUTO or (is_whole and 1 <= value <= MAX_HARMONICS):  # type: ignore[operator]
         return value
     raise ValueError(f'expected "auto" or a number from 1 to {MAX_HARMONICS}, got {shown(value)}')
 
@@ -34,10 +34,10 @@ def _families(value: object) -> object:
     if value in (ALL, SCREENED):
         return value
     numbers = list(value) if isinstance(value, list | tuple) else []
-    whole = all(isinstance(v, int) and not isinstance(v, bool) for v in numbers)
+    are_whole = all(isinstance(v, int) and not isinstance(v, bool) for v in numbers)
     if (
         numbers
-        and whole
+        and are_whole
         and len(set(numbers)) == len(numbers)
         and 1 <= min(numbers) <= max(numbers) <= MOST_FAMILY
     ):

@@ -54,9 +54,9 @@ def solve_batch(task: BatchTask) -> Solved:
             unserved = rows[batch_part.left]
             if len(unserved):
                 alone_rows = [_alone(points[int(i)], task.request) for i in unserved]
-                whole = tables[-1].filter(pa.array(~batch_part.left))
+                served = tables[-1].filter(pa.array(~batch_part.left))
                 tables[-1] = pa.concat_tables(
-                    [whole, pa.Table.from_pylist(alone_rows, schema=SCHEMA)]
+                    [served, pa.Table.from_pylist(alone_rows, schema=SCHEMA)]
                 )
                 numbers[-1] = np.concatenate([rows[~batch_part.left], unserved])
     except FAILURES as error:

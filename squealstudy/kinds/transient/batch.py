@@ -199,12 +199,12 @@ def shared_reference(
         A truncation below the first mode.
     """
     if basis.modes_below is not None:
-        whole = shared_reference(prepared_key, operating, component_modes, ALL_MODES)
+        all_modes = shared_reference(prepared_key, operating, component_modes, ALL_MODES)
         if basis.training is None:
-            return truncated(whole, basis.modes_below)
+            return truncated(all_modes, basis.modes_below)
         training: Training
         training, _seconds = load_value(basis.training)
-        return with_pod(whole, basis.modes_below, training, basis.pod_vectors)
+        return with_pod(all_modes, basis.modes_below, training, basis.pod_vectors)
     return reference_modes(prepared_model(prepared_key), operating, component_modes)
 
 

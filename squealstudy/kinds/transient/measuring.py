@@ -82,7 +82,7 @@ def measure_points(
                 for n in range(request.starts)
             ]
             merged = map(pooled_findings, zip(*(r.findings for r in runs), strict=True))
-            findings |= {str(first + n): one for n, one in enumerate(merged)}
+            findings |= {str(first + n): finding for n, finding in enumerate(merged)}
             spent += sum(r.seconds if r.finished else np.nan for r in runs) / request.starts
             memory_mb = max(memory_mb, *(r.memory_mb for r in runs))
             finished = [motion for r in runs for motion in r.finished]
@@ -167,18 +167,20 @@ def _scaled(point: MotionPoint, start: float) -> MotionPoint:
 def pooled_findings(findings: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Findings of several starts of one point as one: means with bounds, the class of most."""
     first = findings[0]
-    failed = [one for one in findings if one["status"] != "ok"]
+    failed = [finding for finding in findings if finding["status"] != "ok"]
     if failed or len(findings) == 1:
         return failed[0] if failed else first
-    values = {name: _pooled([one["values"][name] for one in findings]) for name in first["values"]}
-    modes = {mode for one in findings for mode in one["energy_share"]}
+    values = {
+        name: _pooled([finding["values"][name] for finding in findings]) for name in first["values"]
+    }
+    modes = {mode for finding in findings for mode in finding["energy_share"]}
     shares = {
-        mode: float(np.mean([one["energy_share"].get(mode, 0.0) for one in findings]))
+        mode: float(np.mean([finding["energy_share"].get(mode, 0.0) for finding in findings]))
         for mode in sorted(modes, key=int)
     }
-    name, count = Counter(one["class"] for one in findings).most_common(1)[0]
+    name, count = Counter(finding["class"] for finding in findings).most_common(1)[0]
     if 2 * count <= len(findings):  # starts that all last differ as an irregular motion does
-        name = IRREGULAR if {one["class"] for one in findings} <= {*LASTING} else UNDECIDED
+        name = IRREGULAR if {finding["class"] for finding in findings} <= {*LASTING} else UNDECIDED
     return {**first, "class": name, "values": values, "energy_share": shares}
 
 

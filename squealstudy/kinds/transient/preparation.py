@@ -207,14 +207,14 @@ def time_steps(task: BatchTask) -> TimedSteps:
         raise SquealstudyError(design[1])
     loading = time.perf_counter()
     warm(task.section)
-    whole = settings_of(task.section, 0)
-    simulate(task.reference.system, [design], replace(whole, duration=whole.step))
-    steps = min(TIMED_STEPS, whole.n_steps)
-    settings = replace(whole, duration=steps * whole.step)
+    full_settings = settings_of(task.section, 0)
+    simulate(task.reference.system, [design], replace(full_settings, duration=full_settings.step))
+    steps = min(TIMED_STEPS, full_settings.n_steps)
+    settings = replace(full_settings, duration=steps * full_settings.step)
     started = time.perf_counter()
     simulate(task.reference.system, [design], settings)
     seconds = time.perf_counter() - started
-    return TimedSteps(seconds, steps, whole.n_steps, started - loading)
+    return TimedSteps(seconds, steps, full_settings.n_steps, started - loading)
 
 
 def make_training_runs(

@@ -122,8 +122,8 @@ class TransientScreen(KindScreen):
         table, unit = results.points, results.units.get(TORQUE, "N m")
         text = f"{plural(len(table), 'run')}: {self.counted(results, table['class'].tolist())}."
         if (table["class"] == CHANGING).any():
-            one = "1 run, whose speed or pressure changes." if len(table) == 1 else text
-            text = one + in_words(results, unit)
+            single_text = "1 run, whose speed or pressure changes." if len(table) == 1 else text
+            text = single_text + in_words(results, unit)
         return text + lasting_in_words(table, results.parameters, results.units, unit)
 
     def next_steps(self, results: ResultTables) -> Rows:
@@ -220,16 +220,16 @@ def _undecided(table: pd.DataFrame) -> list[RenderableType]:
     if not n_short:
         return texts
     untils = _worth_waiting(table)
-    one = n_short == 1
-    runs = "run is" if n_short == len(table) == 1 else "runs are" if not one else "runs is"
-    comes = "it comes" if one else "they come"
+    is_single = n_short == 1
+    runs = "run is" if n_short == len(table) == 1 else "runs are" if not is_single else "runs is"
+    comes = "it comes" if is_single else "they come"
     text = f"undecided: {n_short} of {len(table)} {runs} too short to tell what {comes} to"
     if untils:
         text += f"; a duration of about {_seconds(max(untils))} would decide "
-        every = "it" if one else "them"
+        every = "it" if is_single else "them"
         text += every if len(untils) == n_short else f"{len(untils)} of them"
     if n_left := n_short - len(untils):
-        which = f"{n_left} of them" if untils else "it" if one else "them"
+        which = f"{n_left} of them" if untils else "it" if is_single else "them"
         text += f"; no duration up to {MOST_LONGER} times as long is known to decide {which}"
     return [*texts, text]
 

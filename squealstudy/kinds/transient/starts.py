@@ -72,13 +72,13 @@ def _steady_motions(
         None if task.hybrid else task.settings(),
     )
     motions: list[MotionPoint | Failure] = []
-    for point, gap, one in zip(points, known_gaps, steady_motions, strict=True):
-        if isinstance(one, ParameterError):
-            motions.append(("parameter", f"{one.key}: {one.message}"))
-        elif isinstance(one, Exception):
-            motions.append(reason(one))
+    for point, gap, steady_motion in zip(points, known_gaps, steady_motions, strict=True):
+        if isinstance(steady_motion, ParameterError):
+            motions.append(("parameter", f"{steady_motion.key}: {steady_motion.message}"))
+        elif isinstance(steady_motion, Exception):
+            motions.append(reason(steady_motion))
         else:
-            steady, motion_start = one
+            steady, motion_start = steady_motion
             motions.append(motion_start)
             if gap is None:
                 gaps.add(key, point, steady.gap)

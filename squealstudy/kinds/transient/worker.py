@@ -92,7 +92,7 @@ def solve_batch(task: BatchTask) -> Solved:
             files |= _history(task, point, motion)
         files |= _states(task, chosen, motions)
         wall = (time.perf_counter() - started) / max(len(ready), 1)
-        rows += [one | {"wall_s": wall} for one in batch_rows]
+        rows += [row | {"wall_s": wall} for row in batch_rows]
     gaps.save()
     return Solved(rows, files)
 
@@ -160,7 +160,9 @@ def _states(
         if motion.outcome == "ok"
     }
     section, key = task.section, task.points[0].structure
-    return state_files(finished, key, section.representation, apart=bool(section.save_every))
+    return state_files(
+        finished, key, section.representation, in_own_folder=bool(section.save_every)
+    )
 
 
 def integrate(
@@ -227,9 +229,9 @@ def hybrid_motions(
     model = replace(model, phi=phi)
     sensed = sensed_modes(task.section, reference.system.omega2[:m], task.band_hz)
     motions: list[Motion] = []
-    for one, point in zip(chosen, points, strict=True):
+    for design_point, point in zip(chosen, points, strict=True):
         own_model = hybrid_model_at(model, point.tangents(reference.system))
-        design = _hybrid_point(task, model, own_model, m, one, point)
+        design = _hybrid_point(task, model, own_model, m, design_point, point)
         motions.append(simulate_hybrid(own_model, design, task.settings(), sensed, model))
     return motions
 

@@ -40,7 +40,7 @@ def measurement_row(
     """Chunk row of a measurement; `failure` is status and message of one that found nothing."""
     variant, number = run.content
     outcomes = [(f["status"], f.get("message", "")) for f in measurement.findings.values()]
-    status, message = next((one for one in outcomes if one[0] != "ok"), failure)
+    status, message = next((outcome for outcome in outcomes if outcome[0] != "ok"), failure)
     measured = {name: getattr(measurement, name) for name, _ in MEASURED}
     identity = {
         "variant": variant.identity,

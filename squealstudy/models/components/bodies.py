@@ -109,8 +109,8 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
             file_name = table.file_of(key)
             if file_name is not None:
                 file_path = path.parent / file_name
-                for one in (file_path, *_included(file_path, file_path.parent, ())):
-                    yield ("components", name, key), one
+                for read_path in (file_path, *_included(file_path, file_path.parent, ())):
+                    yield ("components", name, key), read_path
         if table.heat is not None and table.heat.file is not None:
             yield ("components", name, "heat", "file"), path.parent / table.heat.file
     for i, contact in enumerate(file.contact):
@@ -185,9 +185,9 @@ def _materials_at(brake: Brake, name: str, temperature: float) -> Mapping[str, E
         A temperature at which the deck states none.
     """
     table = brake.file.components[name]
-    there = table.model_copy(update={TEMPERATURE: temperature})
+    at_temperature = table.model_copy(update={TEMPERATURE: temperature})
     try:
-        mesh = _in_si(read_mesh(brake.located(str(table.mesh)), there), brake.file.units)
+        mesh = _in_si(read_mesh(brake.located(str(table.mesh)), at_temperature), brake.file.units)
         return with_tables(mesh, name, table, Numbers(brake.file, {})).materials
     except ModelError as error:
         raise ValuesError((("components", name, TEMPERATURE),), str(error)) from error

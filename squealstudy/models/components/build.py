@@ -118,8 +118,8 @@ def _component(
     turning: sp.csr_matrix | None,
     dofs: np.ndarray,
 ) -> Component:
-    whole = len(dofs) == K.shape[0]
-    if not whole:
+    keeps_all_dofs = len(dofs) == K.shape[0]
+    if not keeps_all_dofs:
         K, M = (A[dofs][:, dofs].tocsr() for A in (K, M))
         C, turning = (None if A is None else A[dofs][:, dofs].tocsr() for A in (C, turning))
     if (M.diagonal() <= 0).any():
@@ -138,7 +138,7 @@ def _component(
         K,
         coordinates=body.nodes,
         correspondence=_compared(M),
-        dofs=None if whole and plain and len(dofs) == 3 * len(body.nodes) else places,
+        dofs=None if keeps_all_dofs and plain and len(dofs) == 3 * len(body.nodes) else places,
         expansion=None if plain else expansion.E[:, dofs].tocsr(),
         cells=mesh_cells(mesh) if body.matrices is None else moved_cells(mesh, expansion.lacking),
         C=C,
@@ -236,11 +236,11 @@ class _Interfaces:
                     stiffness = 0.0
                 tie = rows.ties(self._g.file.name_of("contact", i), stiffness, table.state is None)
                 ties.append(replace(tie, B=self._kept(tie.B)))
-        whole = contact_interface(parts, law)
-        N, T, T_perp = (self._kept(A) for A in (whole.N, whole.T, whole.T_perp))
-        whole = replace(whole, N=N, T=T, T_perp=T_perp)
+        interface = contact_interface(parts, law)
+        N, T, T_perp = (self._kept(A) for A in (interface.N, interface.T, interface.T_perp))
+        interface = replace(interface, N=N, T=T, T_perp=T_perp)
         sizes = [len(p.area) for p in parts]
-        return as_in_file(whole, sizes, self._g, self._numbers, curve), ties
+        return as_in_file(interface, sizes, self._g, self._numbers, curve), ties
 
     # -- layers and springs ----------------------------------------------------------------------
     def springs(self) -> list[SpringInterface]:
@@ -292,8 +292,8 @@ class _Interfaces:
         table = self._g.file.spring[number]
         keys: KeyPath = ("spring", number)
         k = self._numbers.list_at(*keys, "stiffness")
-        one, other = between(table.between, keys)
-        sets = [self._g.points(n, (*keys, "between")) for n in (one, other) if n is not None]
+        side, other_side = between(table.between, keys)
+        sets = [self._g.points(n, (*keys, "between")) for n in (side, other_side) if n is not None]
 
         def directions(points: np.ndarray) -> list[np.ndarray]:
             try:
@@ -301,13 +301,13 @@ class _Interfaces:
             except ModelError as error:
                 raise PlacedError((*keys, "axes"), str(error)) from error
 
-        second = sets[1] if other is not None else None
+        second = sets[1] if other_side is not None else None
         interface = springs_on(
             table.name, sets[0], second, k, directions, self._rows, table.in_static
         )
         if table.rotary is None:
             return interface
-        names = [n for n in (one, other) if n is not None]
+        names = [n for n in (side, other_side) if n is not None]
         parts = [
             turn_of(self._g, n, points, (*keys, "between"))
             for n, (_, points) in zip(names, sets, strict=True)

@@ -109,7 +109,7 @@ class BulkCouplings:
         for bar in bars:
             joined = [g for g in groups if any({*bar[1:]} & {*other[1:]} for other in g)]
             groups = [g for g in groups if g not in joined]
-            groups.append([bar, *(one for g in joined for one in g)])
+            groups.append([bar, *(joined_bar for g in joined for joined_bar in g)])
         for group in groups:
             group.sort(key=lambda bar: bars.index(bar))
             card, first, second = group[0]

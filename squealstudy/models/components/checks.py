@@ -73,9 +73,9 @@ def _check_doubled(mesh: SolidMesh) -> None:
         for a, b in shape.edges:
             edge = mesh.nodes[block.nodes[:, a]] - mesh.nodes[block.nodes[:, b]]
             shortest = min(shortest, float(np.linalg.norm(edge, axis=1).min()))
-        here = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
+        block_faces = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
         for k, face in enumerate(shape.faces):
-            rows = here[here[:, 1] == k + 1, 0] - start
+            rows = block_faces[block_faces[:, 1] == k + 1, 0] - start
             nodes = block.nodes[rows][:, list(face)]
             owner = np.repeat(rows + start, len(face))
             outer.append(np.column_stack([nodes.ravel(), owner]))
@@ -85,16 +85,20 @@ def _check_doubled(mesh: SolidMesh) -> None:
     pairs = cKDTree(mesh.nodes[nodes]).query_pairs(MERGED * shortest, output_type="ndarray")
     if len(pairs):
         owners = mesh.body_of[of[first, 1]]
-        apart = owners[pairs[:, 0]] != owners[pairs[:, 1]]
-        if apart.all() and any(note.why == OF_CONTACT for note in mesh.passed_over):
+        of_two_bodies = owners[pairs[:, 0]] != owners[pairs[:, 1]]
+        if of_two_bodies.all() and any(note.why == OF_CONTACT for note in mesh.passed_over):
             return  # bodies in contact
-        pairs = pairs[np.argsort(apart, kind="stable")]
+        pairs = pairs[np.argsort(of_two_bodies, kind="stable")]
         a, b = nodes[pairs[0]]
         elements = of[first[pairs[0]], 1]
         raise mesh.error(
             f"nodes {mesh.numbers[a]} and {mesh.numbers[b]} lie at one place"
             f"{f', as do {len(pairs) - 1} other pairs' if len(pairs) > 1 else ''}: "
             f"{mesh.elements_named(elements)} are not connected there; merge the nodes"
-            + (", or read each of two bodies by itself, part = 'BODY1'" if apart.all() else "")
+            + (
+                ", or read each of two bodies by itself, part = 'BODY1'"
+                if of_two_bodies.all()
+                else ""
+            )
             + f'; where they are meant to be apart: pass_over = ["{DOUBLED}"]'
         )

@@ -207,12 +207,12 @@ def _weight(inspection: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) 
     sides = np.ptp(body.nodes, axis=0)
     length, weight, moment = UNITS[brake.file.units]
     in_units = (d.factor(brake.file.units) for d in (LENGTH, MASS, INERTIA))
-    one, two, three = in_units
-    extent = " x ".join(f"{s / one:.4g}" for s in sides)
-    moments = ", ".join(f"{p / three:.3g}" for p in principal)
+    length_size, mass_size, inertia_size = in_units
+    extent = " x ".join(f"{s / length_size:.4g}" for s in sides)
+    moments = ", ".join(f"{p / inertia_size:.3g}" for p in principal)
     shown = "" if weight == "kg" else f" ({mass:.4g} kg)"
     inspection.tell(
-        "", f"{extent} {length}, {mass / two:.4g} {weight}{shown}, inertia {moments} {moment}"
+        "", f"{extent} {length}, {mass / mass_size:.4g} {weight}{shown}, inertia {moments} {moment}"
     )
     if not MASSES[0] <= mass <= MASSES[1] or not SIZES[0] <= sides.max() <= SIZES[1]:
         inspection.doubts.append(

@@ -232,6 +232,6 @@ def slipping(n: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two unit vectors (n, 3) square to the unit vectors n (n, 3) and to each other."""
     e = np.eye(3)[np.abs(n).argmin(axis=1)]
-    one = e - np.sum(e * n, axis=1, keepdims=True) * n
-    one /= np.linalg.norm(one, axis=1, keepdims=True)
-    return one, np.cross(n, one)
+    along_sliding = e - np.sum(e * n, axis=1, keepdims=True) * n
+    along_sliding /= np.linalg.norm(along_sliding, axis=1, keepdims=True)
+    return along_sliding, np.cross(n, along_sliding)

@@ -134,12 +134,14 @@ def turn_of_mean(mesh: SolidMesh, c: Coupling) -> sp.csr_matrix:
     points, weight, shape = _weighted(mesh, c)
     n = len(mesh.nodes)
     total = sp.csr_matrix((3 * n, 3 * n))
-    there = sp.csr_matrix((np.ones(3), (3 * c.reference + np.arange(3), np.arange(3))), (3 * n, 3))
+    reference_rows = sp.csr_matrix(
+        (np.ones(3), (3 * c.reference + np.arange(3), np.arange(3))), (3 * n, 3)
+    )
     follows = mean_turn(points, weight)
     for axis in range(3):
         A = sp.coo_matrix(sp.csr_matrix(follows[:, :, axis]) @ shape)
         displacement_columns = sp.csr_matrix((A.data, (A.row, 3 * A.col + axis)), (3, 3 * n))
-        total = total + there @ displacement_columns
+        total = total + reference_rows @ displacement_columns
     return total
 
 

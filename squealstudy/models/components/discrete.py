@@ -50,10 +50,10 @@ class Discrete:
 
     def kept(self, selection: MeshSelection) -> Discrete | None:
         """The same in a part of the mesh; None where that has nothing of it."""
-        there = selection.nodes[self.nodes]
-        if not there.any():
+        is_selected = selection.nodes[self.nodes]
+        if not is_selected.any():
             return None
-        if not there.all():
+        if not is_selected.all():
             raise ModelError(
                 f"{self.name} joins this part to others: read all of them as one component"
             )

@@ -97,9 +97,9 @@ class Expansion:
         q[of_nodes] = moved[self.places[of_nodes]]
         E, residual = self.E, moved - self.E @ q
         if turned is not None and self.turns.nnz:
-            there = np.flatnonzero(np.diff(self.turns.indptr))
-            E = sp.vstack([E, self.turns[there]], format="csr")
-            residual = np.vstack([residual, turned[there] - self.turns[there] @ q])
+            turning_nodes = np.flatnonzero(np.diff(self.turns.indptr))
+            E = sp.vstack([E, self.turns[turning_nodes]], format="csr")
+            residual = np.vstack([residual, turned[turning_nodes] - self.turns[turning_nodes] @ q])
         rest = np.flatnonzero(~of_nodes & (np.diff(E.tocsc().indptr) > 0))
         if len(rest):
             R = E[:, rest]
@@ -120,7 +120,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     if not mesh.constraints:  # all nodes are of elements, or have masses
         return mesh, Expansion(sp.identity(3 * n, format="csr"), np.arange(3 * n))
     turning = sorted({c.reference for c in _couplings(mesh) if c.kind == "rigid"})
-    whole = 3 * n + 3 * len(turning)
+    n_full = 3 * n + 3 * len(turning)
     owner: dict[int, str] = {}
     entries: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for name, rows, columns, values in _relations(mesh, {r: i for i, r in enumerate(turning)}):
@@ -133,7 +133,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
                     f"{name}: expected one of them"
                 )
         entries.append((rows, columns, values))
-    dependent = np.zeros(whole, dtype=bool)
+    dependent = np.zeros(n_full, dtype=bool)
     dependent[list(owner)] = True
     free = np.flatnonzero(~dependent)
     rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
@@ -142,7 +142,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
             np.concatenate([values, np.ones(len(free))]),
             (np.concatenate([rows, free]), np.concatenate([columns, free])),
         ),
-        (whole, whole),
+        (n_full, n_full),
     )
     E, depth = S, 0
     while abs(E[:, np.flatnonzero(dependent)]).sum() > 0:
@@ -152,7 +152,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
         E = E @ S
     E, turns = E[: 3 * n], E[3 * n :]
     moves = np.diff(E.tocsc().indptr)  # a reference node without structure moves itself alone
-    alone = np.zeros(whole, dtype=bool)
+    alone = np.zeros(n_full, dtype=bool)
     bare = mesh.bare
     bare[mesh.weighed] = False
     alone[: 3 * n] = np.repeat(bare, 3)

@@ -58,8 +58,8 @@ class FaceMap:
 
         in_plane = (self.places - self._centre) @ self._plane.T
         near, which = cKDTree(in_plane).query(in_plane, k=2)
-        apart = np.linalg.norm(self.places - self.places[which[:, 1]], axis=1)
-        above = np.flatnonzero(near[:, 1] < STEEPEST * apart)
+        distance = np.linalg.norm(self.places - self.places[which[:, 1]], axis=1)
+        above = np.flatnonzero(near[:, 1] < STEEPEST * distance)
         if len(above):
             ends = above[0], which[above[0], 1]
             first, second = (", ".join(f"{v:g}" for v in self.places[k]) for k in ends)

@@ -152,9 +152,9 @@ def facet_groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
     """The facets by their number of nodes."""
     parts: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
-        here = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
+        block_faces = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
         for k, face in enumerate(block.kind.shape.faces):
-            of = here[here[:, 1] == k + 1]
+            of = block_faces[block_faces[:, 1] == k + 1]
             if len(of):
                 nodes = block.nodes[of[:, 0] - start][:, list(face)]
                 parts.setdefault(len(face), []).append((nodes, of))

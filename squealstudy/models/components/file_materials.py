@@ -34,9 +34,9 @@ def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numb
         keys: KeyPath = ("components", name, "materials", label)
         word = material.elements or label
         if label in _labels(mesh) and material.elements is None:
-            whole = {**mesh.materials, label: _elastic(numbers, keys, mesh, label)}
+            materials = {**mesh.materials, label: _elastic(numbers, keys, mesh, label)}
             unfinished = {k: m for k, m in mesh.unfinished.items() if k != label}
-            mesh = replace(mesh, materials=whole, unfinished=unfinished)
+            mesh = replace(mesh, materials=materials, unfinished=unfinished)
         elif has_name(mesh.element_sets, word):
             mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label), word)
         elif material.elements is None and len(table.materials) == 1 and not _labels(mesh):

@@ -90,8 +90,8 @@ def placed_matrices(
         on_used_rows.append((placed @ A @ placed.T).tocsr())
     if not np.array_equal(turn, np.eye(3)):
         Q = _turning(name, turn, n, displacement_rows, turning, E.shape[1])
-        whole = sp.kron(sp.eye(n // 3), turn)
-        E, T = (_rounded(whole @ A @ Q.T) for A in (E, T))
+        full_turn = sp.kron(sp.eye(n // 3), turn)
+        E, T = (_rounded(full_turn @ A @ Q.T) for A in (E, T))
         on_used_rows = [(Q @ A @ Q.T).tocsr() for A in on_used_rows]
     S = _scales(on_used_rows[1], places)
     K, M, *C = (symmetric(S @ A @ S) for A in on_used_rows)
@@ -134,8 +134,8 @@ def _with_rows(
         part, axis = np.divmod(rows, 3)  # nodes of displacements, then of turns
         of_node = rows < 6 * n
         turns, node = np.divmod(part, n)
-        there = 3 * (turns * count + node_at[np.where(of_node, node, 0)]) + axis
-        renumbered.append((A, np.where(of_node, there, rows - 6 * n + 6 * count)))
+        dofs = 3 * (turns * count + node_at[np.where(of_node, node, 0)]) + axis
+        renumbered.append((A, np.where(of_node, dofs, rows - 6 * n + 6 * count)))
     mesh = mesh.part(np.arange(mesh.n_elements), named)
     points = np.flatnonzero(mesh.bare)
     if len(points) <= MAX_NODE_SETS:
@@ -149,9 +149,9 @@ def _turning(
 ) -> sp.csr_matrix:
     """What turns degrees of freedom (count, count) with the part; modal coordinates stay."""
     for places in (coordinates, turning):
-        there = np.zeros(n, dtype=bool)
-        there[places] = True
-        nodes = there.reshape(-1, 3)
+        is_turning = np.zeros(n, dtype=bool)
+        is_turning[places] = True
+        nodes = is_turning.reshape(-1, 3)
         if (nodes.any(axis=1) != nodes.all(axis=1)).any():
             raise PlacedError(
                 ("components", name, "rotate"),

@@ -62,10 +62,10 @@ def _outer(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     outer = boundary(mesh)
     faces, nodes, normals = [], [], []
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
-        here = outer[(outer[:, 0] >= start) & (outer[:, 0] < end)]
+        block_faces = outer[(outer[:, 0] >= start) & (outer[:, 0] < end)]
         shape = block.kind.shape
         for number, face in enumerate(shape.faces, 1):
-            same_face = here[here[:, 1] == number]
+            same_face = block_faces[block_faces[:, 1] == number]
             of = block.nodes[same_face[:, 0] - start][:, list(face)]
             corners = mesh.nodes[of[:, [i for i, f in enumerate(face) if shape.is_corner(f)]]]
             cross = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])

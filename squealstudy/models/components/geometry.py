@@ -260,11 +260,11 @@ class Geometry:
     def _layer(self, number: int) -> Surface | Pair:
         table = self.file.layer[number]
         keys: KeyPath = ("layer", number)
-        one, other = between(table.between, keys)
-        _, slave = self.face(one, (*keys, "between"))
-        if other is None:
+        side, other_side = between(table.between, keys)
+        _, slave = self.face(side, (*keys, "between"))
+        if other_side is None:
             return slave.gauss_points(LAYER_POINTS)[0]
-        _, master = self.face(other, (*keys, "between"))
+        _, master = self.face(other_side, (*keys, "between"))
         return self._opposite(slave, master, keys, table.search, table.quadrature)
 
     def _opposite(
@@ -284,11 +284,11 @@ class Geometry:
     def _tie(self, number: int) -> Pair:
         table = self.file.tie[number]
         keys: KeyPath = ("tie", number)
-        (one, slave), (other, master) = (
+        (slave_part, slave), (master_part, master) = (
             self.face(getattr(table, key), (*keys, key)) for key in ("slave", "master")
         )
-        if one == other:
-            raise PlacedError(keys, f"expected faces of two components, got two of {one}")
+        if slave_part == master_part:
+            raise PlacedError(keys, f"expected faces of two components, got two of {slave_part}")
         facing = self._opposite(slave, master, keys, table.search, "clipped")
         facet = 2 * float(slave.radii.mean())
         widest = float(np.abs(facing.geometric_gap).max())

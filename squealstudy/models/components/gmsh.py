@@ -147,11 +147,11 @@ def _check_names(path: Path) -> None:
         group = int(dimension), int(tag)
         other = group_of.setdefault(name, group)
         if other != group:
-            (one, first), (two, second) = other, group
+            (first_name, first), (second_name, second) = other, group
             raise ModelError(
                 f"{path}: two physical groups are named '{name.decode(errors='replace')}', of "
-                f"{DIMENSIONS[one]} ({first}) and of {DIMENSIONS[two]} ({second}): give them "
-                "different names"
+                f"{DIMENSIONS[first_name]} ({first}) and of {DIMENSIONS[second_name]} ({second}): "
+                "give them different names"
             )
 
 
@@ -223,10 +223,10 @@ def _with_facets(
     surfaces, notes = {}, []
     for name, parts in corners.items():
         facet_corners = np.unique(np.concatenate(parts), axis=0)
-        faces, there = faces_with_corners(mesh, facet_corners)
+        faces, is_face = faces_with_corners(mesh, facet_corners)
         if len(faces):
             surfaces[name] = faces
-        if missing := int((~there).sum()):
+        if missing := int((~is_face).sum()):
             why = f"{missing} of {len(facet_corners)} facets are not on the boundary of the solid"
             notes.append(PassedOver(f"physical surface {name}", mesh.origin, 0, why))
     return replace(

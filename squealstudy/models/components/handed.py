@@ -33,9 +33,9 @@ def righted(mesh: SolidMesh) -> SolidMesh:
         blocks[b] = replace(block, nodes=nodes)
         turned_elements.append(start + np.flatnonzero(left_handed))
         for faces_of_set in surfaces.values():
-            here = (faces_of_set[:, 0] >= start) & (faces_of_set[:, 0] < mesh.starts[b + 1])
-            here[here] = left_handed[faces_of_set[here, 0] - start]
-            faces_of_set[here, 1] = faces[faces_of_set[here, 1] - 1]
+            in_block = (faces_of_set[:, 0] >= start) & (faces_of_set[:, 0] < mesh.starts[b + 1])
+            in_block[in_block] = left_handed[faces_of_set[in_block, 0] - start]
+            faces_of_set[in_block, 1] = faces[faces_of_set[in_block, 1] - 1]
     if not turned_elements:
         return mesh
     elements = np.concatenate(turned_elements)

@@ -96,10 +96,10 @@ def read_cards(path: Path) -> list[Card]:
     cards: list[Card] = []
     parameters = Parameters()
     lines = list(_flattened(_read(path, None), path.parent, 0))
-    at = 0
-    while at < len(lines):
-        line = parameters.put_in(lines[at])
-        at += 1
+    start = 0
+    while start < len(lines):
+        line = parameters.put_in(lines[start])
+        start += 1
         if not line.text.lstrip().startswith("*"):
             if not cards:
                 if line.text.lstrip()[:1] not in "0123456789+-.,":
@@ -110,16 +110,18 @@ def read_cards(path: Path) -> list[Card]:
             cards[-1].data.append(line)
             continue
         text = line.text
-        while text.rstrip().endswith(",") and at < len(lines) and "*" not in lines[at].text[:1]:
-            text += parameters.put_in(lines[at]).text
-            at += 1
+        while (
+            text.rstrip().endswith(",") and start < len(lines) and "*" not in lines[start].text[:1]
+        ):
+            text += parameters.put_in(lines[start]).text
+            start += 1
         cards.append(_card(text, line))
         if cards[-1].keyword == PARAMETER:
             parameters.check(cards[-1].parameters, line)
         if "INPUT" in cards[-1].parameters and cards[-1].keyword in FROM_FILES:
             file = _read(path.parent / cards[-1].parameters.pop("INPUT"), line)
             more = _flattened(file, path.parent, 1)
-            cards[-1].data += [parameters.put_in(one) for one in more]
+            cards[-1].data += [parameters.put_in(continuation) for continuation in more]
     return [card for card in cards if card.keyword != PARAMETER]
 
 

@@ -234,11 +234,11 @@ class Component:
             if not WHOLE_NUMBER.fullmatch(number) or face[1:]:
                 raise line.error(f"expected a face S1 to S6, found '{', '.join(face)}'")
             for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
-                here = elements[(elements >= start) & (elements < end)]
-                if len(here) and not 1 <= int(number) <= len(block.kind.shape.faces):
+                block_elements = elements[(elements >= start) & (elements < end)]
+                if len(block_elements) and not 1 <= int(number) <= len(block.kind.shape.faces):
                     raise line.error(
-                        f"{mesh.elements_named(here)}: there is no face {face[0]}, only S1 to "
-                        f"S{len(block.kind.shape.faces)}"
+                        f"{mesh.elements_named(block_elements)}: there is no face {face[0]}, "
+                        f"only S1 to S{len(block.kind.shape.faces)}"
                     )
             face_lists.append(np.column_stack([elements, np.full(len(elements), int(number))]))
         return np.unique(np.concatenate(face_lists), axis=0)

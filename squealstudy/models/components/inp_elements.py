@@ -113,10 +113,10 @@ class Elements:
 
     def _check_new(self, label: int, line: Line, start: Line) -> None:
         if label in self._first:
-            there = self._first[label]
+            first_line = self._first[label]
             raise line.error(
-                f"element {label} is there twice, first in line {there.place + 1} of "
-                f"{there.file.path}"
+                f"element {label} is there twice, first in line {first_line.place + 1} of "
+                f"{first_line.file.path}"
             )
         self._first[label] = start
 

@@ -186,19 +186,19 @@ class Equations:
             if not len(first) or len(second) not in (1, len(first)):
                 raise line.error(f"expected as many nodes, found {len(first)} and {len(second)}")
             name = f"*MPC {kind} (line {line.place + 1})"
-            for k, one in enumerate(first):
+            for k, first_node in enumerate(first):
                 other = second[k if len(second) > 1 else 0]
-                if one == other:
+                if first_node == other:
                     continue
                 if kind == "BEAM" and self._abaqus:
-                    beams.setdefault(int(other), (name, []))[1].append(int(one))
+                    beams.setdefault(int(other), (name, []))[1].append(int(first_node))
                     continue
-                pair = np.array([one, other])
+                pair = np.array([first_node, other])
                 if kind in EQUAL_MPC_TYPES:
                     for axis in np.eye(3):
                         yield relation(name, pair, np.array([axis, -axis]))
                     continue
-                along = self._nodes[one] - self._nodes[other]
+                along = self._nodes[first_node] - self._nodes[other]
                 if not np.linalg.norm(along) > 0:
                     raise line.error("the two nodes lie at one place")
                 along = along / np.linalg.norm(along)

@@ -129,20 +129,20 @@ def _rows(card: Card, meaning: str, count: int) -> Rows:
     A row begins a line, and takes as many more as it needs.
     """
     rows: Rows = []
-    whole = True
+    is_complete = True
     for line in card.data:
         words = line.words()
-        if whole:
+        if is_complete:
             rows.append((line, []))
         row = rows[-1][1]
         row += [line.real(word, meaning) for word in words if word]
-        whole = len(row) >= count
+        is_complete = len(row) >= count
         if len(row) > count + 1:
             raise line.error(
                 f"{card.shown}: expected {count} numbers ({meaning}) and a temperature, found "
                 f"{len(row)}"
             )
-    if not rows or not whole:
+    if not rows or not is_complete:
         line = card.data[-1] if card.data else card.line
         n_numbers = len(rows[-1][1]) if rows else 0
         raise line.error(f"{card.shown}: expected {count} numbers ({meaning}), found {n_numbers}")

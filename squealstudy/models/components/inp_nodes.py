@@ -161,19 +161,20 @@ class Nodes:
             words = line.words()
             if len(words) not in (3, 4):
                 raise line.error("expected two node sets, a number of intervals, a step of numbers")
-            one, other = (node_sets.labels(w, line) for w in words[:2])
-            if len(one) != len(other) or not len(one):
+            first_set, second_set = (node_sets.labels(w, line) for w in words[:2])
+            if len(first_set) != len(second_set) or not len(first_set):
                 raise line.error(
-                    f"expected sets with as many nodes, found {len(one)} and {len(other)}"
+                    f"expected sets with as many nodes, found {len(first_set)} and "
+                    f"{len(second_set)}"
                 )
             count = line.whole(words[2], "a number of intervals")
             step = line.whole(words[3], "a step of numbers") if len(words) > 3 else 1
-            if not 1 <= count * len(one) <= MAX_GENERATED:
+            if not 1 <= count * len(first_set) <= MAX_GENERATED:
                 raise line.error(
-                    f"expected 1 to {MAX_GENERATED // len(one)} intervals, found {count}"
+                    f"expected 1 to {MAX_GENERATED // len(first_set)} intervals, found {count}"
                 )
-            members += [*one.tolist(), *other.tolist()]
-            for first, last in zip(one.tolist(), other.tolist(), strict=True):
+            members += [*first_set.tolist(), *second_set.tolist()]
+            for first, last in zip(first_set.tolist(), second_set.tolist(), strict=True):
                 a, b = self._place(line, first), self._place(line, last)
                 for k in range(1, count):
                     self._add(first + k * step, (a + k / count * (b - a)).tolist(), line)

@@ -53,10 +53,10 @@ class Parameters:
             if str(line.file.path) in str(error):
                 raise
             raise line.error(f"{name}: {error}") from None
-        whole = number.is_integer() and self._is_whole(ast.parse(text, mode="eval").body)
+        is_whole = number.is_integer() and self._is_whole(ast.parse(text, mode="eval").body)
         self._numbers[name] = number
-        self._texts[name] = str(int(number)) if whole else repr(number)
-        (self._whole.add if whole else self._whole.discard)(name)
+        self._texts[name] = str(int(number)) if is_whole else repr(number)
+        (self._whole.add if is_whole else self._whole.discard)(name)
 
     def _check_divisions(self, line: Line, text: str) -> None:
         """Versions of Abaqus cut the quotient of two integers, or do not."""

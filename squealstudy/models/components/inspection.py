@@ -91,9 +91,9 @@ def unheld(inspection: Inspection, geometry: Geometry, assembly: Assembly) -> No
     columns, names = [], []
     for component in assembly.components:
         body = geometry.bodies[component.name]
-        whole = body.expansion.freedoms(rigid_shapes(body.nodes))
+        rigid_motions = body.expansion.freedoms(rigid_shapes(body.nodes))
         part = np.zeros((assembly.n_dof, 6))
-        part[assembly.slices[component.name]] = whole[geometry.kept[component.name]]
+        part[assembly.slices[component.name]] = rigid_motions[geometry.kept[component.name]]
         columns.append(part)
         names += [(component.name, motion) for motion in MOTIONS]
     R = np.hstack(columns)

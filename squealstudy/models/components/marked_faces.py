@@ -35,8 +35,8 @@ class MarkedFaces:
     ) -> tuple[np.ndarray, PassedOver | None]:
         """Faces (p, 2) of solids at the marked ones among labels, and what lies nowhere."""
         corners = np.unique(self.corners[np.isin(self.labels, labels)], axis=0)
-        faces, there = faces_with_corners(mesh, corners)
-        missing = int((~there).sum())
+        faces, is_face = faces_with_corners(mesh, corners)
+        missing = int((~is_face).sum())
         why = f"{missing} of {len(corners)} faces are not on the boundary of the solid"
         note = PassedOver(f"element set {name}", mesh.origin, 0, why) if missing else None
         return faces, note

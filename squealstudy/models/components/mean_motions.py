@@ -23,8 +23,8 @@ def mean_motion(points: np.ndarray, weight: np.ndarray, at: np.ndarray) -> np.nd
         Points on a line, about which a rigid motion could turn freely.
     """
     nearest, centre = _nearest(points, weight)
-    there: np.ndarray = _motions((at - centre)[None])[0] @ nearest
-    return there.reshape(3, -1, 3)
+    at_point: np.ndarray = _motions((at - centre)[None])[0] @ nearest
+    return at_point.reshape(3, -1, 3)
 
 
 def mean_turn(points: np.ndarray, weight: np.ndarray) -> np.ndarray:

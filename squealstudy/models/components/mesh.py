@@ -165,8 +165,8 @@ class SolidMesh:
         ends += [
             np.column_stack([np.full(len(d.nodes), d.nodes[0]), d.nodes]) for d in self.discrete
         ]
-        one, other = np.vstack(ends).T
-        graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
+        starts, ends_of_edges = np.vstack(ends).T
+        graph = sp.coo_matrix((np.ones(len(starts)), (starts, ends_of_edges)), (n, n))
         _, label = connected_components(graph, directed=False)
         body_of_block = [label[block.nodes[:, 0]] for block in self.blocks]
         of = np.concatenate([np.zeros(0, dtype=np.int64), *body_of_block])
@@ -297,15 +297,15 @@ class SolidMesh:
             axes = axes.astype(object)
             axes[rows] = orientation[0]
             orientations = {**orientations, orientation[0]: orientation[1]}
-        whole = {k: m for k, m in self.materials.items() if k != name}
+        other_materials = {k: m for k, m in self.materials.items() if k != name}
         unfinished = {k: m for k, m in self.unfinished.items() if k != name}
         if isinstance(material, Unfinished):
             unfinished[name] = material
         else:
-            whole[name] = material
+            other_materials[name] = material
         return replace(
             self,
-            materials=whole,
+            materials=other_materials,
             unfinished=unfinished,
             material=of,
             orientations=orientations,

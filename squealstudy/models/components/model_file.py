@@ -257,21 +257,21 @@ class ModelFile(Table):
         if names[0] not in LISTS:
             beginnings = ", ".join((*self.components, *LISTS, WEAR, str(ROTOR_ANGLE[0])))
             raise ModelError(f"'{path}': expected to begin with one of {beginnings}")
-        there = [self.name_of(names[0], i) for i in range(len(self.at((names[0],))))]
+        table_names = [self.name_of(names[0], i) for i in range(len(self.at((names[0],))))]
         if (
             names[0] == "contact"
             and names[1:2]
-            and names[1] in there
+            and names[1] in table_names
             and names[2:3] == [OF_CONTACT]
         ):
-            return self._of_law(path, there.index(names[1]), names[3:])
-        if len(names) != 3 or names[1] not in there or names[2] not in VARIED[names[0]]:
+            return self._of_law(path, table_names.index(names[1]), names[3:])
+        if len(names) != 3 or names[1] not in table_names or names[2] not in VARIED[names[0]]:
             keys = " or ".join(VARIED[names[0]])
-            listed = ", ".join(there) or "none"
+            listed = ", ".join(table_names) or "none"
             raise ModelError(
                 f"'{path}': expected {names[0]}.NAME.{keys}, where NAME is one of {listed}"
             )
-        return self._checked(path, (names[0], there.index(names[1]), names[2]), index)
+        return self._checked(path, (names[0], table_names.index(names[1]), names[2]), index)
 
     def _of_law(self, path: str, number: int, rest: list[str]) -> KeyPath:
         """The key of a contact's number of a friction law."""

@@ -282,12 +282,12 @@ class _Deck:
                     f"element {label}: expected {least} or {most} nodes, found {count}"
                 )
             name, _, order = SOLIDS[card.name, count]
-            there = [k for k in range(count) if card.at(2 + k).strip("0")]
-            if not set(range(least)) <= set(there):
+            present = [k for k in range(count) if card.at(2 + k).strip("0")]
+            if not set(range(least)) <= set(present):
                 raise card.error(f"element {label}: expected nodes at its corners")
             nodes = np.full(count, LACKING)
-            numbers = [card.whole(2 + k, "a node number") for k in there]
-            nodes[there] = self._places(card, numbers)
+            numbers = [card.whole(2 + k, "a node number") for k in present]
+            nodes[present] = self._places(card, numbers)
             formulation = self._wanted[name]
             if name == BRICK and pid in plain and BRICK not in self._asked:
                 formulation = "C3D8"

@@ -26,9 +26,13 @@ def expect_rotor(file: ModelFile) -> None:
         if GROUND not in (n.casefold() for n in t.between)
     ]
     for kind, *sides in joints:
-        one, other = (side.partition(".")[0] for side in sides)
-        if (one in file.turning) != (other in file.turning):
-            turns, stays = (one, other) if one in file.turning else (other, one)
+        component, other_component = (side.partition(".")[0] for side in sides)
+        if (component in file.turning) != (other_component in file.turning):
+            turns, stays = (
+                (component, other_component)
+                if component in file.turning
+                else (other_component, component)
+            )
             raise PlacedError(
                 ROTOR_ANGLE,
                 f"a {kind} joins {turns}, which turns, and {stays}, which does not: expected no "

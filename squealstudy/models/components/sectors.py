@@ -67,18 +67,18 @@ def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
     everywhere = np.vstack([mesh.nodes @ R.T + shift for R, shift in turns])
     node_at = _merged(mesh, everywhere, how.count)
     copies = _Copies(mesh, turns, node_at)
-    whole = copies.mesh(everywhere)
+    full_mesh = copies.mesh(everywhere)
     cyclic = [c for c in mesh.constraints if isinstance(c, Tie) and c.cyclic]
     ties = [tie for c in cyclic for tie in copies.cyclic(c)]
     if not cyclic:
-        _check_sides(mesh, whole, how)
-    joined = len(everywhere) - len(whole.nodes)
+        _check_sides(mesh, full_mesh, how)
+    joined = len(everywhere) - len(full_mesh.nodes)
     why = f"one of {how.count}: the whole body is read, {joined} nodes of sides are those of others"
     note = PassedOver("sector", mesh.origin, 0, why)
     return replace(
-        whole,
-        constraints=(*whole.constraints, *ties),
-        passed_over=(*whole.passed_over, note),
+        full_mesh,
+        constraints=(*full_mesh.constraints, *ties),
+        passed_over=(*full_mesh.passed_over, note),
     )
 
 
@@ -106,8 +106,8 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
             f"{SIDES_APART}"
         )
     k = np.arange(count)[:, None]
-    one, other = (k * n + a).ravel(), ((k + 1) % count * n + b).ravel()
-    graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (total, total))
+    nodes, next_nodes = (k * n + a).ravel(), ((k + 1) % count * n + b).ravel()
+    graph = sp.coo_matrix((np.ones(len(nodes)), (nodes, next_nodes)), (total, total))
     _, label = connected_components(graph, directed=False)
     _, first, at = np.unique(label, return_index=True, return_inverse=True)
     place = np.argsort(np.argsort(first))  # in the order in which nodes come first
@@ -130,9 +130,9 @@ def _bodies(mesh: SolidMesh) -> np.ndarray:
     from scipy.sparse.csgraph import connected_components
 
     ends = [b.nodes[:, [0, k]] for b in mesh.blocks for k in range(1, b.nodes.shape[1])]
-    one, other = np.vstack(ends).T
+    nodes, neighbours = np.vstack(ends).T
     n = len(mesh.nodes)
-    graph = sp.coo_matrix((np.ones(len(one)), (one, other)), (n, n))
+    graph = sp.coo_matrix((np.ones(len(nodes)), (nodes, neighbours)), (n, n))
     body_of: np.ndarray = connected_components(graph, directed=False)[1]
     return body_of
 
@@ -180,7 +180,7 @@ class _Copies:
         orientations, orientation = self._orientations()
         at = np.argsort(order)  # ascending numbers, as of files
         self._node_at = at[self._node_at]
-        whole = replace(
+        full_mesh = replace(
             m,
             nodes=everywhere[first][order],
             numbers=numbers[order],
@@ -195,7 +195,7 @@ class _Copies:
             orientations=orientations,
             orientation=orientation,
         )
-        return replace(whole, surfaces=self._surfaces(whole))
+        return replace(full_mesh, surfaces=self._surfaces(full_mesh))
 
     def _of_elements(self, values: np.ndarray) -> np.ndarray:
         repeated = np.empty(values.size * self._count, dtype=object)
@@ -223,14 +223,16 @@ class _Copies:
     def _faces(self, faces: np.ndarray, k: int) -> np.ndarray:
         return np.column_stack([self._element_at[k][faces[:, 0]], faces[:, 1]])
 
-    def _surfaces(self, whole: SolidMesh) -> dict[str, np.ndarray]:
+    def _surfaces(self, full_mesh: SolidMesh) -> dict[str, np.ndarray]:
         """Those of all sectors, without faces that lie between sectors now."""
-        here, now = ({tuple(f) for f in boundary(mesh).tolist()} for mesh in (self._sector, whole))
+        sector_faces, full_faces = (
+            {tuple(f) for f in boundary(mesh).tolist()} for mesh in (self._sector, full_mesh)
+        )
         surfaces = {}
         for name, faces in self._sector.surfaces.items():
             copies = [self._faces(faces, k) for k in range(self._count)]
-            was_outer = np.array([tuple(f) in here for f in faces.tolist()] * self._count)
-            is_outer = np.array([tuple(f) in now for f in np.vstack(copies).tolist()])
+            was_outer = np.array([tuple(f) in sector_faces for f in faces.tolist()] * self._count)
+            is_outer = np.array([tuple(f) in full_faces for f in np.vstack(copies).tolist()])
             outer_faces = np.vstack(copies)[is_outer | ~was_outer]
             if len(outer_faces):
                 surfaces[name] = np.unique(outer_faces, axis=0)
@@ -278,9 +280,9 @@ class _Copies:
         gaps = {}
         for step in (1, -1):
             R, shift = self._turns[step % self._count]
-            there = m.nodes[masters] @ R.T + shift
-            apart = np.linalg.norm(m.nodes[slaves][:, None] - there[None], axis=2)
-            gaps[step] = float(apart.min(axis=1).sum())
+            turned_masters = m.nodes[masters] @ R.T + shift
+            distances = np.linalg.norm(m.nodes[slaves][:, None] - turned_masters[None], axis=2)
+            gaps[step] = float(distances.min(axis=1).sum())
         step = min(gaps, key=lambda s: gaps[s])
         for k in range(self._count):
             faces = self._faces(tie.faces, (k + step) % self._count)
@@ -292,14 +294,14 @@ def _step(numbers: np.ndarray) -> int:
     return 10 ** len(str(int(numbers.max())))
 
 
-def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
+def _check_sides(mesh: SolidMesh, full_mesh: SolidMesh, how: Repetition) -> None:
     """ModelError where sectors do not meet, or facets lie on each other unconnected."""
     from scipy.spatial import cKDTree
 
-    outer = {tuple(f) for f in boundary(whole).tolist()}
+    outer = {tuple(f) for f in boundary(full_mesh).tolist()}
     n_elements = mesh.n_elements
     # of the first sector: its elements come first in each block
-    starts, size = whole.starts[:-1], np.diff(mesh.starts)
+    starts, size = full_mesh.starts[:-1], np.diff(mesh.starts)
     first = np.concatenate([s + np.arange(n) for s, n in zip(starts, size, strict=True)])
     element = dict(zip(range(n_elements), first.tolist(), strict=True))
     free_faces = np.array([f for f in boundary(mesh).tolist() if (element[f[0]], f[1]) in outer])
@@ -316,14 +318,16 @@ def _check_sides(mesh: SolidMesh, whole: SolidMesh, how: Repetition) -> None:
         sizes.append(np.sqrt(area))
     c, n, h = np.vstack(middles), np.vstack(normals), np.concatenate(sizes)
     R, shift = how.turn(1)
-    there, across = c @ R.T + shift, n @ R.T
-    tree = cKDTree(there)
+    turned, across = c @ R.T + shift, n @ R.T
+    tree = cKDTree(turned)
     facing = 0
     for i, near in enumerate(tree.query_ball_point(c, OVERLAP_DISTANCE_OVER_FACET * h)):
         j = np.array(near, dtype=int)
         opposite = across[j] @ n[i] < OPPOSITE
         facing += bool(
-            (opposite & (abs((there[j] - c[i]) @ n[i]) < TOUCHING_DISTANCE_OVER_FACET * h[i])).any()
+            (
+                opposite & (abs((turned[j] - c[i]) @ n[i]) < TOUCHING_DISTANCE_OVER_FACET * h[i])
+            ).any()
         )
     if facing:
         raise mesh.error(

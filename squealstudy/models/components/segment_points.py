@@ -110,8 +110,8 @@ def _means(
     """Means over the slave facets `some`, all triangles or all quadrilaterals."""
     terms = _integrals(slave, master, some, near, settings)
     functions, share = lagrange_functions
-    whole = terms.area[:, 0]
-    layered = np.flatnonzero(whole > LAYERS * slave.areas[some])
+    total_area = terms.area[:, 0]
+    layered = np.flatnonzero(total_area > LAYERS * slave.areas[some])
     if len(layered):
         raise ModelError(
             f"{master.name}: its facets lie above each other, opposite {len(layered)} facets of "
@@ -119,10 +119,10 @@ def _means(
         )
     constant = np.zeros_like(functions)
     constant[:, 0] = share
-    drawn = _constant_share(terms.area @ functions.T, whole[:, None] * share)[:, None, None]
+    drawn = _constant_share(terms.area @ functions.T, total_area[:, None] * share)[:, None, None]
     functions = (1 - drawn) * functions + drawn * constant  # (facets, points, terms)
     area = np.einsum("spt,st->sp", functions, terms.area)
-    is_covered = whole > MIN_COVERED_SHARE * slave.areas[some]
+    is_covered = total_area > MIN_COVERED_SHARE * slave.areas[some]
     functions[is_covered] /= area[is_covered, :, None]
     n = np.count_nonzero(is_covered) * len(share)
     number = np.full(len(some), -1)

@@ -54,11 +54,11 @@ def rigid_motion(points: Surface, at: np.ndarray) -> sp.csr_matrix:
         Points on a line, or fewer than three.
     """
     try:
-        there = mean_motion(points.points, points.area, at)  # (3, n, 3) of point and axis
+        mean_rows = mean_motion(points.points, points.area, at)  # (3, n, 3) of point and axis
     except ModelError as error:
         raise ModelError(f"{error}: a mass cannot be at another place") from error
     rows = [points.observe(axis) for axis in np.eye(3)]
-    return sum(sp.csr_matrix(there[:, :, a]) @ rows[a] for a in range(3)).tocsr()
+    return sum(sp.csr_matrix(mean_rows[:, :, a]) @ rows[a] for a in range(3)).tocsr()
 
 
 class Coupled(NamedTuple):
@@ -77,31 +77,31 @@ def coupled(
     """
     table = geometry.file.coupling[number]
     keys: KeyPath = ("coupling", number)
-    one, nodes = geometry.nodes(table.node, (*keys, "node"))
+    component, nodes = geometry.nodes(table.node, (*keys, "node"))
     if len(nodes) != 1:
         text = f"{table.node} has {len(nodes)} nodes: expected a set of one node"
         raise PlacedError((*keys, "node"), text)
     node = geometry.points(table.node, (*keys, "node"))[1]
     turn = turn_of(geometry, table.node, node, (*keys, "node"))
     other, face = geometry.face(table.face, (*keys, "face"))
-    if one == other:
-        raise PlacedError(keys, f"expected two components, got two sets of {one}")
+    if component == other:
+        raise PlacedError(keys, f"expected two components, got two sets of {component}")
     surface = face.gauss_points(POINTS)[0]
-    at = geometry.bodies[one].nodes[nodes[0]]
+    at = geometry.bodies[component].nodes[nodes[0]]
     arm = surface.points - at
     moves = [node.observe(axis) for axis in np.eye(3)]
     if table.kind == "distributing":
         mean = rigid_motion(surface, at)
-        translation_rows = [rows((one, moves[a]), (other, -mean[a])) for a in range(3)]
+        translation_rows = [rows((component, moves[a]), (other, -mean[a])) for a in range(3)]
         of_face = turn_of(geometry, table.face, surface, (*keys, "face"))
-        turned = turn_rows((one, turn.by_turns)) - rows((other, of_face.by_displacements))
+        turned = turn_rows((component, turn.by_turns)) - rows((other, of_face.by_displacements))
         moment = surface.area @ (np.sum(arm**2, axis=1)[:, None] - arm**2)
         stiffness = np.append(np.full(3, surface.area.sum()), moment)
         return Coupled(sp.vstack([*translation_rows, turned]).tocsr(), bedding * stiffness)
     relative_rows = []
     for axis, e in enumerate(np.eye(3)):
-        whole = sp.csr_matrix(np.ones((len(arm), 1)))
+        ones = sp.csr_matrix(np.ones((len(arm), 1)))
         by_turn = sp.csr_matrix(np.cross(arm, e)) @ turn.by_turns  # (turn x arm) . e
-        relative = rows((one, whole @ moves[axis]), (other, -surface.observe(e)))
-        relative_rows.append(relative + turn_rows((one, by_turn)))
+        relative = rows((component, ones @ moves[axis]), (other, -surface.observe(e)))
+        relative_rows.append(relative + turn_rows((component, by_turn)))
     return Coupled(sp.vstack(relative_rows).tocsr(), np.tile(bedding * surface.area, 3))

@@ -249,11 +249,12 @@ class _Reader:
             corners = [[at[n] for n in c if n in at] for c, _ in plates]
             corners = [c + [-1] * (4 - len(c)) for c in corners if len(c) >= 3]
             if corners:
-                faces, there = faces_with_corners(mesh, np.array(corners))
+                faces, is_face = faces_with_corners(mesh, np.array(corners))
                 if len(faces):
                     surfaces[name] = faces
-                if not there.all():
-                    why = f"{(~there).sum()} of {len(there)} faces are none of the solid's boundary"
+                if not is_face.all():
+                    missing = f"{(~is_face).sum()} of {len(is_face)} faces"
+                    why = f"{missing} are none of the solid's boundary"
                     notes.append(PassedOver(f"group {name}", self._path, 0, why))
         return replace(
             mesh,

@@ -180,8 +180,8 @@ class Solid:
 
 def brick_nodes(basis: CellBasis) -> np.ndarray:
     """Nodes (n_cells, 20) of 20-node bricks in the order of `SHAPES`."""
-    apart = np.abs(SHAPES["hex20"].places[:, None] - ElementHexS2.doflocs[None]).max(axis=2)
-    nodes: np.ndarray = basis.element_dofs[apart.argmin(axis=1)].T
+    distances = np.abs(SHAPES["hex20"].places[:, None] - ElementHexS2.doflocs[None]).max(axis=2)
+    nodes: np.ndarray = basis.element_dofs[distances.argmin(axis=1)].T
     return nodes
 
 

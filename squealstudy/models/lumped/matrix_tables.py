@@ -36,7 +36,10 @@ def _motion(written: Any) -> Any:
     elif isinstance(written, list):
         if len(written) not in (1, 2):
             raise ValueError(f"expected one coordinate or two, got {len(written)}")
-        pairs = [_signed(one, sign) for one, sign in zip(written, (1.0, -1.0), strict=False)]
+        pairs = [
+            _signed(coordinate, sign)
+            for coordinate, sign in zip(written, (1.0, -1.0), strict=False)
+        ]
     else:
         pairs = [_signed(written, 1.0)]
     names = [name for name, _ in pairs]

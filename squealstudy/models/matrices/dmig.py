@@ -94,8 +94,10 @@ def read_dmig(path: Path, name: str | None = None, square: bool = False) -> Labe
         raise ModelError(f"{path}: the matrix {chosen} has no entries")
     places = np.array(matrix.places, dtype=np.int64)
     values = np.array(matrix.values)
-    whole = not matrix.symmetric
-    return labelled_matrix(places, values, refused, whole, scalars=True, square=square and whole)
+    both_triangles = not matrix.symmetric
+    return labelled_matrix(
+        places, values, refused, both_triangles, scalars=True, square=square and both_triangles
+    )
 
 
 def _is_one(factor: str | None) -> bool:

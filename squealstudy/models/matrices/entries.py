@@ -80,7 +80,7 @@ def symmetric_of_pairs(
     values: np.ndarray,
     n: int,
     refused: Refusal,
-    whole: bool = False,
+    both_triangles: bool = False,
 ) -> sp.csr_matrix:
     """The symmetric matrix (n, n) of entries of either triangle, or of both alike.
 
@@ -91,7 +91,7 @@ def symmetric_of_pairs(
     values : ndarray (m,)
     refused : callable
         Makes the error about an entry.
-    whole : bool
+    both_triangles : bool
         Whether both triangles must be there.
 
     Raises
@@ -102,11 +102,11 @@ def symmetric_of_pairs(
     """
     size = np.abs(values).max(initial=0.0)
     A = square_of_entries(rows, columns, values, n, refused)
-    there = sp.coo_matrix((np.ones(len(values)), (rows, columns)), shape=(n, n)).tocsr()
-    partner = np.asarray(there.T.tocsr()[rows, columns]).ravel() > 0
+    entry_counts = sp.coo_matrix((np.ones(len(values)), (rows, columns)), shape=(n, n)).tocsr()
+    partner = np.asarray(entry_counts.T.tocsr()[rows, columns]).ravel() > 0
     other = np.asarray(A.T.tocsr()[rows, columns]).ravel()
     off = rows != columns
-    if not whole and not (partner & off).any():  # one triangle, or of each pair one
+    if not both_triangles and not (partner & off).any():  # one triangle, or of each pair one
         diagonal = sp.diags(A.diagonal())
         return (A + A.T - diagonal).tocsr()
     wrong = off & (np.abs(values - other) > TRIANGLES_REL_TOLERANCE * size)

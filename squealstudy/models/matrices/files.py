@@ -164,10 +164,10 @@ def _matlab(path: Path, variable: str | None) -> Any:
     if version != MATLAB_5:
         raise ValueError(f"unknown version {version} of MATLAB's format")
     variable_of: dict[str, Variable] = {}
-    for one in variables(content_bytes):
-        if one.name in variable_of:
-            raise ModelError(f"{path} has two variables '{one.name}'")
-        variable_of[one.name] = one
+    for matlab_variable in variables(content_bytes):
+        if matlab_variable.name in variable_of:
+            raise ModelError(f"{path} has two variables '{matlab_variable.name}'")
+        variable_of[matlab_variable.name] = matlab_variable
     return _chosen(variable_of, path, variable).matrix()
 
 

@@ -92,7 +92,7 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
         if taken != -(-count // form.repeat):
             what = f"{taken} lines of ({description}) cannot hold {count} numbers"
             raise text.error(COUNTS_LINE, what)
-        blocks.append(_card_block(text, first, count, form, whole=len(blocks) < 2))
+        blocks.append(_card_block(text, first, count, form, integers=len(blocks) < 2))
         first += taken
     _check_end(text, first)
     pointers, indices, values = blocks
@@ -138,13 +138,13 @@ def _check_end(text: TextFile, end: int) -> None:
 
 
 def _card_block(
-    text: TextFile, first: int, count: int, form: FortranFormat, whole: bool
+    text: TextFile, first: int, count: int, form: FortranFormat, integers: bool
 ) -> CardBlock:
     """So many numbers from a line on."""
     fields: list[str] = []
     pattern = WHOLE_NUMBER if form.whole else REAL
     expected = "a whole number" if form.whole else "a number with a decimal point"
-    if whole and not form.whole:
+    if integers and not form.whole:
         raise text.error(FORMAT_LINE, "expected formats of whole numbers (I) for the places")
     for place in range(first, first + -(-count // form.repeat)):
         n_fields = min(form.repeat, count - len(fields))

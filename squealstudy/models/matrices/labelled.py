@@ -41,7 +41,7 @@ def labelled_matrix(
     places: np.ndarray,
     values: np.ndarray,
     refused: Refusal,
-    whole: bool = False,
+    both_triangles: bool = False,
     scalars: bool = False,
     square: bool = False,
 ) -> LabelledMatrix:
@@ -54,7 +54,7 @@ def labelled_matrix(
     values : ndarray (m,)
     refused : callable
         Makes the error about an entry.
-    whole : bool
+    both_triangles : bool
         Whether an entry without a partner in the other triangle is refused.
     scalars : bool
         Whether a direction 0 is one, of a scalar point: a modal coordinate.
@@ -90,7 +90,7 @@ def labelled_matrix(
     if square:
         matrix = square_of_entries(row, column, values, len(freedoms), refused)
     else:
-        matrix = symmetric_of_pairs(row, column, values, len(freedoms), refused, whole)
+        matrix = symmetric_of_pairs(row, column, values, len(freedoms), refused, both_triangles)
     nodes, directions = np.divmod(freedoms, SLOTS_PER_NODE)
     return LabelledMatrix(numbers[nodes], directions, matrix)
 

@@ -265,8 +265,8 @@ def relative_errors(
     ConvergenceError
         Where there is no finer model.
     """
-    apart = _from_finer(prepared, state, band_hz, modes) / np.abs(modes.lam)
-    return np.maximum(FINER_MODEL_SAFETY_FACTOR * (apart + prepared.basis_error), SAME_ROOT)
+    rel_errors = _from_finer(prepared, state, band_hz, modes) / np.abs(modes.lam)
+    return np.maximum(FINER_MODEL_SAFETY_FACTOR * (rel_errors + prepared.basis_error), SAME_ROOT)
 
 
 def _from_finer(
@@ -295,8 +295,8 @@ def root_distances(
     for state in states:
         with contextlib.suppress(ConvergenceError):
             roots_here = solve_point(prepared, state, band_hz).lam
-            apart = partner_distances(roots_here, solve_point(other, state, margin).lam)
-            distances.append(float((apart / np.abs(roots_here)).max(initial=0.0)))
+            to_partner = partner_distances(roots_here, solve_point(other, state, margin).lam)
+            distances.append(float((to_partner / np.abs(roots_here)).max(initial=0.0)))
     return max(distances, default=np.inf)
 
 

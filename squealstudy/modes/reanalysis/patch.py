@@ -51,8 +51,8 @@ class Box:
 
     def place(self, xi: np.ndarray) -> np.ndarray:
         """Design points (b, d) of local coordinates."""
-        there: np.ndarray = self.middle + xi * (self.high - self.low) / 2
-        return there
+        theta: np.ndarray = self.middle + xi * (self.high - self.low) / 2
+        return theta
 
     def halves(self, axis: int) -> tuple[Box, Box]:
         """The two boxes that a cut across direction `axis` leaves."""

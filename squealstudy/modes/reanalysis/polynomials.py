@@ -85,9 +85,9 @@ def _vandermonde(xi: np.ndarray, powers: tuple[tuple[int, ...], ...]) -> np.ndar
         T[1] = xi
     for k in range(2, highest + 1):
         T[k] = 2.0 * xi * T[k - 1] - T[k - 2]
-    one = np.ones(len(xi))
+    ones = np.ones(len(xi))
     columns = [
-        np.prod([one, *(T[degree, :, j] for j, degree in enumerate(a))], axis=0) for a in powers
+        np.prod([ones, *(T[degree, :, j] for j, degree in enumerate(a))], axis=0) for a in powers
     ]
     return np.stack(columns, axis=1)
 

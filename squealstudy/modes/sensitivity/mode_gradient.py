@@ -176,10 +176,10 @@ def damping_factors(w2: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.nd
     omega = np.sqrt(np.maximum(w2, 0.0))
     rows, columns = (..., slice(None), None), (..., None, slice(None))
     total = omega[rows] + omega[columns]
-    apart = w2[rows] - w2[columns]
-    unequal = np.abs(apart) > EQUAL * np.maximum(np.abs(w2[rows]), np.abs(w2[columns]))
+    differences = w2[rows] - w2[columns]
+    unequal = np.abs(differences) > EQUAL * np.maximum(np.abs(w2[rows]), np.abs(w2[columns]))
     # (omega_i + omega_j) / (w2_i - w2_j), then (omega_i - omega_j) / (w2_i - w2_j)
-    ratio = np.where(unequal, total / np.where(unequal, apart, 1.0), 0.0)
+    ratio = np.where(unequal, total / np.where(unequal, differences, 1.0), 0.0)
     vibrate = np.minimum(w2[rows], w2[columns]) > 0.0
     slope = np.where(vibrate, 1.0 / np.where(vibrate, total, 1.0), np.abs(ratio))
     F = (zeta[rows] + zeta[columns]) * slope + (zeta[rows] - zeta[columns]) * ratio

@@ -298,13 +298,16 @@ def check_same_mesh(name: str, first: Assembly, second: Assembly) -> None:
         np.array_equal(a.coordinates, b.coordinates)
         for a, b in zip(first.components, second.components, strict=True)
     )
-    one, other = first.contact, second.contact
+    contact, other_contact = first.contact, second.contact
     same = same and all(
-        _equal(getattr(one, rows), getattr(other, rows)) for rows in ("N", "T", "T_perp")
+        _equal(getattr(contact, rows), getattr(other_contact, rows))
+        for rows in ("N", "T", "T_perp")
     )
-    same = same and np.array_equal(one.speed_factor, other.speed_factor)
-    if has_own(one.own_friction):
-        same = same and np.array_equal(one.own_friction[:, STATE], other.own_friction[:, STATE])
+    same = same and np.array_equal(contact.speed_factor, other_contact.speed_factor)
+    if has_own(contact.own_friction):
+        same = same and np.array_equal(
+            contact.own_friction[:, STATE], other_contact.own_friction[:, STATE]
+        )
     if not same:
         raise ParameterError(
             name,
@@ -339,8 +342,8 @@ def _check_same_modes(
     """The changed modes must be themselves on both ends of a step: pairs may turn."""
     masses = {c.name: c.M for c in assembly.components}
     for component, mode in {*state.frequency_scale, *state.mode_damping}:
-        one, other = (m[component].phi[:, mode - 1] for m in (modes, others))
-        if abs(one @ (masses[component] @ other)) < SAME_MODE:
+        shape, other_shape = (m[component].phi[:, mode - 1] for m in (modes, others))
+        if abs(shape @ (masses[component] @ other_shape)) < SAME_MODE:
             raise ParameterError(
                 name,
                 f"mode {mode} of {component}, whose frequency or damping this study changes, is "

@@ -240,8 +240,8 @@ def _votes(a: int, b: int, tracks: Tracks, lams: Ragged, shapes: Shapes) -> list
     pairs = pair_modes(lams[a], at_a, lams[b], at_b)
     i = np.flatnonzero((pairs.partner >= 0) & ~pairs.ambiguous & (pairs.trust > JOINING_TRUST))
     tracks_a, tracks_b = tracks.labels[a][i], tracks.labels[b][pairs.partner[i]]
-    apart = ~np.isin(tracks_a, tracks.labels[b]) & ~np.isin(tracks_b, tracks.labels[a])
-    return _ordered(tracks_a[apart], tracks_b[apart])
+    never_together = ~np.isin(tracks_a, tracks.labels[b]) & ~np.isin(tracks_b, tracks.labels[a])
+    return _ordered(tracks_a[never_together], tracks_b[never_together])
 
 
 def _joined(votes: Counter[Pair], labels: Ragged) -> np.ndarray:

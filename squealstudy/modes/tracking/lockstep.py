@@ -179,9 +179,9 @@ def _followed(a: _Ends, b: _Ends, rows: np.ndarray, modes_between: ManyModes) ->
     best, partner = np.full(len(rows), -np.inf), np.full(len(rows), -1)
     each = np.arange(len(rows))
     for end in (a, b):
-        there = end.modes.at(rows)
+        end_modes = end.modes.at(rows)
         pairs = pair_many(
-            there.lam, there.shapes, modes_between.lam, modes_between.shapes, there.lam
+            end_modes.lam, end_modes.shapes, modes_between.lam, modes_between.shapes, end_modes.lam
         )
         end_partner, trust = (
             pairs.partner[each, end.place[rows]],

@@ -133,14 +133,18 @@ class FollowedMode:
         return place is not None
 
     def _found(self, x: float) -> int | None:
-        here = self._samples.at(x)
+        modes_at_x = self._samples.at(x)
         number = bisect_left(self._known, x)
         choices = []
         for neighbour in self._known[max(number - 1, 0) : number + 1]:
-            there, place = self._samples.at(neighbour), self._place[neighbour]
-            pairs = pair_modes(there.lam, there.shapes, here.lam, here.shapes)
-            if pairs.partner[place] >= 0:
-                choices.append((float(pairs.trust[place]), int(pairs.partner[place])))
+            neighbour_modes, neighbour_index = self._samples.at(neighbour), self._place[neighbour]
+            pairs = pair_modes(
+                neighbour_modes.lam, neighbour_modes.shapes, modes_at_x.lam, modes_at_x.shapes
+            )
+            if pairs.partner[neighbour_index] >= 0:
+                choices.append(
+                    (float(pairs.trust[neighbour_index]), int(pairs.partner[neighbour_index]))
+                )
         return max(choices, key=lambda choice: choice[0])[1] if choices else None
 
 
@@ -285,8 +289,8 @@ def exchanged(
     way = np.abs(own_high - own_low)
     from_low, from_high = np.abs(high - own_low[:, None]), np.abs(low - own_high[:, None])
     nearest = np.maximum(from_low.min(axis=1), from_high.min(axis=1))
-    apart: np.ndarray = nearest < CLOSER * way
-    return apart
+    is_exchanged: np.ndarray = nearest < CLOSER * way
+    return is_exchanged
 
 
 def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -123,9 +123,9 @@ def pair_modes(
     band : (low, high) or None
         Of the roots, rad/s, at whose edges modes come and go; None: they do so nowhere.
     """
-    there = lam_a if expected is None else expected
+    expected_lam = lam_a if expected is None else expected
     pairing_of_one = pair_many(
-        lam_a[None], shapes_a[None], lam_b[None], shapes_b[None], there[None], band
+        lam_a[None], shapes_a[None], lam_b[None], shapes_b[None], expected_lam[None], band
     )
     return Pairing(*(part[0] for part in pairing_of_one))
 
@@ -339,7 +339,7 @@ def broken(
     -------
     ended, began : ndarray (ma,), (mb,) of bool
     """
-    (one,) = may_be_one(np.abs(lam_a)[None], np.abs(lam_b)[None], partner[None], band)
+    (may_join,) = may_be_one(np.abs(lam_a)[None], np.abs(lam_b)[None], partner[None], band)
     if lost is not None:
-        one &= lost[:, None]
-    return one.any(axis=1), one.any(axis=0)
+        may_join &= lost[:, None]
+    return may_join.any(axis=1), may_join.any(axis=0)

@@ -67,8 +67,8 @@ def cross_edges(
     n = len(parents)
     if grid_shape is not None:
         index = np.arange(n).reshape(grid_shape, order="F")
-        places = value_orders(np.asarray(coordinates, dtype=float), grid_shape)
-        index = index[np.ix_(*places)] if places else index
+        positions = value_orders(np.asarray(coordinates, dtype=float), grid_shape)
+        index = index[np.ix_(*positions)] if positions else index
         edge_lists = [
             np.column_stack([np.delete(index, -1, k).ravel(), np.delete(index, 0, k).ravel()])
             for k in range(index.ndim)
@@ -78,8 +78,8 @@ def cross_edges(
         x = _unit_box(np.asarray(coordinates, dtype=float))
         edges = np.column_stack(_numbers(_nearest(x, 2 * x.shape[1]), n))
     a, b = edges.T
-    apart: np.ndarray = edges[(parents[a] != b) & (parents[b] != a)]
-    return apart
+    cross: np.ndarray = edges[(parents[a] != b) & (parents[b] != a)]
+    return cross
 
 
 def value_orders(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> list[np.ndarray]:

@@ -304,16 +304,14 @@ def _vanishes(course: LevelTrend) -> bool:
     first, second, third = course.thirds
     if not (first * second > 0 and second * third > 0):
         return False
-    one, two = second / first, third / second
-    if not (0 < two < 1 and one < 1):
+    r1, r2 = second / first, third / second
+    if not (0 < r2 < 1 and r1 < 1):
         return False
-    to_plateau = abs(third) * two / (1 - two)
-    quick = max(one, two) < 0.6 and two <= one + 0.05 and third / first <= 0.35
-    if quick and to_plateau <= MAX_LN_TO_PLATEAU and (one - two <= 0.12 or abs(third) <= 3e-3):
+    to_plateau = abs(third) * r2 / (1 - r2)
+    quick = max(r1, r2) < 0.6 and r2 <= r1 + 0.05 and third / first <= 0.35
+    if quick and to_plateau <= MAX_LN_TO_PLATEAU and (r1 - r2 <= 0.12 or abs(third) <= 3e-3):
         return True
-    return (
-        max(one, two) <= 0.75 and two <= one <= two + 0.12 and to_plateau <= 0.2 * MAX_LN_TO_PLATEAU
-    )
+    return max(r1, r2) <= 0.75 and r2 <= r1 <= r2 + 0.12 and to_plateau <= 0.2 * MAX_LN_TO_PLATEAU
 
 
 def _grows(envelope: Envelope, course: LevelTrend) -> bool:
@@ -335,8 +333,9 @@ def _falls(envelope: Envelope, course: LevelTrend) -> bool:
         if stretch.rise <= -MIN_LN_FALL and _falls_steadily(stretch, envelope.ratio):
             return True
     level = logarithm(envelope.windows.level)
-    whole = float(level[-1] - level[0]) / (len(level) - 1) * (len(level) - envelope.windows.judged)
-    falls = course.rise < -course.error and course.end < MAX_END_PACE_RATIO * whole
+    pace = float(level[-1] - level[0]) / (len(level) - 1)
+    mean_fall = pace * (len(level) - envelope.windows.judged)
+    falls = course.rise < -course.error and course.end < MAX_END_PACE_RATIO * mean_fall
     return envelope.ratio <= REST_RATIO_FALLING and falls
 
 

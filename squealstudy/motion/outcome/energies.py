@@ -98,8 +98,8 @@ def first_window(rows: int) -> slice:
 
 def mean_shares(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
     """The shares (ns,) of `modal_shares` alone."""
-    mean, whole = energies.mean(axis=0), float(total.mean())
-    return mean / whole if whole > 0 else np.zeros(energies.shape[1])
+    mean, mean_total = energies.mean(axis=0), float(total.mean())
+    return mean / mean_total if mean_total > 0 else np.zeros(energies.shape[1])
 
 
 def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
@@ -114,11 +114,11 @@ def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
     total : ndarray (rows,)
         Of all modes, J.
     """
-    mean, whole = energies.mean(axis=0), float(total.mean())
+    mean, mean_total = energies.mean(axis=0), float(total.mean())
     share = mean_shares(energies, total)
-    if not whole > 0:
+    if not mean_total > 0:
         return ModalShares(share=share, low=share, high=share, mean=mean, outside=0.0)
-    _, low, high = mean_interval((energies - share * total[:, None]) / whole)
+    _, low, high = mean_interval((energies - share * total[:, None]) / mean_total)
     return ModalShares(
         share=share,
         low=np.minimum(np.maximum(share + low, 0.0), share),
@@ -165,8 +165,8 @@ def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np
             max(energy_with_mode - energy_so_far, 0.0),
             max(energy_with_mode, energy_so_far),
         )
-    whole = max(energy, energy_so_far)
-    return share / whole if whole > 0 else np.full(m, np.nan)
+    largest_energy = max(energy, energy_so_far)
+    return share / largest_energy if largest_energy > 0 else np.full(m, np.nan)
 
 
 def _projected(product: np.ndarray, overlap: np.ndarray, modes: list[int]) -> float:
@@ -280,13 +280,13 @@ def transfer(
     final = level[end].mean(axis=0)
     grown = np.flatnonzero(total >= GROWTH_PHASE_ENERGY_RATIO * final.sum())
     early = max(1, int(grown[0])) if len(grown) else count
-    whole = np.where(total > 0, total, 1.0)[:, None]
-    first, last = int(np.argmax((level / whole)[:early].mean(axis=0))), int(np.argmax(final))
+    total_energy = np.where(total > 0, total, 1.0)[:, None]
+    first, last = int(np.argmax((level / total_energy)[:early].mean(axis=0))), int(np.argmax(final))
     if first == last:
         return 0, 0, np.nan
     if held is not None:
         within = np.add.reduceat(held, edges, axis=0) / rows[:, None]
-        at_first = (within / whole)[:early].mean(axis=0)
+        at_first = (within / total_energy)[:early].mean(axis=0)
         at_last = within[end].mean(axis=0) / (final.sum() or 1.0)
         if (np.minimum(at_first, at_last) >= LEADING_THROUGHOUT_SHARE).any():
             return 0, 0, np.nan
@@ -305,11 +305,11 @@ def held_energies(run: Motion) -> np.ndarray:
     Whatever its phases: the projection of the velocities on its real and imaginary part. A mode
     of which the sensors see less than half holds nothing.
     """
-    whole = run.point.growing.right
-    sensed_modes = whole[run.sensed - 1]
-    energies = np.zeros((len(run.times), whole.shape[1]))
+    right_vectors = run.point.growing.right
+    sensed_modes = right_vectors[run.sensed - 1]
+    energies = np.zeros((len(run.times), right_vectors.shape[1]))
     for k, x in enumerate(sensed_modes.T):
-        if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(whole[:, k]) ** 2:
+        if np.linalg.norm(x) ** 2 < 0.5 * np.linalg.norm(right_vectors[:, k]) ** 2:
             continue
         axes, size, _ = np.linalg.svd(np.column_stack([x.real, x.imag]), full_matrices=False)
         axes = axes[:, size > DEGENERATE_AXIS_RATIO * size[0]]

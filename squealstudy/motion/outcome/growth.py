@@ -206,8 +206,10 @@ def _late_fall(rising: RisingLogarithm, least: int) -> tuple[int, int] | None:
         return None
     first = len(blocks) - stretch[1]
     pace = (blocks[-1] - blocks[first]) / (len(blocks) - 1 - first)
-    whole = (blocks[-1] - blocks[0]) / (len(blocks) - 1)
-    return (first * width, len(blocks) * width) if pace >= MIN_LATE_PACE_RATIO * whole else None
+    mean_slope = (blocks[-1] - blocks[0]) / (len(blocks) - 1)
+    return (
+        (first * width, len(blocks) * width) if pace >= MIN_LATE_PACE_RATIO * mean_slope else None
+    )
 
 
 def _rises_throughout(rising: RisingLogarithm, least: int) -> bool:
@@ -216,9 +218,11 @@ def _rises_throughout(rising: RisingLogarithm, least: int) -> bool:
     blocks = rising.blocks(max(3, rows // SEARCH_BLOCKS))
     if rows < least or len(blocks) < 8:
         return False
-    whole = straightness(blocks, np.array([0]), np.array([len(blocks)]))
-    rise = float(whole.slope[0]) * len(blocks)
-    return bool(whole.accepted()[0]) and rise > max(LEAST_RISE, 5 * float(whole.error[0]))
+    straightness_of_all = straightness(blocks, np.array([0]), np.array([len(blocks)]))
+    rise = float(straightness_of_all.slope[0]) * len(blocks)
+    return bool(straightness_of_all.accepted()[0]) and rise > max(
+        LEAST_RISE, 5 * float(straightness_of_all.error[0])
+    )
 
 
 def _ceiling(rising: RisingLogarithm) -> float:

@@ -92,8 +92,8 @@ def _period_count(rows: int, width: np.ndarray) -> np.ndarray:
     count = (rows / np.where(has_rows, width, np.inf) * (1 + 1e-12)).astype(int)
     count = np.where(count < SUBWINDOW_COUNTS[-1], 0, count)
     left_over = np.where(count >= 2 * PERIODS_OF_HARMONICS, count % PERIODS_OF_HARMONICS, 0)
-    whole: np.ndarray = count - left_over
-    return whole
+    whole_rows: np.ndarray = count - left_over
+    return whole_rows
 
 
 @dataclass(frozen=True, eq=False)

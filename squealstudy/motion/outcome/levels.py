@@ -156,7 +156,7 @@ class TorqueSums:
     def together(cls, sums: Sequence[TorqueSums]) -> TorqueSums:
         """Of several runs (m, rows)."""
         names = ("mean", "variance", "least", "most")
-        return cls(*(np.array([getattr(one, name) for one in sums]) for name in names))
+        return cls(*(np.array([getattr(part_sums, name) for part_sums in sums]) for name in names))
 
     def at(self, runs: np.ndarray) -> TorqueSums:
         """Of some of several runs."""
@@ -279,8 +279,8 @@ def errors_by_rows(torque: np.ndarray) -> np.ndarray:
     if len(torque) < 4:
         return np.zeros(3)
     halves = (torque, torque[::2], torque[1::2])
-    whole, *others = (np.array([x.std(), x.mean(), np.ptp(x)]) for x in halves)
-    changes: np.ndarray = np.abs(np.array(others) - whole).max(axis=0)
+    of_all_rows, *of_halves = (np.array([x.std(), x.mean(), np.ptp(x)]) for x in halves)
+    changes: np.ndarray = np.abs(np.array(of_halves) - of_all_rows).max(axis=0)
     return changes
 
 

@@ -209,7 +209,7 @@ class _Record:
         for i, a in enumerate(parts):
             for j in range(i + 1):
                 gram[i, j] = gram[j, i] = np.vdot(a, parts[j])
-        whole = self.variance * count / len(self.x)
+        expected = self.variance * count / len(self.x)
 
         terms = CUBIC.T @ gram @ CUBIC  # of the powers of the way from k to k + 1
         square = np.bincount(POWER.ravel(), weights=terms.ravel())
@@ -218,7 +218,7 @@ class _Record:
         ways = np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]])
         squared_residual = np.polynomial.polynomial.polyval(ways, square)
         least = int(np.argmin(squared_residual))
-        return k + float(ways[least]), float(np.sqrt(max(squared_residual[least], 0.0) / whole))
+        return k + float(ways[least]), float(np.sqrt(max(squared_residual[least], 0.0) / expected))
 
     def _multiple(self, period: float, residual: float) -> tuple[float, float]:
         """The period, or the multiple of it at which far less is left: a doubled one."""

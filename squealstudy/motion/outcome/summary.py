@@ -111,12 +111,12 @@ def _changing(run: Motion) -> Summary:
     if not ok or len(run.times) < LEAST_ROWS:
         return Summary(point, [], [])
     unfitted = [GrowthFit(status=CHANGING)] * len(run.point.growing.lam)
-    whole = slice(1, len(run.times))
-    point |= _contact(run, whole) | {
+    all_rows = slice(1, len(run.times))
+    point |= _contact(run, all_rows) | {
         "growth_method": CHANGING,
         "bounds_reason": "speed or pressure change: levels are those of the windows",
     }
-    return Summary(point, [], growth_rows(run, unfitted, CHANGING, whole))
+    return Summary(point, [], growth_rows(run, unfitted, CHANGING, all_rows))
 
 
 def _course(run: Motion) -> dict[str, Any]:

@@ -62,8 +62,8 @@ def plain_levels_of(run: Motion, rows: slice) -> np.ndarray:
 
 def find_lines(runs: Iterable[Motion]) -> None:
     """`judged_line` of runs of a batch."""
-    whole = [(run, judged_part(len(run.times))) for run in runs if len(run.times) > 1]
-    for group in _windows_of_equal_rows(whole):
+    judged_runs = [(run, judged_part(len(run.times))) for run in runs if len(run.times) > 1]
+    for group in _windows_of_equal_rows(judged_runs):
         rows = group[0][1]
         signals, means = (
             np.array([run.history[name][rows] for run, _ in group])
@@ -79,8 +79,8 @@ def find_levels(windows: Iterable[RowsOfRun]) -> None:
     for group in _windows_of_equal_rows(windows):
         torque, sums = _together(group)
         levels = levels_side_by_side(step_of(group[0][0].times), torque, sums)
-        for (run, rows), one in zip(group, levels, strict=True):
-            run.windows[LEVELS, rows.start, rows.stop] = one
+        for (run, rows), run_levels in zip(group, levels, strict=True):
+            run.windows[LEVELS, rows.start, rows.stop] = run_levels
 
 
 def find_plain_levels(windows: Iterable[RowsOfRun]) -> None:
@@ -88,8 +88,8 @@ def find_plain_levels(windows: Iterable[RowsOfRun]) -> None:
     for group in _windows_of_equal_rows(windows):
         torque, sums = _together(group)
         levels = plain_levels_side_by_side(step_of(group[0][0].times), torque, sums)
-        for (run, rows), one in zip(group, levels, strict=True):
-            run.windows[PLAIN, rows.start, rows.stop] = one
+        for (run, rows), run_levels in zip(group, levels, strict=True):
+            run.windows[PLAIN, rows.start, rows.stop] = run_levels
 
 
 def _windows_of_equal_rows(windows: Iterable[RowsOfRun]) -> Iterator[list[RowsOfRun]]:
@@ -105,7 +105,7 @@ def _windows_of_equal_rows(windows: Iterable[RowsOfRun]) -> Iterator[list[RowsOf
 def _together(group: Sequence[RowsOfRun]) -> tuple[np.ndarray, TorqueSums]:
     """Torque (m, rows) at the rows, and its sums between them."""
     every = [TorqueSums.of(run.history, rows) for run, rows in group]
-    sums = TorqueSums.together([one for one in every if one is not None])
+    sums = TorqueSums.together([run_sums for run_sums in every if run_sums is not None])
     return np.array([run.history["torque"][rows] for run, rows in group]), sums
 
 

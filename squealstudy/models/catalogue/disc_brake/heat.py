@@ -38,5 +38,5 @@ def temperature_rise(mesher: BrakeMesher, name: str, z: np.ndarray) -> np.ndarra
         across = np.clip(z / band, 0.0, 1.0) - 0.5
         return v("disc.temperature_rise") + v("disc.temperature_difference") * across
     depth = z - band if name == "outer_pad" else -z
-    whole = v("pad.lining_thickness") + v("pad.plate_thickness")
-    return v("pad.temperature_difference") * (1.0 - depth / whole)
+    thickness = v("pad.lining_thickness") + v("pad.plate_thickness")
+    return v("pad.temperature_difference") * (1.0 - depth / thickness)
