@@ -6,11 +6,12 @@ and its bounds.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
+from squealstudy.motion.outcome.slope_bounds import block_means, slope_interval
 from squealstudy.motion.outcome.straight_stretch import best_stretch, straightness
 
 # how a rate was found: along the fastest complex mode; from the energy where none is followed
@@ -25,9 +26,6 @@ SEARCH_BLOCKS = 64  # resolution of the window's ends
 # change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
 NOISE_LN_CHANGE = 0.5
 LEAST_RISE = 0.05  # of ln|xi| over a record that never bends; less is a stationary signal
-FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
-MAX_CORRELATION = 0.3
-SQUARE_ROUND_OFF = 1e-20  # sum of squares of a curve, up to which it is straight
 MIN_LATE_PACE_RATIO = 0.5  # pace of the end of a fall over that of the whole: less is a floor
 
 
@@ -64,7 +62,12 @@ class GrowthFit:
 
 
 def fit_growth(
-    time: np.ndarray, amplitude: np.ndarray, until: float = np.inf, *, period: float = 0.0
+    time: np.ndarray,
+    amplitude: np.ndarray,
+    until: float = np.inf,
+    *,
+    period: float = 0.0,
+    others: Sequence[np.ndarray] = (),
 ) -> GrowthFit:
     """Fit |amplitude| = c exp(rate t) where the signal itself is exponential.
 
@@ -90,6 +93,8 @@ def fit_growth(
     period : float
         Of the slowest motion in a real envelope, s: a fit lasts whole ones of them, five at least.
         Zero for an envelope that does not ripple.
+    others : sequence of ndarray (rows,) complex
+        Of other modes: what they leave in this one is part of the bounds.
     """
     size = np.abs(amplitude)
     if not np.isfinite(size).all() or not size.any():
@@ -110,7 +115,9 @@ def fit_growth(
     window = window[0], whole_periods(*window, rows_per_period)
     time, log, part = (x[slice(*window)] for x in (time, log, amplitude))
     begin, end = float(time[0]), float(time[-1])
-    rate, half_width, middle, level = slope_interval(log, (end - begin) / (len(time) - 1), real)
+    mixed = [mode[:rows][slice(*window)] / part for mode in others if part.all()]
+    pace = (end - begin) / (len(time) - 1)
+    rate, half_width, middle, level = slope_interval(log, pace, real, mixed)
     onset_level = float(np.log(ONSET_LEVEL_RATIO)) + end_level
     time_to_onset = (onset_level - level) / rate if rate > half_width else np.nan
     return GrowthFit(
@@ -193,6 +200,21 @@ def growth_window(rising: RisingLogarithm, least: int) -> tuple[int, int] | str:
     return stretch[0] * width, stretch[1] * width
 
 
+def bend_time(time: np.ndarray, amplitude: np.ndarray) -> float:
+    """When a complex amplitude (rows,) that rises nears its final level; inf of one that does not.
+
+    Its first row where it has that level all along, beside which nothing is small motion.
+    """
+    size = np.abs(amplitude)
+    if len(size) < LEAST_ROWS or not np.isfinite(size).all() or not size.any():
+        return np.inf
+    rising = RisingLogarithm.of(np.log(np.maximum(size, 1e-12 * median_of(size[size > 0]))), False)
+    if rising.sign < 0 or _rises_throughout(rising, least_rows(amplitude)):
+        return np.inf
+    level = _ceiling(rising) + float(np.log(SHORT_WINDOW_END_LEVEL_RATIO))
+    return float(time[min(rising.first_above(level), len(time) - 1)])
+
+
 def _late_fall(rising: RisingLogarithm, least: int) -> tuple[int, int] | None:
     """The straight stretch that a fall ends with, where motion is smallest; None of a floor."""
     rows = len(rising.log)
@@ -256,81 +278,3 @@ def _noisy_blocks(log: np.ndarray, width: int) -> int:
     cut = log[: len(log) // width * width].reshape(-1, width)
     noisy = np.flatnonzero(np.abs(np.diff(cut, axis=1)).mean(axis=1) > NOISE_LN_CHANGE)
     return int(noisy[-1]) + 1 if len(noisy) else 0
-
-
-def block_means(log: np.ndarray, width: int, real: bool) -> np.ndarray:
-    """Means of the logarithm over blocks of rows; of a real envelope the logarithm of its RMS.
-
-    A rippling envelope comes close to zero, where the mean of its logarithm would be ruled by
-    the dips; noise on a complex amplitude leaves the mean of the logarithm unbiased instead.
-    """
-    cut = log[: len(log) // width * width].reshape(-1, width)
-    if not real:
-        return np.asarray(cut.mean(axis=1))
-    peak = cut.max(axis=1)
-    return np.asarray(peak + 0.5 * np.log(np.exp(2 * (cut - peak[:, None])).mean(axis=1)))
-
-
-def slope_interval(log: np.ndarray, step: float, real: bool) -> tuple[float, float, float, float]:
-    """Line through block means of a logarithm (rows,) whose rows are `step` seconds apart.
-
-    Returns
-    -------
-    slope, half_width : float
-        1/s, and half of its 95 % interval: HC3 variance, Student's t, widened by the correlation
-        that twelve blocks still have, and at least the distance to the slope of a vanishing
-        amplitude.
-    time, level : float
-        Mean time from the first row [s] and mean of the blocks: a point of the line.
-    """
-    for count in FIT_BLOCKS:
-        width = max(1, len(log) // count)
-        y = block_means(log, width, real)
-        x = step * width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
-        slope = float(x @ y / (x @ x))
-        residual = y - y.mean() - slope * x
-        sum_of_squares = float(residual @ residual)
-        products = float(residual[1:] @ residual[:-1])
-        rho = products / sum_of_squares + 2.0 / len(y) if sum_of_squares > 0 else 0.0
-        if rho < MAX_CORRELATION:
-            break
-    leverage = 1.0 / len(y) + x**2 / (x @ x)
-    error = float(np.sqrt(np.sum((x * residual / (1 - leverage)) ** 2))) / float(x @ x)
-    rho = min(max(rho, 0.0), 0.9)
-    correlation_factor = float(np.sqrt((1 + rho) / (1 - rho)))
-    half_width = float(special.stdtrit(len(y) - 2, 0.975)) * error * correlation_factor
-    half_width = max(half_width, _beyond_line(x, residual, slope, correlation_factor))
-    return slope, half_width, step * (0.5 * len(y) * width - 0.5), float(y.mean())
-
-
-def _beyond_line(
-    x: np.ndarray, residual: np.ndarray, slope: float, correlation_factor: float
-) -> float:
-    """Distance from a line's slope to that of a vanishing amplitude [1/s], less a standard error.
-
-    Growth a (1 + b r^m) that depends on the amplitude r, m = 1 or 2, bends the logarithm by a term
-    in r^m = exp(m slope x), which is fitted beside the line. m = 1 gives the larger distance.
-
-    Parameters
-    ----------
-    x, residual : ndarray (m,)
-        Times from the middle [s], and the logarithm less the line.
-    slope : float
-        1/s.
-    correlation_factor : float
-        Factor on standard errors by correlation.
-    """
-    log_growth = slope * x
-    curve = np.exp(log_growth - log_growth.max())
-    curve -= curve.mean()
-    linear_part = float(x @ curve) / float(x @ x)
-    curve -= linear_part * x
-    sum_of_squares = float(curve @ curve)
-    if not sum_of_squares > SQUARE_ROUND_OFF:
-        return 0.0
-    coefficient = float(curve @ residual) / sum_of_squares
-    remainder = residual - coefficient * curve
-    error = (
-        float(np.sqrt(remainder @ remainder / (len(x) - 3) / sum_of_squares)) * correlation_factor
-    )
-    return abs(linear_part) * max(abs(coefficient) - error, 0.0)

@@ -14,10 +14,11 @@ from squealstudy.motion.outcome.energies import (
     moving_energy,
     slowest_period,
 )
-from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, fit_growth
+from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, bend_time, fit_growth
 from squealstudy.motion.outcome.verdict import MIN_ENERGY_SHARE
 from squealstudy.wording import STABLE, SUSTAINED
 
+MIN_BENDING_SHARE = 0.01  # of the most energy of a mode, with which one ends the others' fits
 NOT_LINEAR = "not_linear"  # what moves along a left vector at another frequency than its mode
 # relative: how far a frequency may be from that of the mode at the step, of 300 runs at most 1e-3;
 # from that of the mode, where what the step makes of it is not known
@@ -30,12 +31,19 @@ def has_moved(run: Motion) -> bool:
 
 
 def mode_fits(run: Motion) -> list[GrowthFit]:
-    """Growth of each followed complex mode, until the first of them bends."""
-    fits: list[GrowthFit] = []
-    for k in range(len(run.point.growing.lam)):
-        until = fits[0].stop if k and fits[0].status == "ok" else np.inf
-        fit = fit_growth(run.times, run.xi(k), until) if has_moved(run) else GrowthFit()
-        fits.append(_as_integrated(run, k, fit))
+    """Growth of each followed complex mode, until the first of them bends that has much energy."""
+    count = len(run.point.growing.lam)
+    if not has_moved(run):
+        return [GrowthFit()] * count
+    xi = [run.xi(k) for k in range(count)]
+    energy = run.point.growing.energy * np.array([np.abs(x).max() ** 2 for x in xi])
+    ends = np.array([bend_time(run.times, x) for x in xi]) if count > 1 else np.full(1, np.inf)
+    ends[energy < MIN_BENDING_SHARE * energy.max()] = np.inf
+    fits = []
+    for k in range(count):
+        others = xi[:k] + xi[k + 1 :]
+        until = float(np.delete(ends, k).min(initial=np.inf))
+        fits.append(_as_integrated(run, k, fit_growth(run.times, xi[k], until, others=others)))
     return fits
 
 
