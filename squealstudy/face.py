@@ -140,14 +140,14 @@ class Study:
             plain = (
                 setting.tolist() if hasattr(setting, "tolist") else setting
             )  # of numpy and pandas
-            place = next((i for i, s in enumerate(sweeps) if s.get("parameter") == name), None)
+            position = next((i for i, s in enumerate(sweeps) if s.get("parameter") == name), None)
             if isinstance(plain, list | tuple):
                 swept = [{"parameter": name, "values": list(plain)}]
-                at = len(sweeps) if place is None else place
-                sweeps[at : at + 1] = swept
+                index = len(sweeps) if position is None else position
+                sweeps[index : index + 1] = swept
                 continue
-            if place is not None:
-                del sweeps[place]
+            if position is not None:
+                del sweeps[position]
             parameters = dict(tables.get("parameters", {}))
             if name in parameters or "[" in name:
                 tables["parameters"] = {**parameters, name: plain}

@@ -79,11 +79,11 @@ def sentence(error: Exception) -> str | None:
     code = _code(error)
     if code is None:
         return str(error) if isinstance(error, OSError) else None
-    place = getattr(error, "filename", None)
-    if code == errno.ENOENT and not place:
+    path = getattr(error, "filename", None)
+    if code == errno.ENOENT and not path:
         return NO_TEMPORARY if "temporary" in str(error) else NO_DIRECTORY
     text = REFUSED.get(code) or os.strerror(code)
-    return f"{place}: {text}" if place else text
+    return f"{path}: {text}" if path else text
 
 
 def raise_if_memory(error: RuntimeError) -> None:

@@ -106,10 +106,10 @@ def others_may_write(path: Path) -> bool:
     """
     if not hasattr(os, "geteuid"):
         return False
-    for place in (path.resolve(), *path.resolve().parents):
-        state = place.stat()
+    for folder in (path.resolve(), *path.resolve().parents):
+        state = folder.stat()
         others = stat.S_IWOTH | (stat.S_IWGRP if state.st_gid != state.st_uid else 0)
-        is_sticky = place != path.resolve() and state.st_mode & stat.S_ISVTX  # as /tmp
+        is_sticky = folder != path.resolve() and state.st_mode & stat.S_ISVTX  # as /tmp
         if state.st_uid not in (0, os.geteuid()) or (state.st_mode & others and not is_sticky):
             return True
     return False

@@ -205,8 +205,8 @@ def with_error(value: float, error: float) -> str:
     decimals = 1 - int(f"{error:.1e}".partition("e")[2])
     if decimals > LEAST_DIGITS:
         return f"{value:.4g} +- {error:.2g}"
-    places = max(decimals, 0)
-    return f"{round(value, decimals):.{places}f} +- {round(error, decimals):.{places}f}"
+    n = max(decimals, 0)
+    return f"{round(value, decimals):.{n}f} +- {round(error, decimals):.{n}f}"
 
 
 def small_percent(share: float) -> str:
@@ -267,14 +267,14 @@ def amount(value: float, unit: str, largest: float | None = None, digits: int = 
 
 def knots_text(knots_between: Mapping[str, Sequence[float]], units: Mapping[str, str]) -> str:
     """Where tables bend between design points; empty where they do at none."""
-    places = [
+    texts = [
         f"{name} {listed([f'{knot:g}' for knot in knots])} {units.get(name, '')}".rstrip()
         for name, knots in knots_between.items()
     ]
     text = (
         "between values of the sweep, where nothing is solved: what grows there alone is not seen"
     )
-    return f"tables have knots at {' and at '.join(places)}, {text}" if places else ""
+    return f"tables have knots at {' and at '.join(texts)}, {text}" if texts else ""
 
 
 def moment(seconds: float) -> str:
@@ -311,8 +311,8 @@ def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str
     for word, same_word in ranges:
         first, last = (amount(v, unit, largest) for v in (same_word[0], same_word[-1]))
         first = first.removesuffix(shown_unit).rstrip()  # 0.1 to 0.3 m/s
-        place = f"{first} to {last} ({len(same_word)} points)" if len(same_word) > 1 else last
-        texts.append(f"{word} at {name} {place}")
+        range_text = f"{first} to {last} ({len(same_word)} points)" if len(same_word) > 1 else last
+        texts.append(f"{word} at {name} {range_text}")
     return ", ".join(texts)
 
 

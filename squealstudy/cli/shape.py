@@ -110,11 +110,11 @@ def _shapes(
     results: Results, point: str | None, modes: str | None, track: int | None
 ) -> list[Shape]:
     """The shapes asked for, of one design point."""
-    place = _row_or_id(results, point)
+    point_row = _row_or_id(results, point)
     if modes is not None and track is not None:
         raise ResultsError("expected --mode or --track, got both")
     if modes is None or modes in (ALL, UNSTABLE):
-        row, numbers = chosen_modes(results, place, None, track)
+        row, numbers = chosen_modes(results, point_row, None, track)
         point_modes = results.modes[
             results.modes["point_id"] == results.points["point_id"].iloc[row]
         ]
@@ -134,7 +134,7 @@ def _shapes(
             )
         numbers = list(dict.fromkeys(map(int, mode_texts)))
         for number in numbers:
-            row, _ = chosen_modes(results, place, number)
+            row, _ = chosen_modes(results, point_row, number)
     source = point_shapes(results, row)
     return [source.shape(number) for number in numbers]
 
@@ -257,8 +257,8 @@ def _location(results: Results, row: int) -> str:
     points, units = results.points, results.units
     varied = [name for name in results.parameters if points[name].nunique() > 1]
     texts = [f"{name} {amount(points[name].iloc[row], units.get(name, ''))}" for name in varied]
-    at = f"at {', '.join(texts)}, " if 0 < len(texts) <= MOST_PLACED else "at "
-    return f"{at}design point {row}"
+    prefix = f"at {', '.join(texts)}, " if 0 < len(texts) <= MOST_PLACED else "at "
+    return f"{prefix}design point {row}"
 
 
 def _of_vectors(results: Results, track: int) -> Rows:
@@ -333,8 +333,8 @@ def names(results: Results, tracks: Iterable[int]) -> Rows:
         text = f"{row['name']}, at {row['n_named']} of {plural(row['n_points'], 'point')} looked at"
         text += f"; changes: {row['others']}" if row["changes"] else ""
         rows.append((track_number(track), text))
-        place = f"design point {shape.label.row}, {shape.frequency_hz:.0f} Hz"
-        rows.append(("", f"{place}: {name_of(shape).text}; {figures_of(shape)}"))
+        label = f"design point {shape.label.row}, {shape.frequency_hz:.0f} Hz"
+        rows.append(("", f"{label}: {name_of(shape).text}; {figures_of(shape)}"))
     keep_track_names(results.store, table)
     return rows
 

@@ -74,11 +74,11 @@ class Balance:
             self._rows = [osc.rows @ V for V in vectors]
         sizes = np.array([len(K) for K in self.K])
         starts = np.concatenate([[0], np.cumsum([*sizes, *sizes[1:]])]).tolist()
-        places = [slice(a, b) for a, b in itertools.pairwise(starts)]
-        # of each harmonic the places of cosines and of sines; the mean has none
-        self.parts = [places[:1], *zip(places[1:count], places[count:], strict=True)]
+        blocks = [slice(a, b) for a, b in itertools.pairwise(starts)]
+        # of each harmonic the blocks of cosines and of sines; the mean has no sines
+        self.parts = [blocks[:1], *zip(blocks[1:count], blocks[count:], strict=True)]
         self.size = int(starts[-1])
-        self._orders = np.repeat(self.rule.order, [p.stop - p.start for p in places])
+        self._orders = np.repeat(self.rule.order, [p.stop - p.start for p in blocks])
         everything = np.arange(self.size)
         mean, cosines, sines = (everything[: sizes[0]], *np.split(everything[sizes[0] :], 2))
         self._turned_from = np.concatenate([mean, sines, cosines])

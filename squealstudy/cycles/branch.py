@@ -83,8 +83,8 @@ class Loop:
         self._share = np.inf
         self._last: PeriodicMotion | None = None
 
-    def back(self, place: np.ndarray, motion: PeriodicMotion) -> bool:
-        """Whether the step to this motion, whose last unknowns are `place`, passes the start.
+    def back(self, coordinates: np.ndarray, motion: PeriodicMotion) -> bool:
+        """Whether the step to this motion, whose last unknowns are `coordinates`, passes the start.
 
         Told of every step.
         """
@@ -93,9 +93,9 @@ class Loop:
             with contextlib.suppress(ConvergenceError):  # it stays as it was given
                 self._start = self._near(self._start, DAMPING_HELD)
             self._at = self._place(self._start)
-            self._first, self._from = place - self._at, place
+            self._first, self._from = coordinates - self._at, coordinates
             return False
-        self._chord = chord = place - self._from
+        self._chord = chord = coordinates - self._from
         away = self._at - self._from
         self._share = share = float(away @ chord / (chord @ chord))
         aside = np.linalg.norm(away - share * chord)
@@ -105,7 +105,7 @@ class Loop:
         )
         if near and chord @ self._first > 0.0 and self._same(between(last, motion, share)):
             return True
-        self._from = place
+        self._from = coordinates
         return False
 
     def passed(self, motion: PeriodicMotion) -> bool:

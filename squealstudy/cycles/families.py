@@ -101,17 +101,17 @@ def families(
         raise ConvergenceError("diverges", "steady sliding diverges without oscillation")
     any_unstable = bool(unstable.any()) or contact.point.growing.n_outside > 0
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
-    places = np.flatnonzero(inside)
-    slow = 1 + np.flatnonzero(lam[places].real > -screen)
+    unstable_rows = np.flatnonzero(inside)
+    slow = 1 + np.flatnonzero(lam[unstable_rows].real > -screen)
     numbers = slow.tolist() if wanted is None else list(wanted)
-    if max(numbers, default=0) > len(places):
-        count = len(places)
+    if max(numbers, default=0) > len(unstable_rows):
+        count = len(unstable_rows)
         text = f"mode {max(numbers)} of {count} modes in the band: 'families' names them by number"
         raise ConvergenceError("no_mode", text)
 
-    silent = _silent(near, contact, psi[:, places], unstable[places])
+    silent = _silent(near, contact, psi[:, unstable_rows], unstable[unstable_rows])
     followed_families: dict[int, Family] = {}
-    modes = {n: (complex(lam[k]), psi[:, k]) for n, k in enumerate(places, start=1)}
+    modes = {n: (complex(lam[k]), psi[:, k]) for n, k in enumerate(unstable_rows, start=1)}
     for number in numbers:
         silent_family = silent.get(number)
         served = silent_family and _silent_nearby(contact, *modes[number], search, silent_family)
@@ -122,13 +122,15 @@ def families(
         ]:  # what grew there may go on in it
             followed_families[number] = _family(contact, *modes[number], search, tolerance)
     judged_families = []
-    for number, k in enumerate(places, start=1):
+    for number, k in enumerate(unstable_rows, start=1):
         family = followed_families.get(number, Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED))
         if number in followed_families or unstable[k]:
             judged_families.append((number, judged(family, bool(unstable[k]), any_unstable)))
     last = [(number, alone(number, family, judged_families)) for number, family in judged_families]
-    outside = any_unstable and not unstable[places].any()
-    return Followed(last, len(places) - len(followed_families), outside, psi[:, places])
+    outside = any_unstable and not unstable[unstable_rows].any()
+    return Followed(
+        last, len(unstable_rows) - len(followed_families), outside, psi[:, unstable_rows]
+    )
 
 
 def _silent(
@@ -238,8 +240,8 @@ def _family(
         if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
             lost = 0
     shown = _curve_rows(contact, curve)
-    place = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
-    furthest = curve[place].motion
+    fastest = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
+    furthest = curve[fastest].motion
     return Family(
         lam,
         tuple(cycles),

@@ -310,10 +310,10 @@ def _averaged(
     arrays = weights, osc.C / omega, osc.K / omega**2, local.by_w / omega, local.by_y / omega**2
     cast: list[np.ndarray] = [A.astype(precision) for A in arrays]
     weights, C, K, by_w, by_y = cast
-    places = np.arange(1 - finer, finer)
+    offsets = np.arange(1 - finer, finer)
 
     def mean(D: np.ndarray, step: int) -> np.ndarray:
-        near = D[(finer * step + places) % len(D)]
+        near = D[(finer * step + offsets) % len(D)]
         return osc.projected(np.tensordot(weights, near, 1))
 
     return (lambda step: C - mean(by_w, step), lambda step: K - mean(by_y, step))

@@ -250,7 +250,7 @@ def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
     curves of two designs go different ways, as where one of them has met another branch, they are.
     """
     path = [p.motion for p in curve if not p.event]
-    places = np.unique(np.linspace(0, len(path) - 1, N_FIRST_ORDER_POINTS).round().astype(int))
+    checked = np.unique(np.linspace(0, len(path) - 1, N_FIRST_ORDER_POINTS).round().astype(int))
     projection = Projection.on_harmonics_of(osc, path[0])
     if projection.complete:
         return True
@@ -258,7 +258,7 @@ def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
         return all(
             _rel_distance(projection.weight, m, m.changed(projection.correction(m, True)))
             < MAX_REL_DISTANCE
-            for m in (path[k] for k in places)
+            for m in (path[k] for k in checked)
         )
     except ConvergenceError:
         return False

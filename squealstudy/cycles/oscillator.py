@@ -115,9 +115,9 @@ class Oscillator:
             turned: np.ndarray = np.swapaxes(self.projected(np.swapaxes(D, -1, -2)), -1, -2)
             return turned
         pushed = np.zeros((*D.shape[:-2], len(rows), self.n), D.dtype)
-        for place, row in enumerate(rows):
+        for index, row in enumerate(rows):
             for column in np.flatnonzero(used[row]):
-                pushed[..., place, :] += D[..., row, column, None] * B[:, column]
+                pushed[..., index, :] += D[..., row, column, None] * B[:, column]
         left_rows = B[:, rows].reshape(-1, self.n)
         projected: np.ndarray = left_rows.T @ pushed.reshape(*D.shape[:-3], -1, self.n)
         return projected

@@ -172,9 +172,9 @@ class Ended:
         """In words."""
         if self.outcome == DECAYS:
             return f"{self.start}: {DECAYS}"
-        at = f" near {self.mode_hz:.4g} Hz" if np.isfinite(self.mode_hz) else ""
+        mode_text = f" near {self.mode_hz:.4g} Hz" if np.isfinite(self.mode_hz) else ""
         why = f" ({self.why})" if self.why else ""
-        return f"{self.start}: {self.found.replace('_', ' ')}{at}{why}"
+        return f"{self.start}: {self.found.replace('_', ' ')}{mode_text}{why}"
 
     @property
     def nothing_told(self) -> str:

@@ -218,10 +218,10 @@ def _searched(family: Family, look: SecondLook) -> str:
     limit = f" (not further: {100 * GIVE_UP_DAMPING_RATIO:g} % of damping missing)"
     limit *= family.end == DAMPED
     on = f" on the curve of {family.origin}, a design nearby" if family.origin else ""
-    places = plural(look.checked, "amplitude")
+    checked = plural(look.checked, "amplitude")
     return (
         f"no cycle up to a contact velocity of {family.reached:.3g} m/s{on}{limit}, checked at "
-        f"{places} with up to {look.harmonics} harmonics; cycles apart from this curve were not "
+        f"{checked} with up to {look.harmonics} harmonics; cycles apart from this curve were not "
         "searched"
     )
 

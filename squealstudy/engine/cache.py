@@ -177,17 +177,17 @@ _watching: list[set[Path]] = []
 @contextmanager
 def touched() -> Iterator[set[Path]]:
     """Collects folders of values and files of working points that are written or read inside."""
-    places: set[Path] = set()
-    _watching.append(places)
+    paths: set[Path] = set()
+    _watching.append(paths)
     try:
-        yield places
+        yield paths
     finally:
-        _watching.remove(places)
+        _watching.remove(paths)
 
 
-def _touch(place: Path) -> None:
+def _touch(path: Path) -> None:
     for watched in _watching:
-        watched.add(place)
+        watched.add(path)
 
 
 def folders_of(key: str) -> list[Path]:
@@ -197,13 +197,13 @@ def folders_of(key: str) -> list[Path]:
     return [folder for folder in folders if is_whole(folder)]
 
 
-def contents(place: Path) -> dict[str, bytes]:
+def contents(folder: Path) -> dict[str, bytes]:
     """Files by name of a folder of a value, or a file of working points, to be sent elsewhere."""
-    files = [place] if place.is_file() else [p for p in place.iterdir() if p.is_file()]
+    files = [folder] if folder.is_file() else [p for p in folder.iterdir() if p.is_file()]
     return {file.name: file.read_bytes() for file in files}
 
 
-def keep_contents(place: Path, files: Mapping[str, bytes]) -> None:
+def keep_contents(folder: Path, files: Mapping[str, bytes]) -> None:
     """Keep what `contents` gave in another cache.
 
     Raises
@@ -211,23 +211,23 @@ def keep_contents(place: Path, files: Mapping[str, bytes]) -> None:
     OSError
         Where it is not as it was written, or not of the cache.
     """
-    inside = not {"..", "."} & set(place.parts) and all(Path(n).name == n for n in files)
-    if not (inside and place.is_relative_to(cache_directory() / MODELS)):
-        raise OSError(f"{place}: not of the cache")
-    if place.suffix == GAPS_SUFFIX:
+    inside = not {"..", "."} & set(folder.parts) and all(Path(n).name == n for n in files)
+    if not (inside and folder.is_relative_to(cache_directory() / MODELS)):
+        raise OSError(f"{folder}: not of the cache")
+    if folder.suffix == GAPS_SUFFIX:
         for name, content in files.items():
             if hashlib.sha256(content).hexdigest() == Path(name).stem:
-                _remove_links(place.parent)
-                write_bytes(place.with_name(name), content)
+                _remove_links(folder.parent)
+                write_bytes(folder.with_name(name), content)
         return
-    if is_whole(place):
+    if is_whole(folder):
         return
-    with _appearing(place) as temporary:
+    with _appearing(folder) as temporary:
         for name, content in files.items():
             (temporary / name).write_bytes(content)
         if not is_whole(temporary):
             shutil.rmtree(temporary, ignore_errors=True)
-            raise OSError(f"{place}: not as it was written")
+            raise OSError(f"{folder}: not as it was written")
 
 
 # -- prepared models -----------------------------------------------------------------------------

@@ -38,12 +38,12 @@ def client_of(scheduler: str) -> Client:
     """A client of a scheduler, by its address or its file."""
     from distributed import Client
 
-    place = Path(scheduler)
-    if "://" not in scheduler and not place.is_file():
+    scheduler_file = Path(scheduler)
+    if "://" not in scheduler and not scheduler_file.is_file():
         raise MachineError(
             f"{scheduler}: expected the address of a scheduler, tcp://host:8786, or its file"
         )
-    by_file: dict[str, Any] = {"scheduler_file": scheduler} if place.is_file() else {}
+    by_file: dict[str, Any] = {"scheduler_file": scheduler} if scheduler_file.is_file() else {}
     try:
         return Client(
             **by_file or {"address": scheduler},

@@ -107,7 +107,7 @@ def answer(
         for parcel in parcels:
             _unpack(parcel)
         function, task = pickle.loads(call)
-        with threadpool_limits(1), touched() as places:
+        with threadpool_limits(1), touched() as touched_paths:
             try:
                 task_result = function(task)
             except Exception as error:
@@ -115,7 +115,7 @@ def answer(
                     raise
                 raise MachineError(f"{type(error).__name__}: {error}") from None
         models = prepared_path("")
-        names = {place.relative_to(models).as_posix(): place for place in places}
+        names = {path.relative_to(models).as_posix(): path for path in touched_paths}
         return Answer(
             task_result, {name: contents(names[name]) for name in names.keys() - names_here}
         )
@@ -176,7 +176,7 @@ _unpacked: set[str] = set()
 def _unpack(parcel: Parcel) -> None:
     """Write files of the caller's cache to this worker's cache."""
     for name, files in parcel.items():
-        place = prepared_path(name)
-        if name not in _unpacked or not place.exists():
-            keep_contents(place, files)
+        folder = prepared_path(name)
+        if name not in _unpacked or not folder.exists():
+            keep_contents(folder, files)
             _unpacked.add(name)

@@ -191,8 +191,8 @@ class PlannedNames:
         """Place (n,) int32 of each point's key among them."""
         if len(self.structures) == len(self._keys):
             return self._values.structure_index
-        place = np.array([self.structures.index(key) for key in self._keys], dtype=np.int32)
-        return place[self._values.structure_index]
+        index = np.array([self.structures.index(key) for key in self._keys], dtype=np.int32)
+        return index[self._values.structure_index]
 
     @cached_property
     def _hashes(self) -> list[str]:
@@ -365,9 +365,9 @@ class DesignPoints(Sequence[DesignPoint]):
         for start in range(0, len(self), POINTS_PER_BLOCK):
             rows = slice(start, start + POINTS_PER_BLOCK)
             names = self.ids[rows].tolist()
-            places = self.structure_index[rows].tolist()
+            structure_numbers = self.structure_index[rows].tolist()
             columns = [x[rows].tolist() for x in v.varied.values()]
-            for i, (name, place) in enumerate(zip(names, places, strict=True)):
+            for i, (name, number) in enumerate(zip(names, structure_numbers, strict=True)):
                 varied_values = {k: x[i] for k, x in zip(v.varied, columns, strict=True)}
                 values = {**v.common, **varied_values}
-                yield DesignPoint(v.model, v.options, values, name.decode(), keys[place])
+                yield DesignPoint(v.model, v.options, values, name.decode(), keys[number])

@@ -45,7 +45,7 @@ def longest_entry(handle: IO[bytes], part: pq.ColumnChunkMetaData, little: float
 
 
 def _number(digits: bytes) -> int:
-    return sum((digit & 0x7F) << (7 * place) for place, digit in enumerate(digits))
+    return sum((digit & 0x7F) << (7 * position) for position, digit in enumerate(digits))
 
 
 def _unpacked(page: bytes, compression: str, size: int) -> Any:

@@ -51,10 +51,10 @@ def source_hash(packages: tuple[str, ...] = NUMERIC_PACKAGES) -> str:
     root = PACKAGE_FOLDER
     digest = hashlib.sha256()
     for package in packages:
-        place = root / package
-        if not place.exists():
-            raise FileNotFoundError(f"no source to hash: {place}")
-        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
+        folder = root / package
+        if not folder.exists():
+            raise FileNotFoundError(f"no source to hash: {folder}")
+        for path in [folder] if folder.is_file() else sorted(folder.rglob("*.py")):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:HASH_DIGITS]

@@ -111,9 +111,9 @@ def end_motion(results: ResultTables, row: int) -> EndMotion:
     lam, psi = shapes.lam[oscillating_rows], shapes.psi[:, oscillating_rows]
     scale = np.sqrt(np.maximum(w2, 0.0))
     rows, overlap = mode_planes(w2, lam, phi.T @ psi)
-    at = coordinates(rows @ (phi.T @ q), rows @ (phi.T @ v))
+    planes = coordinates(rows @ (phi.T @ q), rows @ (phi.T @ v))
     total = float(((scale * (phi.T @ q)) ** 2).sum() + v @ v)
-    b = at.ravel()
+    b = planes.ravel()
     inside = float(b @ np.linalg.lstsq(overlap, b, rcond=1e-12)[0])
     size = (np.abs(psi) ** 2).sum(axis=0) * np.vdot(U, U).real
     return EndMotion(
@@ -121,7 +121,7 @@ def end_motion(results: ResultTables, row: int) -> EndMotion:
         number=oscillating_rows + 1,
         lam=lam,
         mac=np.abs(psi.conj().T @ U) ** 2 / size,
-        share=(at**2).sum(axis=1) / total,
+        share=(planes**2).sum(axis=1) / total,
         residual=max(0.0, 1.0 - inside / total),
     )
 

@@ -100,10 +100,10 @@ def _listed_file(source_hash: str) -> Path | None:
     folder = _list() / source_hash
     try:
         entry = unsealed((folder / ENTRY_FILE).read_bytes())
-        places = [Path(entry["path"]), folder / Path(entry["name"]).name]
+        candidates = [Path(entry["path"]), folder / Path(entry["name"]).name]
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    for path in places:
+    for path in candidates:
         try:
             if hash_of(path) == source_hash:
                 return path

@@ -179,8 +179,8 @@ def shared_task(plan: Plan, point: DesignPoint) -> SharedTask | None:
     common_range = plan.shared_range
     if common_range is None or not common_range.holds(point.values):
         return None
-    places = [plan.design({**point.values, **place}) for place in common_range.places()]
-    return SharedTask(plan.shared_key(point), tuple(places), common_range.tests)
+    designs = [plan.design({**point.values, **values}) for values in common_range.places()]
+    return SharedTask(plan.shared_key(point), tuple(designs), common_range.tests)
 
 
 def shared_key(plan: Plan) -> str:
@@ -214,16 +214,16 @@ class BuiltOnBasis:
 
         Operating points of one design ask for the same few: the last ones are kept.
         """
-        place = (self.key, *(values[name] for name in self.names))
-        if place not in _built:
+        key = (self.key, *(values[name] for name in self.names))
+        if key not in _built:
             assembly, basis = self.build(values), _loaded(self.key)
             if not basis.serves(assembly):
                 return assembly
             blocks = [np.asarray(block) for block in basis.blocks]
-            _built[place] = projected(assembly, blocks).sparse()
-            while len(_built) > max(MOST_ENTRIES // _entries(_built[place]), 1):
+            _built[key] = projected(assembly, blocks).sparse()
+            while len(_built) > max(MOST_ENTRIES // _entries(_built[key]), 1):
                 del _built[next(iter(_built))]
-        return _built[place]
+        return _built[key]
 
 
 _built: dict[tuple[object, ...], Assembly] = {}

@@ -38,13 +38,13 @@ def squeal_text(results: ResultTables, others: Sequence[ResultTables]) -> str:
         heard = float(row.get("torque_line_hz", np.nan))  # a motion may repeat after many periods
         if not abs(heard / predicted - 1.0) <= MAX_REL_SHIFT:
             return ""
-    places = [
+    settings = [
         setting(name, row[name], results.units.get(name, ""))
         for name in results.swept
         if name in row and pd.notna(row[name])
     ]
-    at = f", at {', '.join(places)}" if places else ""
-    text = f"The squeal at {in_digits(heard)} Hz{at}, is the complex mode predicted at "
+    where = f", at {', '.join(settings)}" if settings else ""
+    text = f"The squeal at {in_digits(heard)} Hz{where}, is the complex mode predicted at "
     text += f"{in_digits(predicted)} Hz there, with a growth rate of {growth:+.3g} 1/s"
     names = (_name(other, results, row, predicted) for other in others)
     return f"{text}{next(filter(None, names), '')}."

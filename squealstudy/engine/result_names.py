@@ -40,7 +40,7 @@ def end_of(path: Path) -> Path | None:
         end = path.resolve()
     except (RuntimeError, OSError):  # of a circle, up to Python 3.12
         return None
-    is_circle = any(place.is_symlink() for place in (end, *end.parents))
+    is_circle = any(parent.is_symlink() for parent in (end, *end.parents))
     return None if is_circle else end
 
 

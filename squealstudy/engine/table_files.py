@@ -46,11 +46,11 @@ def read_file(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     with pq.ParquetFile(path, metadata=file.metadata, read_dictionary=few) as coded:
         table = coded.read(columns=chosen)
     # texts are written out only here, once a row, from those that are there: half the time
-    for place, field in enumerate(table.schema):
+    for index, field in enumerate(table.schema):
         if pa.types.is_dictionary(field.type):
             stored_field = file.schema_arrow.field(field.name)
             table = table.set_column(
-                place, stored_field, table.column(place).cast(stored_field.type)
+                index, stored_field, table.column(index).cast(stored_field.type)
             )
     return table
 

@@ -102,8 +102,8 @@ def parameter_reasons(plan: Plan) -> list[BrokenRule]:
             broken_rules.append(_beyond_limit(rule, np.maximum.reduce(damped), limit))
     broken_rules.append(_damped_modes(plan))
     for table in plan.study.model.tables:
-        for name, at in zip(table.over, table.at, strict=True):
-            low, high = at[0], at[-1]
+        for name, knots in zip(table.over, table.at, strict=True):
+            low, high = knots[0], knots[-1]
             rule = f"the table of {table.name} is over {name} from {low:g} to {high:g}, {name}"
             values, slack = points.column(name), TABLE_END_SLACK * (high - low)
             rows = np.flatnonzero(~((values >= low - slack) & (values <= high + slack)))

@@ -33,8 +33,8 @@ NOT_KNOWN, RUN_IN_TIME = 2, 3
 def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
     """Verdicts and cycles of some design points, and what a map can show of them."""
     unit = results.units.get(TORQUE, "N m")
-    place = pd.Series(np.arange(len(points)), index=points["point_id"])
-    tables = {name: _of_points(results.table(name), place) for name in NUMBERS}
+    row_of_id = pd.Series(np.arange(len(points)), index=points["point_id"])
+    tables = {name: _of_points(results.table(name), row_of_id) for name in NUMBERS}
     tables["cycles"] = _with_runs(tables["cycles"], tables["verdicts"])
     content: Content = {"unit": unit}
     for name, table in tables.items():
@@ -83,9 +83,9 @@ def _numbers(column: pd.Series) -> np.ndarray:
     return numbers
 
 
-def _of_points(table: pd.DataFrame, place: pd.Series) -> pd.DataFrame:
+def _of_points(table: pd.DataFrame, row_of_id: pd.Series) -> pd.DataFrame:
     """Rows of a table that belong to design points of the page, with the place of these."""
-    rows = place.reindex(table["point_id"]).to_numpy(dtype=float)
+    rows = row_of_id.reindex(table["point_id"]).to_numpy(dtype=float)
     is_shown = np.isfinite(rows)
     return table[is_shown].assign(row=rows[is_shown].astype(int))
 

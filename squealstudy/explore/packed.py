@@ -46,8 +46,8 @@ def packed_exact(values: np.ndarray | pd.Series) -> Packed:
 
 def packed_words(words: Sequence[str], order: Sequence[str]) -> Packed:
     """Words (n,) by their place among those of `order`, which must hold them all."""
-    places = {word: place for place, word in enumerate(order)}
-    return packed_whole(np.array([places[word] for word in words], dtype=int))
+    index_of = {word: index for index, word in enumerate(order)}
+    return packed_whole(np.array([index_of[word] for word in words], dtype=int))
 
 
 def unpacked(packed: Packed) -> np.ndarray:

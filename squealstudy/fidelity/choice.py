@@ -97,8 +97,8 @@ class Choice:
     def with_untried(self, ladder: Sequence[Setting], tried: Collection[str]) -> Choice:
         """The same with the rungs beyond those tried of a ladder, where no neighbour is known."""
         labels = [rung.label for rung in ladder]
-        at = [labels.index(label) for label in tried]
-        below, above = min(at) - 1, max(at) + 1
+        positions = [labels.index(label) for label in tried]
+        below, above = min(positions) - 1, max(positions) + 1
         cheaper, dearer = self.cheaper, self.dearer
         if cheaper == UntriedSetting() and below >= 0:
             cheaper = UntriedSetting(labels[below])
@@ -151,9 +151,9 @@ def choose(
     else:
         chosen = min(front, key=lambda c: c.cost)
         reason = f"the budget of {budget:g} s buys not even the cheapest setting"
-    at = front.index(chosen)
-    cheaper = front[at - 1] if at > 0 else UntriedSetting()
-    dearer = front[at + 1] if at + 1 < len(front) else UntriedSetting()
+    position = front.index(chosen)
+    cheaper = front[position - 1] if position > 0 else UntriedSetting()
+    dearer = front[position + 1] if position + 1 < len(front) else UntriedSetting()
     return Choice(chosen, cheaper, dearer, reason)
 
 

@@ -244,10 +244,10 @@ def _better(fidelity: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[s
             better |= ALL_MODES if chosen_here else {}
             words_of += ["all modes"] if chosen_here else []
             continue
-        at = [dict(r.changes) for r in ladder].index(chosen_here)
-        if at + 1 < len(ladder):
-            better |= ladder[at + 1].changes
-            words_of.append(ladder[at + 1].label)
+        position = [dict(r.changes) for r in ladder].index(chosen_here)
+        if position + 1 < len(ladder):
+            better |= ladder[position + 1].changes
+            words_of.append(ladder[position + 1].label)
     if "transient.step" not in better:  # explicit, or the last rung
         step = 0.5 * float(changes.get("transient.step", fidelity.study.section.step))
         better["transient.step"] = step

@@ -116,14 +116,21 @@ class RunSearch:
 
         From twice the step of the trials on; longer ones are tried where that pays.
         """
-        at = max(0, min(TRIAL_STEP, len(ladder) - 1) - 1)
-        settings = self._refined(ladder[at:], RICHARDSON_FACTOR)
-        while at > 0 and settings[0].error <= self.share and self._pays(ladder[at].changes):
-            at -= 1
-            longer, shorter = (self.measure(ladder[k].changes) for k in (at, at + 1))
+        position = max(0, min(TRIAL_STEP, len(ladder) - 1) - 1)
+        settings = self._refined(ladder[position:], RICHARDSON_FACTOR)
+        while (
+            position > 0
+            and settings[0].error <= self.share
+            and self._pays(ladder[position].changes)
+        ):
+            position -= 1
+            longer, shorter = (self.measure(ladder[k].changes) for k in (position, position + 1))
             error = RICHARDSON_FACTOR * self.fidelity.error(longer, shorter)
             settings.insert(
-                0, TriedSetting(ladder[at].label, ladder[at].changes, error, longer.seconds)
+                0,
+                TriedSetting(
+                    ladder[position].label, ladder[position].changes, error, longer.seconds
+                ),
             )
         self._keep(STEP, settings)
 
@@ -204,8 +211,8 @@ def interior_pilots(plan: Plan, count: int) -> list[int]:
     span = np.ptp(X, axis=0)
     X = (X - X.min(axis=0)) / np.where(span > 0, span, 1.0)
     chosen: list[int] = []
-    for place in (0.75, 0.4, 0.9, 0.55, 0.65, 0.25, 0.85, 0.5):
-        order = np.argsort(np.abs(X - place).max(axis=1), kind="stable")
+    for share in (0.75, 0.4, 0.9, 0.55, 0.65, 0.25, 0.85, 0.5):
+        order = np.argsort(np.abs(X - share).max(axis=1), kind="stable")
         chosen += [int(i) for i in order if i not in chosen][:1]
     chosen += [i for i in range(len(X)) if i not in chosen]
     return chosen[:count]

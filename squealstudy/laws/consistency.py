@@ -98,7 +98,8 @@ class Tried:
         size = abs(x) or size
         h = DIFFERENCE_REL_STEP * size
         low, middle, high = (
-            self(*arguments[:k], at, *arguments[k + 1 :])[result] for at in (x - h, x, x + h)
+            self(*arguments[:k], shifted, *arguments[k + 1 :])[result]
+            for shifted in (x - h, x, x + h)
         )
         differences = (high - low) / (2 * h), (high - middle) / h, (middle - low) / h  # a kink
         noise = SLOPE_ROUND_OFF * abs(middle) / size

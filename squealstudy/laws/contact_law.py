@@ -90,11 +90,11 @@ class ContactLawDefinition(LawDefinition):
         by default half of the gap over which the pressure changes by its size. ModelError where
         they contradict.
         """
-        (pressure, potential), at = self._tried, f"at g = {g:g} m"
+        (pressure, potential), where = self._tried, f"at g = {g:g} m"
         p, tangent = pressure(g, *values)
         scale = abs(p) / tangent if p and tangent > 0 else abs(g) or TEST_INTERVAL_M
-        pressure.expect_slope(f"dp/dg {at}", -tangent, (g, *values), 0, scale)
-        potential.expect_slope(f"-p, which is dU/dg, {at}", -p, (g, *values), 0, scale)
+        pressure.expect_slope(f"dp/dg {where}", -tangent, (g, *values), 0, scale)
+        potential.expect_slope(f"-p, which is dU/dg, {where}", -p, (g, *values), 0, scale)
         names = tuple(p.name for p in self.parameters)
         if self.mean_pressure is not None:
             d = width or 0.5 * scale
@@ -102,7 +102,7 @@ class ContactLawDefinition(LawDefinition):
             found = mean(g, d, *values)[0]
             ends = [potential(g + side * d / 2, *values)[0] for side in (-1, 1)]
             expected = (ends[0] - ends[1]) / d
-            text = f"is {found:g} {at}, the potential gives {expected:g} Pa"
+            text = f"is {found:g} {where}, the potential gives {expected:g} Pa"
             mean.expect_same(found, expected, SLOPE_REL_TOLERANCE, text)
         if self.gap_at is not None and p > 0:
             inverse = Tried(self.name, self.gap_at, ("p", *names), ("g",))
@@ -113,9 +113,9 @@ class ContactLawDefinition(LawDefinition):
             array = Tried(self.name, flat(_of_one(self.evaluate)), ("g", *names), ("p", "-dp/dg"))
             found_p, found_tangent = array(g, *values)
             array.expect_same(
-                found_p, p, EQUAL_REL_TOLERANCE, f"p is {found_p:g} {at}, pressure gives {p:g}"
+                found_p, p, EQUAL_REL_TOLERANCE, f"p is {found_p:g} {where}, pressure gives {p:g}"
             )
-            text = f"-dp/dg is {found_tangent:g} {at}, pressure gives {tangent:g}"
+            text = f"-dp/dg is {found_tangent:g} {where}, pressure gives {tangent:g}"
             array.expect_same(found_tangent, tangent, EQUAL_REL_TOLERANCE, text)
         if self.slopes is not None:
             pressure.expect_slopes(_of_one(self.slopes), (g, *values), self.parameters, scale)

@@ -90,15 +90,15 @@ class FrictionCurveDefinition(LawDefinition):
         """
         mu, arguments = self._tried, (s, p, friction, *values)
         coefficient, by_speed, by_pressure = mu(*arguments)
-        at = f"at s = {s:g} m/s, p = {p:g} Pa"
-        mu.expect_slope(f"dmu/ds {at}", by_speed, arguments, 0)
-        mu.expect_slope(f"dmu/dp {at}", by_pressure, arguments, 1, TEST_PRESSURES[0])
+        where = f"at s = {s:g} m/s, p = {p:g} Pa"
+        mu.expect_slope(f"dmu/ds {where}", by_speed, arguments, 0)
+        mu.expect_slope(f"dmu/dp {where}", by_pressure, arguments, 1, TEST_PRESSURES[0])
         if by_pressure and not self.pressure_dependent:
-            raise mu.error(f"dmu/dp is {by_pressure:g} {at}, expected pressure_dependent")
+            raise mu.error(f"dmu/dp is {by_pressure:g} {where}, expected pressure_dependent")
         if mu(s, p, 0.0, *values)[0]:
-            raise mu.error(f"expected mu to be 0 {at} with a friction of 0")
+            raise mu.error(f"expected mu to be 0 {where} with a friction of 0")
         if self.constant is not None and self.constant(*values):
-            text = f"is {coefficient:g} {at}, where it is constant {friction:g} is expected"
+            text = f"is {coefficient:g} {where}, where it is constant {friction:g} is expected"
             mu.expect_same(coefficient, friction, EQUAL_REL_TOLERANCE, text)
         if self.slopes is not None:
             known = (OF_FRICTION, *self.parameters)
@@ -176,13 +176,13 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
         return self.at(friction, 0.0, p).mu
 
     def slopes(self, friction: float, s: Number, p: np.ndarray) -> np.ndarray:
-        """Derivatives of mu, dmu/ds, dmu/dp, as they stand in `at` (k, 3, 1 or n).
+        """Derivatives of mu, dmu/ds, dmu/dp, as they stand in `pressures` (k, 3, 1 or n).
 
         By s, by p, by friction and by each of the curve's parameters in turn; by central
         differences, to some 1e-9 of their size, for a curve that does not give them.
         """
-        at = p if self.definition.pressure_dependent else np.zeros(1)
-        return curve_slopes(self.definition, s, at, (float(friction), *self.parameters))
+        pressures = p if self.definition.pressure_dependent else np.zeros(1)
+        return curve_slopes(self.definition, s, pressures, (float(friction), *self.parameters))
 
 
 def curve_slopes(

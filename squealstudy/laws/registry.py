@@ -248,8 +248,10 @@ class Law(Generic[D]):
 
     def with_value(self, name: str, value: float) -> Self:
         """The law with another value of a parameter."""
-        at = self.names.index(name)
-        return replace(self, parameters=(*self.parameters[:at], value, *self.parameters[at + 1 :]))
+        index = self.names.index(name)
+        return replace(
+            self, parameters=(*self.parameters[:index], value, *self.parameters[index + 1 :])
+        )
 
 
 def at_points(function: Callable[..., Any], n_out: int, *arguments: Any) -> np.ndarray:

@@ -62,6 +62,6 @@ def stacked(
     filled = np.full((len(findings), *shape), nothing, dtype=kind)
     for number, array in enumerate(arrays):
         if array is not None:
-            place = (number, *(slice(size) for size in array.shape))
-            filled[place] = array  # type: ignore[index]
+            entries = (number, *(slice(size) for size in array.shape))
+            filled[entries] = array  # type: ignore[index]
     return filled

@@ -55,8 +55,8 @@ def _check_all(parameter: StudyParameter, array: np.ndarray) -> None:
     finite = np.isfinite(array)
     if not finite.all():
         parameter.check(float(array[np.argmin(finite)]))
-    for place in (np.argmin(array), np.argmax(array), np.argmin(np.abs(array))):
-        parameter.check(float(array[place]))
+    for position in (np.argmin(array), np.argmax(array), np.argmin(np.abs(array))):
+        parameter.check(float(array[position]))
 
 
 def checked_number(
@@ -186,5 +186,5 @@ class Values:
         _, first, structure = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(structure.ravel(), kind="stable")
         cuts = np.cumsum(np.bincount(structure.ravel()))[:-1]
-        for place, numbers in zip(first, np.split(order, cuts), strict=True):
-            yield self.point(int(place)), numbers
+        for position, numbers in zip(first, np.split(order, cuts), strict=True):
+            yield self.point(int(position)), numbers

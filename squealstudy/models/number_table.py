@@ -82,12 +82,12 @@ def read_columns(path: Path, names: Sequence[str]) -> tuple[list[int], list[list
                 f"{path.name}, line {number}: {what} '{name}', expected a line of names "
                 f"with {expected}, got {shown(', '.join(words))}{hint}"
             )
-    places = [titles.index(name) for name in names]
+    columns = [titles.index(name) for name in names]
     rows = []
     for line, cells in lines:
         if len(cells) != len(titles):
             raise ModelError(
                 f"{path.name}, line {line}: expected {len(titles)} cells, got {len(cells)}"
             )
-        rows.append(numbers_of(path, line, [cells[place] for place in places], len(names)))
+        rows.append(numbers_of(path, line, [cells[column] for column in columns], len(names)))
     return [line for line, _ in lines], rows

@@ -49,22 +49,22 @@ def curve_of(options: Mapping[str, str | int]) -> FrictionCurveDefinition:
     return FRICTION_CURVES[str(options.get(FRICTION_OPTION.name, DEFAULT_CURVE))]
 
 
-def law_parameter(key: str, curve: FrictionCurveDefinition, place: KeyPath) -> Parameter:
+def law_parameter(key: str, curve: FrictionCurveDefinition, keys: KeyPath) -> Parameter:
     """The parameter of the study's law that a contact has a value of; PlacedError: of another."""
     parameters = parameters_of(curve)
     if key not in parameters:
         laws = " or ".join(law_keys()[key])
         text = f"it belongs to {FRICTION_OPTION.name} {laws}, and the study's is {curve.name}"
-        raise PlacedError(place, text)
+        raise PlacedError(keys, text)
     return parameters[key]
 
 
-def check_number(parameter: Parameter, key: str, number: float, place: KeyPath) -> None:
+def check_number(parameter: Parameter, key: str, number: float, keys: KeyPath) -> None:
     """PlacedError where a parameter, written as `key`, cannot be a number."""
     try:
         parameter.check(float(number))
     except ParameterError as error:
-        raise PlacedError(place, error.message.replace(f"'{key}' ", "")) from None
+        raise PlacedError(keys, error.message.replace(f"'{key}' ", "")) from None
 
 
 def check_row(curve: FrictionCurveDefinition, row: Sequence[float], keys: KeyPath) -> None:

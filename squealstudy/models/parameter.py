@@ -110,9 +110,9 @@ class ParameterTable:
         return entries.reshape(columns[0].shape) if columns[0].ndim else float(entries[0])
 
 
-def _at(table: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _at(table: np.ndarray, position: np.ndarray) -> np.ndarray:
     """The entries (..., count) of a table (..., knots, count) at a knot of each column."""
-    knots = np.broadcast_to(place, (*table.shape[:-2], 1, len(place)))
+    knots = np.broadcast_to(position, (*table.shape[:-2], 1, len(position)))
     entries: np.ndarray = np.take_along_axis(table, knots, axis=-2)[..., 0, :]
     return entries
 

@@ -47,13 +47,13 @@ class Rotors:
     radius: float | None = None
     unturned: str = ""
 
-    def around(self, places: np.ndarray) -> np.ndarray:
+    def around(self, points: np.ndarray) -> np.ndarray:
         """Velocity of places (..., 3) [m] at 1 rad/s, m/s."""
-        return np.cross(self.direction, places - self.point)
+        return np.cross(self.direction, points - self.point)
 
 
 def convective_elements(
-    rotors: Rotors, N: np.ndarray, slopes: np.ndarray, places: np.ndarray, mass: np.ndarray
+    rotors: Rotors, N: np.ndarray, slopes: np.ndarray, points: np.ndarray, mass: np.ndarray
 ) -> np.ndarray:
     """Integrals (e, k, k) of rho N_a dN_b/dtheta of elements, kg at 1 rad/s.
 
@@ -64,24 +64,24 @@ def convective_elements(
         Functions at integration points.
     slopes : ndarray (e, q, k, 3)
         Their gradients, 1/m.
-    places : ndarray (e, q, 3)
+    points : ndarray (e, q, 3)
         The points, m.
     mass : ndarray (e, q)
         Density times weight, kg.
     """
-    along = np.matmul(slopes, rotors.around(places)[..., None])[..., 0]  # dN/dtheta (e, q, k)
+    along = np.matmul(slopes, rotors.around(points)[..., None])[..., 0]  # dN/dtheta (e, q, k)
     elements: np.ndarray = np.matmul(N.T, mass[..., None] * along)
     return elements
 
 
-def gyroscopic(convective: sp.csr_matrix, places: np.ndarray, name: str) -> sp.csr_matrix:
+def gyroscopic(convective: sp.csr_matrix, points: np.ndarray, name: str) -> sp.csr_matrix:
     """Gyroscopic matrix A - A^T (n, n) of 1 rad/s, kg.
 
     Parameters
     ----------
     convective : csr_matrix (n, n)
         A, the sum of `convective_elements` over nodes, or over degrees of freedom.
-    places : ndarray (n, 3)
+    points : ndarray (n, 3)
         Where these are, m, for messages.
     name : str
         Of the component.
@@ -97,9 +97,9 @@ def gyroscopic(convective: sp.csr_matrix, places: np.ndarray, name: str) -> sp.c
     excess = symmetric - MOST_SYMMETRIC * size
     worst = int(np.argmax(excess))
     if excess[worst] > NEGLIGIBLE_ROW * size.max():
-        place = ", ".join(f"{1e3 * x:.4g}" for x in places[worst])
+        where = ", ".join(f"{1e3 * x:.4g}" for x in points[worst])
         raise ModelError(
-            f"{name} is not symmetric about its axis of rotation: near ({place}) mm a face of it, "
+            f"{name} is not symmetric about its axis of rotation: near ({where}) mm a face of it, "
             "or of another density, stands across the rotation"
         )
     return skew

@@ -55,7 +55,7 @@ def worst_errors(
     -------
     worst : ndarray (count,)
         Of |lam|; 0 where no root is judged.
-    at : ndarray (count,) of int
+    worst_modes : ndarray (count,) of int
         Which of the m roots, -1 where none.
     """
     size = np.abs(lam)
@@ -63,10 +63,10 @@ def worst_errors(
     relative = error[judged] / np.maximum(size[judged], np.finfo(float).tiny)
     relative = np.where(np.isnan(relative), 0.0, relative)
     order = np.argsort(relative, kind="stable")
-    worst, at = np.zeros(count), np.full(count, -1)
+    worst, worst_modes = np.zeros(count), np.full(count, -1)
     worst[point[judged[order]]] = relative[order]  # the largest of a point comes last
-    at[point[judged[order]]] = judged[order]
-    return worst, at
+    worst_modes[point[judged[order]]] = judged[order]
+    return worst, worst_modes
 
 
 def damping_ratios(lam: np.ndarray) -> np.ndarray:

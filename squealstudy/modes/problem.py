@@ -144,12 +144,12 @@ class Reader:
             self._normal = np.asarray(model.N if V is None else model.N @ V)
             self._springs = np.asarray(model.K_springs if V is None else V.T @ model.K_springs @ V)
 
-    def energies(self, at: Linearisation, X: np.ndarray) -> np.ndarray:
+    def energies(self, linearisation: Linearisation, X: np.ndarray) -> np.ndarray:
         """Share of each component, then of the interfaces, in the elastic energy (c + 1, m)."""
         if not isinstance(self._model, ReducedModel):
             return np.zeros((0, X.shape[1]))
         psi = X if self._V is None else product(self._V, X)
-        named = StructureWeights.of(at.weights)
+        named = StructureWeights.of(linearisation.weights)
         components = component_energies(self._model, named, psi)
         return energy_shares(components, self._springs, self._normal, named, X)
 

@@ -237,8 +237,8 @@ def _fault_of(rung: Rung, error: Exception, text: str) -> ExtensionError:
     path = Path(inspect.getfile(type(rung)))
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if Path(frame.filename) == path]
-    at = f"line {lines[-1]}: " if lines else ""
-    return ExtensionError(path, f"{at}rung '{rung.name}': {text}")
+    where = f"line {lines[-1]}: " if lines else ""
+    return ExtensionError(path, f"{where}rung '{rung.name}': {text}")
 
 
 def beyond_tolerance(rung: Rung, problem: Problem, modes: PointModes) -> str:

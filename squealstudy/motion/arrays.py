@@ -137,9 +137,9 @@ def schedule_arrays(
             if x is not None:
                 load[: len(x)] = x
     terms_by_speed = np.zeros_like(modal.turning)
-    for G, place in zip((x.turning for x in schedules), modal.turning_of, strict=True):
-        if G is not None and place >= 0:
-            terms_by_speed[place, : len(G), : len(G)] = G
+    for G, index in zip((x.turning for x in schedules), modal.turning_of, strict=True):
+        if G is not None and index >= 0:
+            terms_by_speed[index, : len(G), : len(G)] = G
     staying = modal.turning - terms_by_speed
     return layout.ScheduleArrays(times, rows, speeds, loads, staying, terms_by_speed)
 

@@ -283,7 +283,7 @@ class MotionPoint:
         own_friction = getattr(system, "own_friction", NO_OWN_FRICTION)
         if not has_own(own_friction):
             return first, np.zeros(len(system.area))
-        rows, begins, places = [first], {}, np.zeros(len(own_friction))
+        rows, begins, law_numbers = [first], {}, np.zeros(len(own_friction))
         for i, unmoved in enumerate(is_unmoved(own_friction, system.speed_factor)):
             if not (unmoved or np.isfinite(own_friction[i, COEFFICIENT:]).any()):
                 continue
@@ -291,8 +291,8 @@ class MotionPoint:
             if key not in begins:
                 begins[key] = sum(map(len, rows))
                 rows.append(law_row(self.contact, self._own_law(own_friction[i], bool(unmoved))))
-            places[i] = begins[key]
-        return np.concatenate(rows), places
+            law_numbers[i] = begins[key]
+        return np.concatenate(rows), law_numbers
 
     def _own_law(self, own_friction: np.ndarray, unmoved: bool) -> FrictionLaw:
         """Friction of a point that has its own; of one without imposed sliding a constant."""

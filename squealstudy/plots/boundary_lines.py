@@ -67,8 +67,8 @@ def stability_boundary(
     chains = list(_chains(segments))
     lines = [np.array([finder.place(edge) for edge in chain]) for chain in chains]
     solved = [finder.place(edge) for chain in chains for edge in chain if finder.is_refined(edge)]
-    at = np.array(solved).reshape(-1, 2)
-    return Boundary(lines, at, len(finder.on_lines), finder.refined)
+    solved_points = np.array(solved).reshape(-1, 2)
+    return Boundary(lines, solved_points, len(finder.on_lines), finder.refined)
 
 
 def _segments(
@@ -151,12 +151,12 @@ class _Crossings:
         if self._along is None:
             return distance
         along, other = self._xy[:, self._along], self._xy[:, 1 - self._along]
-        places = defaultdict(list)
+        crossings_by_line = defaultdict(list)
         for edge in self.on_lines:
             a, b = along[list(edge)]
-            places[other[edge[0]]].append(a + self._part_on_line(edge) * (b - a))
+            crossings_by_line[other[edge[0]]].append(a + self._part_on_line(edge) * (b - a))
         order = np.argsort(other, kind="stable")
-        for line, crossings in places.items():
+        for line, crossings in crossings_by_line.items():
             first, last = (np.searchsorted(other, line, side, order) for side in ("left", "right"))
             group_rows = order[first:last]
             distance[group_rows] = np.abs(along[group_rows][:, None] - np.array(crossings)).min(

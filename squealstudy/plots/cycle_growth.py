@@ -95,14 +95,14 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
     rate = 0.5 * curves["added_damping"].to_numpy(float)
     fastest = curves.assign(rate=rate).groupby("mode")["rate"].max().sort_values(ascending=False)
     figure, axes = one_panel(ax, 8.5, 5.4)
-    for place, mode in enumerate(fastest.index):
+    for rank, mode in enumerate(fastest.index):
         of_mode = (curves["mode"] == mode).to_numpy(bool)
         x, y = curves["contact_velocity"].to_numpy(float)[of_mode], rate[of_mode]
         hz = float(curves["frequency_hz"].to_numpy(float)[of_mode][0])
-        named = place < MAX_COLOURED_FAMILIES
+        named = rank < MAX_COLOURED_FAMILIES
         style: dict[str, Any] = {"color": GREY}
         if named:
-            style = {"color": COLOURS[place], "label": f"mode {mode}, {hz:.0f} Hz"}
+            style = {"color": COLOURS[rank], "label": f"mode {mode}, {hz:.0f} Hz"}
         axes.plot(x, y, linewidth=1.5, **style)
         zero = (curves["event"].to_numpy(str) == "C")[of_mode]
         stable = _stable(results.table("cycles"), design["point_id"], mode, x[zero])
@@ -124,7 +124,7 @@ def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure
     legend_of(figure, ax, labelled(axes))
     verdict = str(design["verdict"]).replace("_", " ")
     names = parameter_columns(points, varied=True)
-    at = describe(design, points, names, results.units)
-    title = f"{at}: {verdict}" if at else verdict
+    design_text = describe(design, points, names, results.units)
+    title = f"{design_text}: {verdict}" if design_text else verdict
     axes.set_title(title + (f"; grey: {others} others" if others > 0 else ""), fontsize=10)
     return figure

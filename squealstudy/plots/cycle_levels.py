@@ -232,11 +232,11 @@ def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: s
                 named.add(is_stable)
                 axes.plot(x[start : k + 1], y[start : k + 1], linewidth=1.6, zorder=1, **style)
                 start = k
-        for place in np.flatnonzero(event):
-            axes.plot(x[place], y[place], "D", color=DARK, markersize=4, zorder=3, clip_on=False)
+        for index in np.flatnonzero(event):
+            axes.plot(x[index], y[index], "D", color=DARK, markersize=4, zorder=3, clip_on=False)
             axes.annotate(
-                branch["event"].iloc[place],
-                (x[place], y[place]),
+                branch["event"].iloc[index],
+                (x[index], y[index]),
                 xytext=(5, 5),
                 textcoords="offset points",
                 fontsize=9,

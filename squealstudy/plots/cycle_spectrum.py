@@ -86,8 +86,8 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     axes.set_xlim(0.4, len(level) + 0.6)
     finish(axes, f"Harmonic of {hz:.1f} Hz", f"{what.capitalize()} [{unit}]")
     design = points[(points["point_id"] == cycle_row["point_id"]).to_numpy(bool)].iloc[0]
-    at = describe(design, points, parameter_columns(points, varied=True), results.units)
+    design_text = describe(design, points, parameter_columns(points, varied=True), results.units)
     how = {True: "stable", False: "unstable"}.get(cycle_row["stable"], "stability not known")
-    title = f"{at}: {how} cycle" if at else f"{how.capitalize()} cycle"
+    title = f"{design_text}: {how} cycle" if design_text else f"{how.capitalize()} cycle"
     axes.set_title(f"{title}, RMS {cycle_row['torque_rms']:.4g} {unit}", fontsize=10)
     return figure

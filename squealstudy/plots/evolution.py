@@ -133,8 +133,8 @@ def evolution(
     _finish(lower, line, show)
     finish(upper, "", "Frequency [Hz]")
     rows = min(MAX_LOCI, len(tracks))
-    for place, track in enumerate(tracks[:rows]):
-        _locus(right[0].add_subplot(rows, 1, place + 1), line, track)
+    for row_number, track in enumerate(tracks[:rows]):
+        _locus(right[0].add_subplot(rows, 1, row_number + 1), line, track)
     figure.suptitle(_title(line), fontsize=10)
     legend_below(figure, _handles(line, results.track_names), 2 if results.track_names else 5)
     return figure
@@ -159,9 +159,9 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
     table = getattr(line, name) * factor
     stable = table.drop(columns=line.unstable_tracks)
     axes.plot(line.x, stable, color=GREY, linewidth=0.7, marker=".", markersize=1.5, zorder=1)
-    for place, track in reversed(list(enumerate(line.unstable_tracks))):
+    for rank, track in reversed(list(enumerate(line.unstable_tracks))):
         style: dict[str, Any] = {"color": line.colour(track), "zorder": 3, "linewidth": 1.5}
-        marker = MARKERS[place] if place < len(MARKERS) else "."
+        marker = MARKERS[rank] if rank < len(MARKERS) else "."
         every = max(1, len(line.x) // 15)
         y = table[track]
         axes.plot(line.x, y, marker=marker, markersize=4.5, markevery=every, **style)
@@ -355,11 +355,11 @@ def study_line(results: Results, along: str, fixed: Mapping[str, float] | None =
     line, why = slice_points(points, unstable_counts(results), (along,), fixed)
     line = line.sort_values(along, kind="stable")
     shown = quantity(along, points[along], units)
-    place = np.full(len(points), -1)
-    place[rows_in(points, line)] = np.arange(len(line))
+    position = np.full(len(points), -1)
+    position[rows_in(points, line)] = np.arange(len(line))
     columns = [ROW, *COLUMNS, "overdamped"]
-    modes = results.rows("modes", columns, lambda modes: place[modes[ROW].to_numpy()] >= 0)
-    rows = oscillating(modes.assign(row=place[modes[ROW].to_numpy()]))
+    modes = results.rows("modes", columns, lambda modes: position[modes[ROW].to_numpy()] >= 0)
+    rows = oscillating(modes.assign(row=position[modes[ROW].to_numpy()]))
     tracked = rows[(rows["track"] > 0).to_numpy()]
     tracked = tracked.assign(doubtful=tracked["track_ambiguous"].astype(float))
 

@@ -295,10 +295,10 @@ def _share_bars(axes: Axes, row: _Row, modes: pd.DataFrame) -> None:
 
 def bar_places(x: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
     """Left edges and widths (n,) of bars about `x`, as wide as each other on the axis."""
-    place = np.log(x) if log else x
-    half = 0.5 * BAR_WIDTH_RATIO * float(np.diff(np.unique(place)).min(initial=np.inf))
+    position = np.log(x) if log else x
+    half = 0.5 * BAR_WIDTH_RATIO * float(np.diff(np.unique(position)).min(initial=np.inf))
     half = half if np.isfinite(half) else 0.5 * BAR_WIDTH_RATIO
-    edges = place - half, place + half
+    edges = position - half, position + half
     left_edges, right = (np.exp(edge) for edge in edges) if log else edges
     return left_edges, right - left_edges
 

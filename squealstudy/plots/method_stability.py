@@ -121,9 +121,9 @@ def _draw_classes(axes: Axes, plane: Plane, cells: pd.DataFrame) -> list[Patch |
     """Cells by class; the legend entries of those that occur, with their number."""
     outcome = cells["outcome"]
     names = list(CLASSES)
-    place = outcome.map(names.index).to_numpy(dtype=float)
+    class_numbers = outcome.map(names.index).to_numpy(dtype=float)
     colours = ListedColormap([colour for colour, _ in CLASSES.values()])
-    plane.draw_cells(axes, place, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5)
+    plane.draw_cells(axes, class_numbers, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5)
     return [
         Patch(facecolor=colour, edgecolor="0.6", label=f"{text} {_counts(cells, name)}")
         for name, (colour, text) in CLASSES.items()
@@ -189,10 +189,10 @@ def _between(
     shown: Quantity, values: np.ndarray, table: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Ascending values (n,) and columns of a table (m, n), POINTS_PER_INTERVAL in each interval."""
-    place = shown.even(values)
+    positions = shown.even(values)
     parts = np.interp(
-        np.arange((len(place) - 1) * POINTS_PER_INTERVAL + 1) / POINTS_PER_INTERVAL,
-        range(len(place)),
-        place,
+        np.arange((len(positions) - 1) * POINTS_PER_INTERVAL + 1) / POINTS_PER_INTERVAL,
+        range(len(positions)),
+        positions,
     )
-    return shown.uneven(parts), np.array([np.interp(parts, place, row) for row in table])
+    return shown.uneven(parts), np.array([np.interp(parts, positions, row) for row in table])

@@ -159,17 +159,17 @@ def _note(modes: pd.DataFrame, rest: int) -> str:
 
 
 def _mark_transfer(axes: Axes, run: Run) -> None:
-    if run.number("transfer_to") > 0 and np.isfinite(at := run.number("transfer_time")):
+    if run.number("transfer_to") > 0 and np.isfinite(time := run.number("transfer_time")):
         style: dict[str, Any] = {"color": "0.3", "linewidth": 1.0, "linestyle": (0, (4, 3))}
-        axes.axvline(MS_PER_S * at, **style)
+        axes.axvline(MS_PER_S * time, **style)
 
 
 def _transfer_text(run: Run) -> str:
     before, after = (run.number(f"transfer_{n}") for n in ("from", "to"))
     if not after > 0:
         return ""
-    at = run.number("transfer_time")
-    when = f" at {MS_PER_S * at:.3g} ms (dashed)" if np.isfinite(at) else ""
+    time = run.number("transfer_time")
+    when = f" at {MS_PER_S * time:.3g} ms (dashed)" if np.isfinite(time) else ""
     new, old = (real_mode_number(int(mode)) for mode in (after, before))
     return f"{new} takes over from {old}{when}"
 

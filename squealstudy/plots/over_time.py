@@ -137,13 +137,13 @@ def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
     heights = axes.transData.transform([(axes.get_xlim()[1], label.y) for label in labels])[:, 1]
     clipped = np.clip(heights, frame.y0, frame.y1)
     placed = spread(clipped, 1.35 * LABEL_FONT_POINTS * scale, frame.y0, frame.y1)
-    for label, height, place in zip(labels, clipped, placed, strict=True):
+    for label, height, label_height in zip(labels, clipped, placed, strict=True):
         end = (1.0, float((height - frame.y0) / frame.height))
-        text = (1.0, float((place - frame.y0) / frame.height))
+        text = (1.0, float((label_height - frame.y0) / frame.height))
         axes.annotate(
             "",
             end,
-            (LABEL_GAP_POINTS, (place - height) / scale),
+            (LABEL_GAP_POINTS, (label_height - height) / scale),
             xycoords="axes fraction",
             textcoords="offset points",
             arrowprops={"arrowstyle": "-", "color": label.colour, "linewidth": 0.7}

@@ -75,9 +75,9 @@ class Plane:
         x, y, table = self.cells(values)
         edges = [self.across.edges(x), self.up.edges(y)]
         for axis, n_merged in enumerate(self.merged):
-            places = np.arange(0, table.shape[1 - axis], n_merged)
-            table = np.fmax.reduceat(table, places, axis=1 - axis)
-            edges[axis] = np.append(edges[axis][places], edges[axis][-1])
+            starts = np.arange(0, table.shape[1 - axis], n_merged)
+            table = np.fmax.reduceat(table, starts, axis=1 - axis)
+            edges[axis] = np.append(edges[axis][starts], edges[axis][-1])
         return axes.pcolormesh(*edges, np.ma.masked_invalid(table), **style)
 
     @cached_property
@@ -90,7 +90,7 @@ class Plane:
     def draw_bins(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
         """Equal cells coloured by the largest of the values (n,) of the points inside."""
         finite = np.isfinite(values)
-        place = np.zeros(int(finite.sum()), dtype=np.int64)
+        bin_numbers = np.zeros(int(finite.sum()), dtype=np.int64)
         edges = []
         for shown, drawn, count in (
             (self.up, self.y, N_CELLS[1]),
@@ -99,9 +99,9 @@ class Plane:
             even = shown.even(drawn[finite])
             ends = np.linspace(even.min(), even.max(), count + 1)
             inside = np.clip(np.searchsorted(ends, even, "right") - 1, 0, count - 1)
-            place = place * count + inside
+            bin_numbers = bin_numbers * count + inside
             edges.append(shown.uneven(ends))
-        table = largest_by_code(values[finite], place, N_CELLS[0] * N_CELLS[1]).reshape(
+        table = largest_by_code(values[finite], bin_numbers, N_CELLS[0] * N_CELLS[1]).reshape(
             N_CELLS[1], N_CELLS[0]
         )
         return axes.pcolormesh(edges[1], edges[0], np.ma.masked_invalid(table), **style)
@@ -146,8 +146,13 @@ class StudyPlane(Plane):
         Those with a failed corner are left out, and those whose corners agree in stability.
         """
         if self.gridded:
-            _, _, place = self.cells(np.arange(len(self.x)))
-            corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
+            _, _, cell_index = self.cells(np.arange(len(self.x)))
+            corners = [
+                cell_index[:-1, :-1],
+                cell_index[:-1, 1:],
+                cell_index[1:, 1:],
+                cell_index[1:, :-1],
+            ]
             corner_rows = np.stack([c.ravel() for c in corners], axis=1)
             corner_rows = corner_rows[np.isfinite(corner_rows).all(axis=1)].astype(int)
         else:
@@ -192,13 +197,13 @@ class StudyPlane(Plane):
         finite = np.isfinite(values)
         if self.others_vary or finite.sum() < 3:
             return None
-        place = []
+        shifted = []
         for shown, drawn in ((self.across, self.x), (self.up, self.y)):
             even = shown.even(drawn[self.solved])  # the same scale whatever has a value
-            place.append((shown.even(drawn[finite]) - even.min()) / (np.ptp(even) or 1.0))
-        if np.linalg.matrix_rank(np.array([p - p.mean() for p in place]), 1e-6) < 2:
+            shifted.append((shown.even(drawn[finite]) - even.min()) / (np.ptp(even) or 1.0))
+        if np.linalg.matrix_rank(np.array([p - p.mean() for p in shifted]), 1e-6) < 2:
             return None
-        even_mesh = Triangulation(*place)
+        even_mesh = Triangulation(*shifted)
         flat = TriAnalyzer(even_mesh).get_flat_tri_mask(MIN_INSCRIBED_RATIO, rescale=False)
         not_flat = even_mesh.triangles[~flat]
         return Triangulation(self.x[finite], self.y[finite], not_flat) if len(not_flat) else None
@@ -236,21 +241,21 @@ def study_plane(
     vary = [name for name in others if name in parameter_columns(plane, varied=True)]
     fixed_text = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
     besides = f"also varied: {', '.join(vary)}" if vary else ""
-    at = rows_in(points, plane)
+    point_rows = rows_in(points, plane)
     ok = (plane["status"] == "ok").to_numpy(bool)
-    count = np.where(ok, number[at], np.nan)
+    count = np.where(ok, number[point_rows], np.nan)
     across, up = (quantity(name, points[name], units) for name in along)
     return StudyPlane(
-        rows=at,
+        rows=point_rows,
         across=across,
         up=up,
         x=across.scaled(plane[along[0]]),
         y=up.scaled(plane[along[1]]),
-        value=count if measure == "count" else np.where(ok, growth[at], np.nan),
+        value=count if measure == "count" else np.where(ok, growth[point_rows], np.nan),
         point_ids=plane["point_id"].to_numpy(dtype=object),
         solved=np.isfinite(count),
         unstable=count > 0,
-        damping_ratio=damping[at],
+        damping_ratio=damping[point_rows],
         gridded=gridded,
         elsewhere=joined(fixed_text, why, besides, by=", "),
         others_vary=bool(vary),

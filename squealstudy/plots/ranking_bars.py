@@ -111,9 +111,9 @@ def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) ->
 
 def _shares(axes: Axes, shown: pd.DataFrame) -> None:
     """Bars of the unstable share with growth and threshold beside them."""
-    share, place = 100 * shown["unstable_share"].to_numpy(), np.arange(len(shown))
-    axes.barh(place, share, height=0.62, color=UNSTABLE)
-    for y, x, row in zip(place, share, shown.to_dict("records"), strict=True):
+    share, positions = 100 * shown["unstable_share"].to_numpy(), np.arange(len(shown))
+    axes.barh(positions, share, height=0.62, color=UNSTABLE)
+    for y, x, row in zip(positions, share, shown.to_dict("records"), strict=True):
         text = f"{row['max_growth_rate']:+.3g} 1/s"
         if np.isfinite(row["threshold"]):
             mark = INEXACT.get(row["threshold_kind"], "")
@@ -128,11 +128,13 @@ def _shares(axes: Axes, shown: pd.DataFrame) -> None:
 
 def _energies(axes: Axes, energies: pd.DataFrame) -> None:
     """Stacked bars, a component each; the share is written where it fits."""
-    place, bar_starts = np.arange(len(energies)), np.zeros(len(energies))
+    positions, bar_starts = np.arange(len(energies)), np.zeros(len(energies))
     for k, component in enumerate(energies.columns):
         share = 100 * energies[component].fillna(0.0).to_numpy()
         shade, hatch = SHADES[k % len(SHADES)], HATCHES[k // len(SHADES) % len(HATCHES)]
-        bars = axes.barh(place, share, 0.62, bar_starts, color=shade, hatch=hatch, label=component)
+        bars = axes.barh(
+            positions, share, 0.62, bar_starts, color=shade, hatch=hatch, label=component
+        )
         texts = [f"{width:.0f}" if width >= MIN_NUMBERED_BAR_PERCENT else "" for width in share]
         ink = "black" if shade in LIGHT else "white"
         axes.bar_label(bars, texts, label_type="center", fontsize=8, color=ink)

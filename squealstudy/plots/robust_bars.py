@@ -99,19 +99,19 @@ def robust_bars(
 
 
 def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> None:
-    place = np.arange(len(shown))
+    positions = np.arange(len(shown))
     percent = 100 * shown["probability"].to_numpy()
     low, high = (100 * shown[f"probability_{end}"].to_numpy() for end in ("low", "high"))
     colours = [DARK if q == "any" else UNSTABLE for q in shown["quantity"]]
     axes.barh(
-        place,
+        positions,
         percent,
         0.62,
         color=colours,
         xerr=error_reach(percent, low, high),
         error_kw=ERROR_BARS,
     )
-    for y, x, row in zip(place, high, shown.to_dict("records"), strict=True):
+    for y, x, row in zip(positions, high, shown.to_dict("records"), strict=True):
         text = f"{100 * row['probability']:.1f} %, worst {row['max_growth_rate']:+.3g} 1/s"
         if row["unknown_points"]:  # elsewhere it may stand under another number
             text += f", known at {row['points'] - row['unknown_points']}"
@@ -141,11 +141,11 @@ def _doubt(row: Mapping[Hashable, Any] | pd.Series) -> str:
 
 def _indices(axes: Axes, indices: pd.DataFrame, first: bool) -> None:
     """First and total index of each parameter with their intervals."""
-    place = np.arange(len(indices))
+    positions = np.arange(len(indices))
     for side, name, colour in ((-1, "first", COLOURS[5]), (1, "total", COLOURS[1])):
         index, low, high = (indices[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))
         axes.barh(
-            place + side * BAR_HEIGHT,
+            positions + side * BAR_HEIGHT,
             index,
             2 * BAR_HEIGHT,
             color=colour,

@@ -95,13 +95,13 @@ def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figu
     shown = rank_sensitivities(mode, top)
     figure = new_figure(10.0, 1.9 + 0.36 * len(shown))
     axes = figure.add_subplot()
-    place = np.arange(len(shown), dtype=float)
+    positions = np.arange(len(shown), dtype=float)
     hatches = [HATCH if near else "" for near in shown["near_coalescence"]]
     for offset, column, colour in (
         (-BAR_HEIGHT / 2, PREDICTED, COLOURS[1]),
         (BAR_HEIGHT / 2, FINITE, UNSTABLE),
     ):
-        bars = axes.barh(place + offset, shown[column], height=BAR_HEIGHT, color=colour)
+        bars = axes.barh(positions + offset, shown[column], height=BAR_HEIGHT, color=colour)
         for bar, hatch in zip(bars, hatches, strict=True):
             if hatch and column == PREDICTED:
                 bar.set_hatch(hatch)

@@ -177,8 +177,8 @@ def _last_of_each_cell(x: np.ndarray, y: np.ndarray, chosen: np.ndarray) -> np.n
     cells = np.zeros(len(chosen), dtype=np.int64)
     for values, count in zip((x[chosen], y[chosen]), N_CELLS, strict=True):
         low, span = values.min(), np.ptp(values)
-        place = (values - low) / (span if span > 0 else 1.0) * (count - 1)
-        cells = cells * count + np.rint(place).astype(np.int64)
+        position = (values - low) / (span if span > 0 else 1.0) * (count - 1)
+        cells = cells * count + np.rint(position).astype(np.int64)
     _, first = np.unique(cells[::-1], return_index=True)  # the last one is drawn on top
     return np.sort(chosen[::-1][first])
 

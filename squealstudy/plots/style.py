@@ -48,20 +48,20 @@ class Quantity:
 
     def even(self, drawn: np.ndarray) -> np.ndarray:
         """Drawn values as evenly as the axis spaces them: logarithms on a logarithmic axis."""
-        places: np.ndarray = np.log(drawn) if self.log else np.asarray(drawn, dtype=float)
-        return places
+        positions: np.ndarray = np.log(drawn) if self.log else np.asarray(drawn, dtype=float)
+        return positions
 
-    def uneven(self, places: np.ndarray) -> np.ndarray:
+    def uneven(self, positions: np.ndarray) -> np.ndarray:
         """What `even` has made even, as drawn again."""
-        return np.exp(places) if self.log else places
+        return np.exp(positions) if self.log else positions
 
     def edges(self, drawn: np.ndarray) -> np.ndarray:
         """Edges (n + 1,) of cells about ascending drawn values (n,), midway as the axis has it."""
-        places = self.even(drawn)
-        if len(places) == 1:
-            return self.uneven(places + np.array([-0.5, 0.5]))
-        middle = (places[1:] + places[:-1]) / 2
-        ends = 2 * places[0] - middle[0], 2 * places[-1] - middle[-1]
+        positions = self.even(drawn)
+        if len(positions) == 1:
+            return self.uneven(positions + np.array([-0.5, 0.5]))
+        middle = (positions[1:] + positions[:-1]) / 2
+        ends = 2 * positions[0] - middle[0], 2 * positions[-1] - middle[-1]
         return self.uneven(np.concatenate([ends[:1], middle, ends[1:]]))
 
     def text(self, value: float) -> str:
@@ -71,8 +71,8 @@ class Quantity:
     def ticks(self, values: pd.Series) -> list[float] | None:
         """The values themselves where they are few and far enough apart, else None."""
         x = np.unique(self.scaled(values.dropna()))
-        place = self.even(x)
-        crowded = len(x) > 1 and np.diff(place).min() < 0.03 * np.ptp(place)
+        positions = self.even(x)
+        crowded = len(x) > 1 and np.diff(positions).min() < 0.03 * np.ptp(positions)
         return None if len(x) > 12 or crowded or not len(x) else [float(v) for v in x]
 
     def norm(self, values: pd.Series) -> Normalize:
@@ -199,8 +199,8 @@ def error_reach(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndar
 def cross_out(axes: Axes, x: np.ndarray) -> None:
     """Crosses at the foot of the axes where design points failed."""
     if len(x):  # an unclipped curve without points would push the axes away
-        place: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
-        axes.plot(x, np.zeros(len(x)), "x", color="0.2", **place)
+        text_options: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
+        axes.plot(x, np.zeros(len(x)), "x", color="0.2", **text_options)
 
 
 def joined(*parts: str, by: str = "; ") -> str:

@@ -91,9 +91,9 @@ def slice_points(
     group = chosen.groupby(others, dropna=False).ngroup()
     totals, sizes = count.groupby(group).sum(), count.groupby(group).size()
     best = totals == totals.max()
-    place = sizes[best].idxmax()  # of equals the one with most points, then the first
+    largest = sizes[best].idxmax()  # of equals the one with most points, then the first
     kind = "lines" if len(along) == 1 else "slices"
-    return chosen[(group == place).to_numpy()], _reason(f"{len(totals)} {kind}", totals, best)
+    return chosen[(group == largest).to_numpy()], _reason(f"{len(totals)} {kind}", totals, best)
 
 
 def _reason(of: str, totals: pd.Series, best: pd.Series) -> str:

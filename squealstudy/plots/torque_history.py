@@ -83,12 +83,12 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
         3, 2, sharex="col", sharey="row", width_ratios=[2.3, 1.0], height_ratios=[2.2, 1.0, 0.8]
     )
     run_phases = phases(run)
-    for place, part in enumerate((run, _last_periods(run))):
-        named = place == 0  # in the legend
-        _torque(axes[0, place], part, named)
-        _states(axes[1, place], part, named)
-        _force(axes[2, place], part)
-        axes[2, place].set_xlim(*part.limits)
+    for column, part in enumerate((run, _last_periods(run))):
+        named = column == 0  # in the legend
+        _torque(axes[0, column], part, named)
+        _states(axes[1, column], part, named)
+        _force(axes[2, column], part)
+        axes[2, column].set_xlim(*part.limits)
     for axis in axes[:, 0]:
         _shade(axis, run_phases, axis is axes[0, 0])
     for axis in axes[:, 1]:

@@ -107,8 +107,8 @@ def verdict_map(
     threshold = rows["threshold_velocity"].to_numpy(float)
     n_thresholds = int(np.isfinite(threshold).sum())
     if gridded and n_thresholds > 3:
-        place = plane.cells(threshold)
-        lines = axes.contour(*place[:2], np.ma.masked_invalid(place[2]), N_CONTOURS, colors="0.15")
+        cells = plane.cells(threshold)
+        lines = axes.contour(*cells[:2], np.ma.masked_invalid(cells[2]), N_CONTOURS, colors="0.15")
         axes.clabel(lines, fontsize=8, fmt="%.3g m/s")
     borders = _borders(axes, results, plane, rows, (across, up))
     present = {int(k) for k in verdict[np.isfinite(verdict)]}
@@ -120,10 +120,12 @@ def verdict_map(
     legend_below(figure, [*handles, *borders])
     finish(axes, plane.across.label, plane.up.label)
     axes.grid(False)
-    at = describe(rows.iloc[0], points, others, units)
+    design_text = describe(rows.iloc[0], points, others, units)
     lines_told = f"lines: least kick along the unstable cycle, of {n_thresholds} designs"
     failed = "" if np.isfinite(verdict).all() else "hatched: failed"
-    axes.set_title(joined(at, lines_told if n_thresholds > 3 else "", failed), fontsize=9.5)
+    axes.set_title(
+        joined(design_text, lines_told if n_thresholds > 3 else "", failed), fontsize=9.5
+    )
     return figure
 
 

@@ -257,11 +257,11 @@ class HybridBasis:
     def expand(self, q: np.ndarray) -> np.ndarray:
         """Assembly displacements (n_dof, ...) from coordinates q (n, ...)."""
         u = np.zeros((self.n_dof, *q.shape[1:]))
-        at = len(self.explicit)
-        u[self.explicit] = q[:at]
+        start = len(self.explicit)
+        u[self.explicit] = q[:start]
         for s in self.superelements:
-            u[s.dofs] = s.V @ q[at : at + s.V.shape[1]]
-            at += s.V.shape[1]
+            u[s.dofs] = s.V @ q[start : start + s.V.shape[1]]
+            start += s.V.shape[1]
         return u
 
     def restrict(self, u: np.ndarray) -> np.ndarray:

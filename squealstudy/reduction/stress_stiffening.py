@@ -70,11 +70,11 @@ def stress_term(
     # scikit-fem, which elements need, is slow to load
     from squealstudy.models.components.stress_stiffness import stress_stiffness
 
-    at, blocks = assembly.at_nodes(u), []
+    displacements, blocks = assembly.at_nodes(u), []
     for component in assembly.components:
         n = component.n_dof
         if component.name in meshes:
-            node_motion = at[assembly.node_slices[component.name]]
+            node_motion = displacements[assembly.node_slices[component.name]]
             K = stress_stiffness(meshes[component.name], node_motion)
             blocks.append(component.restricted(K))
         else:

@@ -224,13 +224,13 @@ def expect_consistent_laws(
     if law.definition.in_package and curve.definition.in_package:
         return
     order = np.argsort(point.contact_pressure[point.touching])
-    places = order[[round(share * (len(order) - 1)) for share in TRIED]]
+    chosen = order[[round(share * (len(order) - 1)) for share in TRIED]]
     try:
         if not law.definition.in_package:
-            law.expect_consistent(point.gap[places].tolist())
+            law.expect_consistent(point.gap[chosen].tolist())
         if not curve.definition.in_package:
-            speeds = abs(operating.sliding_speed) * contact.speed_factor[places]
-            for s, p in zip(speeds, point.contact_pressure[places], strict=True):
+            speeds = abs(operating.sliding_speed) * contact.speed_factor[chosen]
+            for s, p in zip(speeds, point.contact_pressure[chosen], strict=True):
                 curve.expect_consistent(operating.friction, float(s), [float(p)])
     except ModelError as error:
         raise ConvergenceError(CONTRADICTORY_LAW, str(error)) from error

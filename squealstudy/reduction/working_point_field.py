@@ -71,8 +71,8 @@ class WorkingPointField:
     ) -> list[WorkingPoint | None]:
         """Polished working points at theta (b, d); None where the residual stays too large."""
         working_points: list[WorkingPoint | None] = [None] * len(theta)
-        places = np.array([anchor.theta for anchor in self.anchors])
-        nearest = ((theta[:, None] - places[None]) ** 2).sum(axis=2).argmin(axis=1)
+        thetas = np.array([anchor.theta for anchor in self.anchors])
+        nearest = ((theta[:, None] - thetas[None]) ** 2).sum(axis=2).argmin(axis=1)
         start = self.gaps(theta)
         for number in np.unique(nearest):
             rows = [int(i) for i in np.flatnonzero(nearest == number)]

@@ -93,8 +93,8 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
     row_of_node = {n: i for i, n in enumerate(used)}
     mode_shapes = np.zeros((len(modes), len(used), 3), dtype=complex)
     for k, mode in enumerate(modes):
-        at = [row_of_node[int(n)] for n in mode["node_nums"]]
-        mode_shapes[k, at] = np.column_stack([mode[name] for name in ("r1", "r2", "r3")])
+        rows = [row_of_node[int(n)] for n in mode["node_nums"]]
+        mode_shapes[k, rows] = np.column_stack([mode[name] for name in ("r1", "r2", "r3")])
     if zero_shapes := [k for k in range(len(modes)) if not np.abs(mode_shapes[k]).max() > 0]:
         raise ModelError(f"{path}: mode shape {zero_shapes[0] + 1} of the file is zero everywhere")
     hz, zeta, hysteretic = np.array([_root(mode) for mode in modes]).T
@@ -301,8 +301,8 @@ def _rows(
     columns = 3 * nearest[points][:, None] + np.arange(3)
     # the mesh's own axis e_i is column i of the turn, in the axes of the assembly
     values = turn.T[axes]
-    place = np.repeat(np.arange(len(points)), 3)
-    return sp.csr_matrix((values.ravel(), (place, columns.ravel())), shape=(len(points), n))
+    point_index = np.repeat(np.arange(len(points)), 3)
+    return sp.csr_matrix((values.ravel(), (point_index, columns.ravel())), shape=(len(points), n))
 
 
 def _groups(hz: np.ndarray) -> list[list[int]]:
@@ -319,6 +319,6 @@ def _groups(hz: np.ndarray) -> list[list[int]]:
 def _pairs(mac: np.ndarray, sizes: Sequence[int]) -> tuple[tuple[int, int], ...]:
     """Pairs of largest total MAC; a group has as many partners as modes."""
     columns = np.repeat(np.arange(len(sizes)), sizes)
-    rows, places = linear_sum_assignment(mac[:, columns], maximize=True)
-    pairs = zip(rows.tolist(), columns[places].tolist(), strict=True)
+    rows, columns_of_pairs = linear_sum_assignment(mac[:, columns], maximize=True)
+    pairs = zip(rows.tolist(), columns[columns_of_pairs].tolist(), strict=True)
     return tuple((i, j) for i, j in pairs if mac[i, j] >= MIN_PAIR_MAC)

@@ -151,9 +151,11 @@ def _waves(shape: Shape, rotor: str) -> Waves | None:
     if shape.rotors is None or part is None or not len(rubbed) or not part.blocks:
         return None
     axes = _axes(shape.rotors.direction)
-    at = (shape.coordinates - shape.rotors.point) @ axes
-    nodes, weight = _ring(at, (shape.contact.points[rubbed] - shape.rotors.point) @ axes, part)
-    x, y, _ = at[nodes].T
+    positions = (shape.coordinates - shape.rotors.point) @ axes
+    nodes, weight = _ring(
+        positions, (shape.contact.points[rubbed] - shape.rotors.point) @ axes, part
+    )
+    x, y, _ = positions[nodes].T
     r, theta = np.hypot(x, y), np.arctan2(y, x)
     most = _most_diameters(theta)
     if most is None:
@@ -233,13 +235,15 @@ def _most_diameters(theta: np.ndarray) -> int | None:
     return most if most >= 1 else None
 
 
-def _ring(at: np.ndarray, points: np.ndarray, part: ShapePart) -> tuple[np.ndarray, np.ndarray]:
+def _ring(
+    positions: np.ndarray, points: np.ndarray, part: ShapePart
+) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (n,) of a rotor between the radii and heights of its contact, their volumes (n,).
 
     A disc's ring goes on outwards to its rim. Places of nodes and of contact points (k, 3) by the
     axes of `_axes`.
     """
-    volume = np.zeros(len(at))
+    volume = np.zeros(len(positions))
     first = 0
     for _, cells in part.blocks:
         share = part.volumes[first : first + len(cells)] / cells.shape[1]
@@ -248,7 +252,7 @@ def _ring(at: np.ndarray, points: np.ndarray, part: ShapePart) -> tuple[np.ndarr
     x, y, z = points.T
     r = np.hypot(x, y)
     edge = RIM_TOLERANCE * np.ptp(r)
-    radius, height = np.hypot(at[:, 0], at[:, 1]), at[:, 2]
+    radius, height = np.hypot(positions[:, 0], positions[:, 1]), positions[:, 2]
     flat = np.ptp(r) > THIN_RING_RATIO * r.mean()  # a drum's ring is what is rubbed alone
     rim = np.inf if flat else r.max() + edge
     inside = (volume > 0) & (radius >= r.min() - edge) & (radius <= rim)

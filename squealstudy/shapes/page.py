@@ -54,9 +54,9 @@ def page(shapes: Sequence[Shape]) -> str:
     drawn = _SurfacePoints(first)
     if not len(drawn.used):
         raise ModelError("no component of this model has cells: there is no surface to draw")
-    places = drawn.of(first.coordinates)
-    on_screen = Camera.at(*VIEW_DEG).seen(places - _middle(places))[:, :2]
-    grain = float(np.abs(places).max()) / MAX_INT16
+    positions = drawn.of(first.coordinates)
+    on_screen = Camera.at(*VIEW_DEG).seen(positions - _middle(positions))[:, :2]
+    grain = float(np.abs(positions).max()) / MAX_INT16
     parts: list[dict[str, Any]] = []
     surfaces: list[np.ndarray] = []
     edges: list[np.ndarray] = []
@@ -78,10 +78,10 @@ def page(shapes: Sequence[Shape]) -> str:
         "point": " ".join(title(first)[1:]),
         "view": VIEW_DEG,
         "grain": grain,
-        "size": float(np.linalg.norm(np.ptp(places, axis=0))),
-        "middle": _middle(places).tolist(),
+        "size": float(np.linalg.norm(np.ptp(positions, axis=0))),
+        "middle": _middle(positions).tolist(),
         "fill": (2 * np.abs(on_screen).max(axis=0)).tolist(),
-        "places": _packed(np.round(places / grain).astype("<i2")),
+        "places": _packed(np.round(positions / grain).astype("<i2")),
         "triangles": _packed(np.concatenate(surfaces).astype("<u4")),
         "edges": _packed(np.concatenate(edges).astype("<u4")),
         "colours": _packed(np.vstack([_colours(AMPLITUDE_COLOURS), _colours(DENSITY_COLOURS)])),
@@ -140,8 +140,8 @@ class _SurfacePoints:
         return triangles(facets, len(self.used) + int(self._first[part.name])).nodes
 
 
-def _middle(places: np.ndarray) -> np.ndarray:
-    middle: np.ndarray = (places.min(axis=0) + places.max(axis=0)) / 2
+def _middle(positions: np.ndarray) -> np.ndarray:
+    middle: np.ndarray = (positions.min(axis=0) + positions.max(axis=0)) / 2
     return middle
 
 

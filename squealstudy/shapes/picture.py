@@ -108,8 +108,8 @@ def words(name: str) -> str:
 def deformed(shape: Shape) -> np.ndarray:
     """Places of the nodes (n_nodes, 3) at the largest real part, displacements as drawn, m."""
     size = DISPLACEMENT_OVER_DIAGONAL * float(np.linalg.norm(np.ptp(shape.coordinates, axis=0)))
-    places: np.ndarray = shape.coordinates + size * shape.at(0.0)
-    return places
+    positions: np.ndarray = shape.coordinates + size * shape.at(0.0)
+    return positions
 
 
 def exploded_shifts(shape: Shape) -> np.ndarray:
@@ -127,8 +127,8 @@ def exploded_shifts(shape: Shape) -> np.ndarray:
     # thinnest first outwards from the middle; what embraces all others goes to the side
     inside = [i for i in range(len(low)) if not _embraces(low, high, i)]
     order = sorted(inside, key=lambda i: (low[i] + high[i]) / 2)
-    for place, i in enumerate(order):
-        shift[i, axis] = step * (place - (len(order) - 1) / 2)
+    for rank, i in enumerate(order):
+        shift[i, axis] = step * (rank - (len(order) - 1) / 2)
     centre = shape.coordinates.mean(axis=0)
     for i in set(range(len(low))) - set(inside):
         side = shape.coordinates[shape.parts[i].nodes].mean(axis=0) - centre
@@ -279,7 +279,7 @@ def _plane(points: np.ndarray) -> np.ndarray:
 
 def _points(
     axes: Axes,
-    places: np.ndarray,
+    positions: np.ndarray,
     area: np.ndarray,
     values: np.ndarray,
     norm: Any,
@@ -294,14 +294,14 @@ def _points(
         1.12 * size,
         np.zeros(len(size)),
         units="x",
-        offsets=1e3 * places,
+        offsets=1e3 * positions,
         offset_transform=axes.transData,
         array=values,
         norm=norm,
         cmap=colours,
     )
     axes.add_collection(spots)
-    low, high = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
+    low, high = 1e3 * positions.min(axis=0), 1e3 * positions.max(axis=0)
     edge = 0.06 * float((high - low).max())
     axes.set(xlim=(low[0] - edge, high[0] + edge), ylim=(low[1] - edge, high[1] + edge))
     axes.set_aspect("equal")

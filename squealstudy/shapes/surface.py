@@ -72,7 +72,7 @@ def triangles(facets: np.ndarray, n_nodes: int) -> Triangles:
     has_middle = middles(facets)
     middle = np.full(len(facets), NONE)
     middle[has_middle] = n_nodes + np.arange(has_middle.sum())
-    places = np.column_stack([facets, middle])
+    corners = np.column_stack([facets, middle])
     nodes, lines = [np.zeros((0, 3), dtype=int)], [np.zeros((0, 3), dtype=bool)]
     for chosen, (split, edges) in (
         (has_middle, QUADRATIC_QUAD),
@@ -80,7 +80,7 @@ def triangles(facets: np.ndarray, n_nodes: int) -> Triangles:
         (~four & halved, QUADRATIC_TRIANGLE),
         (~four & ~halved, TRIANGLE),
     ):
-        nodes.append(places[chosen][:, np.array(split)].reshape(-1, 3))
+        nodes.append(corners[chosen][:, np.array(split)].reshape(-1, 3))
         lines.append(np.tile(np.array(edges, dtype=bool), (chosen.sum(), 1)))
     return Triangles(np.concatenate(nodes), np.concatenate(lines))
 

@@ -60,9 +60,9 @@ def stacked_growing_modes(
     most = np.minimum(np.maximum(n_unstable, 1), MAX_FOLLOWED_MODES)
     count = np.minimum(inside.sum(axis=1), most)
     owner, rank = np.nonzero(np.arange(lam.shape[1]) < count[:, None])
-    place = order[owner, rank]
-    roots = lam[owner, place]
-    right = psi[owner, :, place]
+    mode_index = order[owner, rank]
+    roots = lam[owner, mode_index]
+    right = psi[owner, :, mode_index]
     right = right / np.linalg.norm(right, axis=1)[:, None]
     left_modes = _left_vectors(C[owner], K[owner], roots)
     watched = _Watched.made(C[owner], omega2, roots, right, left_modes)

@@ -118,8 +118,8 @@ def _curve_slope(
     """By one argument of the curve: speed, pressure, friction, its parameters."""
     curve = operating.curve
     speeds = np.abs(operating.sliding_speed)[:, None] * speed_factor
-    at = p if curve.pressure_dependent else np.zeros((len(p), 1))
-    arguments = [speeds, at, operating.friction[:, None], *operating.curve_values]
+    pressures = p if curve.pressure_dependent else np.zeros((len(p), 1))
+    arguments = [speeds, pressures, operating.friction[:, None], *operating.curve_values]
     if (slopes := curve.slopes) is not None:
         slope = at_points(lambda *x: slopes(*x)[number], 3, *arguments)
     else:

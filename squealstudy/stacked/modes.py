@@ -284,12 +284,12 @@ def _damping(
         target = scale if parameter.quantity == FREQUENCY_SCALE else damping_ratio
         for mode in parameter.modes:
             try:
-                place = structures.coordinate(parameter.component, mode)
+                coordinate = structures.coordinate(parameter.component, mode)
             except KeyError:
                 text = f"component '{parameter.component}' has no mode {mode} here"
                 raise ParameterError(parameter.name, text) from None
-            target[:, place] = _column(columns[parameter.name], count)
-            named.add(place)
+            target[:, coordinate] = _column(columns[parameter.name], count)
+            named.add(coordinate)
     return StackedDamping(
         damping_ratio=ratio,
         stiffness_damping=_column(columns.get("stiffness_damping", 0.0), count),

@@ -177,8 +177,8 @@ class StackedOperating:
             friction = StackedFriction(*(np.broadcast_to(x, p.shape) for x in mus))
         elif curve.constant is None or not np.all(curve.constant(*values)):
             speeds = np.abs(self.sliding_speed)[:, None] * speed_factor
-            at = p if curve.pressure_dependent else 0.0
-            arguments = (speeds, at, self.friction[:, None], *values)
+            pressures = p if curve.pressure_dependent else 0.0
+            arguments = (speeds, pressures, self.friction[:, None], *values)
             curve_values = at_points(curve.mu, 3, *arguments)
             friction = StackedFriction(*(np.broadcast_to(x, p.shape) for x in curve_values))
         if (pulling := p < 0.0).any():

@@ -120,9 +120,9 @@ def stacked_sensitivities(
     band = angular_band(requested.band_hz)
     pairs = right_pairs(*_matrices(system))
     is_left = solved & drowned_rows(pairs[0], band[1])
-    owner, place = chosen_modes(pairs[0], band, requested.choice)
+    owner, mode_index = chosen_modes(pairs[0], band, requested.choice)
     is_served = (solved & ~is_left)[owner]
-    owner, place = owner[is_served], place[is_served]
+    owner, mode_index = owner[is_served], mode_index[is_served]
     rows = np.unique(owner)  # of the others no changed design is solved
     part, part_columns = system, columns
     if len(rows) < count:
@@ -131,7 +131,7 @@ def stacked_sensitivities(
         owner = np.searchsorted(rows, owner)
         if len(rows):
             part = stacked_system(model, options, part_columns, len(rows))
-    batch = _SensitivityBatch(part, families(*_matrices(part), pairs, owner, place), len(rows))
+    batch = _SensitivityBatch(part, families(*_matrices(part), pairs, owner, mode_index), len(rows))
     slopes = StateSlopes(part)
     for parameter in requested.state if len(rows) else ():
         batch.by_state(slopes, parameter, requested)

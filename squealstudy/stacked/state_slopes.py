@@ -93,8 +93,8 @@ class StateSlopes:
         change_by = change * reference
         hz = np.full(len(values), np.nan)
         if parameter.component and len(parameter.modes) == 1:
-            place = self.places(parameter)[0]
-            hz = np.broadcast_to(self._scaled[:, place], len(values)) / (2 * math.pi)
+            coordinate = self.places(parameter)[0]
+            hz = np.broadcast_to(self._scaled[:, coordinate], len(values)) / (2 * math.pi)
         return StackedStep(
             name=parameter.name,
             value=values,
@@ -175,13 +175,13 @@ class StateSlopes:
 
     def _by_modes(self, parameter: StateParameter) -> MatrixSlope:
         system, n = self.system, self.system.structures.n
-        places = self.places(parameter)
+        coordinates = self.places(parameter)
         if not parameter.component:
             ratios = np.zeros(n)
-            ratios[places] = 1.0
+            ratios[coordinates] = 1.0
             return self.modal.by_ratios(ratios)
         count, chosen = len(system.linear.K), np.zeros(n)
-        chosen[places] = 1.0
+        chosen[coordinates] = 1.0
         if parameter.quantity != FREQUENCY:
             dampers = _diagonal(np.broadcast_to(2.0 * self._scaled * chosen, (count, n)))
             return matrix_slope(system, None, damping=dampers)

@@ -105,14 +105,14 @@ def families(
     K: np.ndarray,
     pairs: tuple[np.ndarray, np.ndarray],
     owner: np.ndarray,
-    place: np.ndarray,
+    mode_index: np.ndarray,
 ) -> StackedFamilies:
     """Modes at places of `right_pairs`, with left vectors and neighbours."""
     lam, X = pairs
     mu, Y = right_pairs(C.swapaxes(1, 2), K.swapaxes(1, 2))
     mu = mu.conj()  # Q(conj mu)^T y = 0 is y^H Q(mu) = 0
-    roots = lam[owner, place]
-    order = _nearest_first(lam[owner], roots, place)[:, :NEIGHBOURS]
+    roots = lam[owner, mode_index]
+    order = _nearest_first(lam[owner], roots, mode_index)[:, :NEIGHBOURS]
     near = np.take_along_axis(lam[owner], order, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.abs(near[:, :, None] - mu[owner][:, None, :]) / np.abs(near)[:, :, None]
@@ -139,10 +139,10 @@ def families(
     return StackedFamilies(owner, near, right, left_vectors, norm, in_family, is_served, residual)
 
 
-def _nearest_first(lam: np.ndarray, roots: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _nearest_first(lam: np.ndarray, roots: np.ndarray, mode_index: np.ndarray) -> np.ndarray:
     """Order (N, 2n) of roots by their distance to a shift beside each mode, which comes first."""
     distance = np.abs(lam - (roots * (1.0 + OFFSET))[:, None])
-    distance[np.arange(len(roots)), place] = -1.0
+    distance[np.arange(len(roots)), mode_index] = -1.0
     return np.argsort(distance, axis=1, kind="stable")
 
 
@@ -204,6 +204,6 @@ def followed(
     distance = np.abs(roots - (lam * (1.0 + OFFSET))[:, None])
     order = np.argsort(distance, axis=1)[:, :CANDIDATES]
     best = np.take_along_axis(match, order, 1).argmax(axis=1)
-    place = order[np.arange(len(lam)), best]
-    at = np.arange(len(lam)), place
-    return roots[at] - lam, match[at]
+    nearest = order[np.arange(len(lam)), best]
+    entries = np.arange(len(lam)), nearest
+    return roots[entries] - lam, match[entries]

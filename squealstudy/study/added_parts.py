@@ -79,10 +79,10 @@ class AddedPart:
         return self.source.error(self.place, message)
 
 
-def named_mass(name: str, source: SourceText, place: KeyPath) -> AddedPart:
+def named_mass(name: str, source: SourceText, keys: KeyPath) -> AddedPart:
     """The mass spread over a set that a parameter such as ``added_mass.caliper.BRIDGE`` adds."""
     table = PointMassTable(name="added", on=name.removeprefix(ADDED_MASS), mass=0.0)
-    return AddedPart(name, table, ("mass",), source, place, by_name=True)
+    return AddedPart(name, table, ("mass",), source, keys, by_name=True)
 
 
 def with_parts(
@@ -97,7 +97,7 @@ def with_parts(
     """
     tables = {kind: list(getattr(file, kind)) for kind in ("point_mass", "spring")}
     parameters = dict(file.parameters)
-    places: dict[KeyPath, AddedPart] = {}
+    part_of_keys: dict[KeyPath, AddedPart] = {}
     taken = {t.name for kind in (*tables, "layer", "tie", "coupling") for t in getattr(file, kind)}
     for number, part in enumerate(parts, start=1):
         if part.name in parameters and part.by_name:
@@ -109,11 +109,11 @@ def with_parts(
             name += "_"
         taken.add(name)
         tables[part.kind].append(part.table.model_copy(update={"name": name}))
-        places[part.kind, len(tables[part.kind]) - 1] = part
+        part_of_keys[part.kind, len(tables[part.kind]) - 1] = part
         paths = tuple(f"{part.kind}.{name}.{key}" for key in part.keys)
         parameters[part.name] = ParameterTable(path=paths, default=0.0)
     all_tables = {kind: tuple(rows) for kind, rows in tables.items()}
-    return file.model_copy(update={**all_tables, "parameters": parameters}), places
+    return file.model_copy(update={**all_tables, "parameters": parameters}), part_of_keys
 
 
 def with_added(model: ModelDefinition, parts: Sequence[AddedPart]) -> ModelDefinition:
@@ -178,8 +178,8 @@ def _with_part(assembly: Assembly, part: AddedPart, name: str, size: float) -> A
     sets = [points(reference) for reference in part.sets]
     if not isinstance(part.table, SpringTable):
         ((owner, surface),) = sets
-        at = None if part.table.at is None else np.array(part.table.at)
-        M = symmetric(components[owner].M + mass_on(surface, size, at))
+        position = None if part.table.at is None else np.array(part.table.at)
+        M = symmetric(components[owner].M + mass_on(surface, size, position))
         components[owner] = replace(components[owner], M=M)
         return replace(assembly, components=tuple(components.values()))
     stiffness = [size if f"stiffness[{k}]" in part.keys else 0.0 for k in (1, 2, 3)]

@@ -83,16 +83,16 @@ def read_model(
     file, added = with_parts(file, parts)
     identities = (*digests, *(part.identity for part in parts))
     brake = Brake(path, file, hashlib.sha256("".join(identities).encode()).hexdigest())
-    places = file_places(file, source)
-    declared = file_parameters(file, source, places)
+    keys_of = file_places(file, source)
+    declared = file_parameters(file, source, keys_of)
     stressed, laws = stressed_point(file), law_defaults(declared)
     defaults = {p.name: p.default for p in declared if isinstance(p, Parameter)}
     try:
-        curve = check_friction(file, {keys for where in places.values() for keys in where})
+        curve = check_friction(file, {keys for where in keys_of.values() for keys in where})
     except PlacedError as error:
         raise placed(error, source) from error
-    build = _Build(source, brake, digests, places, stressed, defaults, laws, added)
-    largest = largest_friction(file, places, build.factors_over)
+    build = _Build(source, brake, digests, keys_of, stressed, defaults, laws, added)
+    largest = largest_friction(file, keys_of, build.factors_over)
     return FileDefinition(
         name=NAME,
         description=file.description or DESCRIPTION,
@@ -112,7 +112,7 @@ def read_model(
         torque_unit="N m",
         idle=_idle(file, curve),
         own_of_law=frozenset(f"{LAW_PREFIX}{k}" for t in file.contact for k in t.friction_law),
-        in_place=_InPlace(tuple(n for n, keys in places.items() if ROTOR_ANGLE in keys)),
+        in_place=_InPlace(tuple(n for n, keys in keys_of.items() if ROTOR_ANGLE in keys)),
         effective_radius=build.effective_radius,
         path=str(path.resolve()),
         files=identities,
@@ -327,8 +327,8 @@ class _Build:
             changed = [name for name in self.places if values[name] != self.defaults[name]]
             if not changed:
                 raise self.source.error((table,), text) from error
-            at = listed([f"{name} = {values[name]:g}" for name in changed])
-            raise ModelError(f"{self.source.path}: {at} (SI): {text}") from error
+            values_text = listed([f"{name} = {values[name]:g}" for name in changed])
+            raise ModelError(f"{self.source.path}: {values_text} (SI): {text}") from error
 
     @contextmanager
     def told(self, values: Mapping[str, float]) -> Iterator[None]:

@@ -43,7 +43,7 @@ def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath,
     places_of: dict[str, tuple[KeyPath, ...]] = {}
     owner: dict[KeyPath, str] = {}
     for name, table in file.parameters.items():
-        places = []
+        number_keys = []
         for path in table.paths:
             try:
                 keys = file.located(path)
@@ -52,14 +52,14 @@ def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath,
             if owner.setdefault(keys, name) != name:
                 text = f"'{path}' is the parameter '{owner[keys]}' already"
                 raise source.error(("parameters", name, "path"), text)
-            places.append(keys)
-        if places:
-            places_of[name] = tuple(places)
+            number_keys.append(keys)
+        if number_keys:
+            places_of[name] = tuple(number_keys)
     return places_of
 
 
 def file_parameters(
-    file: ModelFile, source: SourceText, places: Mapping[str, tuple[KeyPath, ...]]
+    file: ModelFile, source: SourceText, keys_of: Mapping[str, tuple[KeyPath, ...]]
 ) -> Declared:
     """Parameters of the operating point, with the file's defaults, and those of the file."""
     standard = OPERATING if file.rotation is None else (*OPERATING, GYROSCOPIC)
@@ -71,11 +71,11 @@ def file_parameters(
             operating[name] = _changed(operating[name], table, source, keys)
         elif name in RESERVED_NAMES or "[" in name:
             raise source.error(keys, f"'{name}' has another meaning in tables: choose another name")
-        elif name not in places:
+        elif name not in keys_of:
             hint = did_you_mean(name, operating) or "; or one of the operating point"
             raise source.error(keys, f'expected path = "..." of its number{hint}')
         else:
-            of_file.append(_parameter(name, table, file, source, places[name]))
+            of_file.append(_parameter(name, table, file, source, keys_of[name]))
     first = [operating[p.name] for p in standard]
     changed = [operating[name] for name in file.parameters if name in operating]
     return (*first, *changed, friction_parameters, contact_parameters, *of_file)
@@ -129,12 +129,12 @@ def _parameter(
     table: ParameterTable,
     file: ModelFile,
     source: SourceText,
-    places: tuple[KeyPath, ...],
+    number_keys: tuple[KeyPath, ...],
 ) -> Parameter:
     """A parameter whose numbers stand in the file, SI units."""
     keys = ("parameters", name)
-    dimension = dimension_of(places[0])
-    for path, other in zip(table.paths[1:], places[1:], strict=True):
+    dimension = dimension_of(number_keys[0])
+    for path, other in zip(table.paths[1:], number_keys[1:], strict=True):
         if dimension_of(other) != dimension:
             message = f"'{path}' has another unit than '{table.paths[0]}'"
             raise source.error((*keys, "path"), message)
@@ -143,14 +143,14 @@ def _parameter(
         factor = _size(table.unit, dimension.unit, source, keys)
     if table.default is not None:
         default = _default(table, factor, dimension.unit, source, keys)
-    elif file.at(places[0]) is None or isinstance(file.at(places[0]), str):
+    elif file.at(number_keys[0]) is None or isinstance(file.at(number_keys[0]), str):
         raise source.error(keys, "expected default = NUMBER: it is not in this file, but in a mesh")
     else:
-        default = Numbers(file, {}).at(*places[0])
-    kind = kind_of(places[0])
+        default = Numbers(file, {}).at(*number_keys[0])
+    kind = kind_of(number_keys[0])
     description = table.description or " and ".join(table.paths)
-    is_poisson_ratio = kind == "nu" and not isinstance(places[0][-1], int)
-    if OF_CONTACT in places[0]:
+    is_poisson_ratio = kind == "nu" and not isinstance(number_keys[0][-1], int)
+    if OF_CONTACT in number_keys[0]:
         of_law = law_parameter_named(kind)
         parameter = replace(
             of_law, name=name, default=default, description=description, structural=True

@@ -109,10 +109,10 @@ def _of_parameter(number: NumberOrParameter | None, values: Mapping[str, Any]) -
 
 
 def largest_friction(
-    file: ModelFile, places: Mapping[str, tuple[KeyPath, ...]], factors_over: FactorsOver
+    file: ModelFile, keys_of: Mapping[str, tuple[KeyPath, ...]], factors_over: FactorsOver
 ) -> LargestFriction:
-    """Of a model file whose parameters stand at `places`."""
-    parameter_at = {keys: name for name, of_name in places.items() for keys in of_name}
+    """Of a model file whose parameters stand at `keys_of`."""
+    parameter_at = {keys: name for name, of_name in keys_of.items() for keys in of_name}
     numbers = Numbers(file, {})
 
     def number_at(*keys: str | int) -> NumberOrParameter:

@@ -47,10 +47,10 @@ def check_laws(
     ):
         if law.definition.in_package and law.definition.refuses is None:
             continue
-        places: list[tuple[KeyPath, Mapping[str, float]]] = [(("model", option), {})]
+        law_keys: list[tuple[KeyPath, Mapping[str, float]]] = [(("model", option), {})]
         for number, sweep in numbered:
-            places += [(("sweep", number), {sweep.name: end}) for end in (sweep.low, sweep.high)]
-        for keys, changes in places:
+            law_keys += [(("sweep", number), {sweep.name: end}) for end in (sweep.low, sweep.high)]
+        for keys, changes in law_keys:
             try:
                 try_law(design.with_values({**design.values, **changes}).operating_point())
             except ModelError as error:

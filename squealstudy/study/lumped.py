@@ -221,9 +221,9 @@ def _parameter(name: str, file: AnyFile, source: SourceText) -> Parameter:
         text = f"'{name}' has another meaning: expected a name of letters, digits and _"
         raise source.error(keys, text if name.isidentifier() else text.partition(": ")[2])
     unit = _unit(table, source, keys)
-    places = [k for k, text in texts_of(file) if expression(text).text == name]
-    positive = any(_above_zero(place) for place in places)
-    least = 0.0 if any(place[-1] in NOT_NEGATIVE for place in places) else -float("inf")
+    number_keys = [k for k, text in texts_of(file) if expression(text).text == name]
+    positive = any(_above_zero(path) for path in number_keys)
+    least = 0.0 if any(path[-1] in NOT_NEGATIVE for path in number_keys) else -float("inf")
     users = (
         f"{k[0]} {file.name_of(str(k[0]), int(k[1]))}"
         for k, text in texts_of(file)

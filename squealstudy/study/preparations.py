@@ -59,8 +59,10 @@ class _Preparations:
 
     def stresses(self) -> Iterator[str]:
         if (table := self._file.stress_stiffening) is not None:
-            at = f"{table.pressure * self._megapascal:g} MPa and a friction of {table.friction:g}"
-            yield f"stresses of {at} stiffen what vibrates"
+            conditions = (
+                f"{table.pressure * self._megapascal:g} MPa and a friction of {table.friction:g}"
+            )
+            yield f"stresses of {conditions} stiffen what vibrates"
 
     def angle(self) -> Iterator[str]:
         if self._file.rotation is None or (by := self._amount(*ROTOR_ANGLE, unit="deg")) == "0 deg":
@@ -88,9 +90,9 @@ class _Preparations:
             numbers = [("friction", "")] if table.friction is not None else []
             numbers += [(key, law_parameter_named(key).unit) for key in table.friction_law]
             texts = [
-                f"{key} {self._amount(*keys, *place, unit=unit)}"
+                f"{key} {self._amount(*keys, *path, unit=unit)}"
                 for key, unit in numbers
-                for place in [(key,) if key == "friction" else (OF_CONTACT, key)]
+                for path in [(key,) if key == "friction" else (OF_CONTACT, key)]
             ]
             if table.state is None and texts:
                 yield f"{self._file.name_of('contact', i)} has its own {listed(texts)}"
@@ -125,6 +127,8 @@ class _Preparations:
         if distance == "0 m":
             yield "the faces are new: the distance of [wear] is 0"
             return
-        at = f"{table.pressure * self._megapascal:g} MPa and a friction of {table.friction:g}"
+        conditions = (
+            f"{table.pressure * self._megapascal:g} MPa and a friction of {table.friction:g}"
+        )
         rate = self._amount(WEAR, "rate", unit="1/Pa")
-        yield f"{distance} of sliding at {at} have worn the faces, at a rate of {rate}"
+        yield f"{distance} of sliding at {conditions} have worn the faces, at a rate of {rate}"

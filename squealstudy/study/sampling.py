@@ -114,9 +114,9 @@ def distinct_rows(columns: Sequence[np.ndarray], count: int) -> np.ndarray:
             index * (int(column_rows.max()) + 1) + column_rows, return_inverse=True
         )
     _, first, index = np.unique(index, return_index=True, return_inverse=True)
-    place = np.empty(len(first), dtype=np.int32)
-    place[np.argsort(first)] = np.arange(len(first))
-    row_numbers: np.ndarray = place[index]
+    rank = np.empty(len(first), dtype=np.int32)
+    rank[np.argsort(first)] = np.arange(len(first))
+    row_numbers: np.ndarray = rank[index]
     return row_numbers
 
 

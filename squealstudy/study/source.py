@@ -84,14 +84,14 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
     except RecursionError:
         raise StudyFileError("not valid TOML: lists or tables nested too deeply", path) from None
     except ValueError as e:  # TOMLDecodeError, and int()'s refusal of thousands of digits
-        place = TOML_PLACE.search(str(e))
-        if place is None:
+        match = TOML_PLACE.search(str(e))
+        if match is None:
             raise StudyFileError(f"not valid TOML: {e}", path) from None
-        line = int(place[1]) if place[1] else text.rstrip("\n").count("\n") + 1
-        what = str(e)[: place.start()].replace("Cannot overwrite a value", "a key is given twice")
-        if place[2]:
-            what += _mended(text.splitlines()[line - 1 : line], int(place[2]) - 1)
-        column = f" (column {place[2]})" if place[2] else " (end of file)"
+        line = int(match[1]) if match[1] else text.rstrip("\n").count("\n") + 1
+        what = str(e)[: match.start()].replace("Cannot overwrite a value", "a key is given twice")
+        if match[2]:
+            what += _mended(text.splitlines()[line - 1 : line], int(match[2]) - 1)
+        column = f" (column {match[2]})" if match[2] else " (end of file)"
         raise StudyFileError(f"not valid TOML: {what}{column}", path, line=line) from None
 
 
@@ -144,9 +144,9 @@ def _set_key(tables: dict[str, Any], key: str, value: Any) -> None:
         else:
             tables[key] = value
         return
-    if place := LIST_PLACE.fullmatch(name):
-        listed = tables.get(place["name"])
-        number = int(place["number"])
+    if match := LIST_PLACE.fullmatch(name):
+        listed = tables.get(match["name"])
+        number = int(match["number"])
         if not isinstance(listed, list) or not 1 <= number <= len(listed):
             raise KeyError(name)
         _set_key(listed[number - 1], rest, value)

@@ -139,20 +139,22 @@ class _Off:
         return abs(way * values[FRICTION.name] - self.at.friction)
 
 
-def stress_assumptions(at: OperatingPoint | None) -> tuple[Assumption, ...]:
+def stress_assumptions(stressed: OperatingPoint | None) -> tuple[Assumption, ...]:
     """Up to where stresses that were taken at one operating point are told of others."""
-    if at is None:
+    if stressed is None:
         return ()
-    pressure = f"stresses are those of {at.brake_pressure:g} Pa: pressures differ by at most 20 %"
+    pressure = (
+        f"stresses are those of {stressed.brake_pressure:g} Pa: pressures differ by at most 20 %"
+    )
     friction = (
-        f"stresses are those of friction {at.friction:g}: it differs by at most "
+        f"stresses are those of friction {stressed.friction:g}: it differs by at most "
         f"{MAX_OPERATING_DIFFERENCE:g}"
     )
     return (
-        Assumption(pressure, _Off(at, of_pressure=True), MAX_OPERATING_DIFFERENCE),
+        Assumption(pressure, _Off(stressed, of_pressure=True), MAX_OPERATING_DIFFERENCE),
         Assumption(
             f"{friction} (reverse: -friction)",
-            _Off(at, of_pressure=False),
+            _Off(stressed, of_pressure=False),
             MAX_OPERATING_DIFFERENCE,
         ),
     )

@@ -271,17 +271,17 @@ def levels(
     ranges share the values they have in common. With `every`, a divisor of num - 1, only each
     `every`-th value is given. Logarithms are of the distance from `zero` (`zero_of`).
     """
-    places = range(every, num - 1, every)
+    indices = range(every, num - 1, every)
     if scale == "log":
         a, b = math.log10(start - zero), math.log10(stop - zero)
         step = abs(math.expm1((b - a) / (num - 1) * math.log(10)))
         digits = min(max(12, 9 - math.floor(math.log10(step))), 17) if step else 17
-        inner = [float(f"{10 ** (a + (b - a) * i / (num - 1)):.{digits}g}") for i in places]
+        inner = [float(f"{10 ** (a + (b - a) * i / (num - 1)):.{digits}g}") for i in indices]
         inner = [round(x + zero, digits - 3) for x in inner] if zero else inner
     else:
         step = (stop - start) / (num - 1)
         digits = 9 - math.floor(math.log10(abs(step))) if step else 0
-        inner = [round(start + step * i, digits) for i in places]
+        inner = [round(start + step * i, digits) for i in indices]
     return (start, *inner, stop)
 
 

@@ -186,12 +186,12 @@ def expect_values(
 ) -> None:
     """StudyFileError where a parameter that a table is over has no value, or one beyond it."""
     for table in tables:
-        for name, at in zip(table.over, table.at, strict=True):
+        for name, knots in zip(table.over, table.at, strict=True):
             keys = (SECTION, name)
             if math.isnan(values[name]):
                 text = f"expected a value of {name} in [parameters]: {table.name} follows it"
                 raise source.error((SECTION,), text)
-            _expect_within(table, at, (values[name],), keys, source)
+            _expect_within(table, knots, (values[name],), keys, source)
 
 
 def expect_sweeps(
@@ -204,9 +204,9 @@ def expect_sweeps(
             if sweep.name == table.name:
                 text = f"'{table.name}' follows a table over {' and '.join(table.over)}: sweep that"
                 raise source.error((*keys, "parameter"), text)
-            for name, at in zip(table.over, table.at, strict=True):
+            for name, knots in zip(table.over, table.at, strict=True):
                 if name == sweep.name:
-                    _expect_within(table, at, (sweep.low, sweep.high), keys, source)
+                    _expect_within(table, knots, (sweep.low, sweep.high), keys, source)
 
 
 def knots_between(
@@ -221,9 +221,9 @@ def knots_between(
         knots = {
             knot
             for table in tables
-            for name, at in zip(table.over, table.at, strict=True)
+            for name, axis_values in zip(table.over, table.at, strict=True)
             if name == sweep.name
-            for knot in at
+            for knot in axis_values
         }
         slack = KNOT_SLACK * (sweep.high - sweep.low)
         inside = [
@@ -239,12 +239,12 @@ def knots_between(
 
 def _expect_within(
     table: ParameterTable,
-    at: Sequence[float],
+    knots: Sequence[float],
     values: Iterable[float],
     keys: KeyPath,
     source: SourceText,
 ) -> None:
     for knot in values:
-        if not at[0] <= knot <= at[-1]:
-            text = f"the table of {table.name} is from {at[0]:g} to {at[-1]:g}, got {knot:g}"
+        if not knots[0] <= knot <= knots[-1]:
+            text = f"the table of {table.name} is from {knots[0]:g} to {knots[-1]:g}, got {knot:g}"
             raise source.error(keys, text)

@@ -115,10 +115,10 @@ def _holds(node: Any, path: KeyPath, joined: int) -> bool:
     if not path:
         return True
     if isinstance(node, list):
-        place = path[0]
-        if not isinstance(place, int) or place >= len(node):
+        key = path[0]
+        if not isinstance(key, int) or key >= len(node):
             return False
-        return _holds(node[place], path[1:], joined)
+        return _holds(node[key], path[1:], joined)
     if not isinstance(node, dict):
         return False
     names = ((".".join(map(str, path[:n])), path[n:]) for n in range(1, joined + 1))

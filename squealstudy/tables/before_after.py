@@ -95,12 +95,12 @@ def unstable_modes(
     names = [name.replace("_{}", "") for name in COLUMNS]
     table = pd.DataFrame(rows, columns=[*names, "tracks", *COMPONENTS])
     shown = modes[is_common[code]]
-    place = np.full(len(points), -1)
-    place[common] = np.arange(len(common))
+    row_of_point = np.full(len(points), -1)
+    row_of_point[common] = np.arange(len(common))
     group = np.where(shown["track"] > 0, shown["track"], unstable_groups(shown))
     of_modes = [np.isin(group, row["tracks"]) for row in rows]
-    at = place[code[is_common[code]]]
-    roots = [_roots(shown[of], at[of], len(common)) for of in of_modes]
+    rows_of_modes = row_of_point[code[is_common[code]]]
+    roots = [_roots(shown[of], rows_of_modes[of], len(common)) for of in of_modes]
     table["growth_rate_error"] = [
         shown.loc[(shown["growth_rate"] == row["growth_rate"]).to_numpy(), "error_estimate"].max()
         for row in rows
@@ -146,8 +146,12 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
     rows = ([*range(len(table_before)), *[-1] * len(alone)], [*partner.tolist(), *alone.tolist()])
     table = pd.DataFrame(index=range(len(rows[0])))
     for name, kind in COLUMNS.items():
-        for side, side_table, places in zip(SIDES, (table_before, table_after), rows, strict=True):
-            values = side_table[name.replace("_{}", "")].reindex(places).reset_index(drop=True)
+        for side, side_table, rows_of_side in zip(
+            SIDES, (table_before, table_after), rows, strict=True
+        ):
+            values = (
+                side_table[name.replace("_{}", "")].reindex(rows_of_side).reset_index(drop=True)
+            )
             if kind in EMPTY:
                 values = values.where(values.notna(), EMPTY[kind])
             table[name.format(side)] = values
@@ -156,13 +160,13 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
     return table.iloc[np.argsort(-fastest.to_numpy(), kind="stable")].reset_index(drop=True)
 
 
-def _roots(rows: pd.DataFrame, place: np.ndarray, count: int) -> np.ndarray:
+def _roots(rows: pd.DataFrame, row_of_point: np.ndarray, count: int) -> np.ndarray:
     """Roots (count,) of a mode, rad/s, whose rows stand at these places; of several the fastest."""
     order = np.argsort(rows["growth_rate"].to_numpy(float), kind="stable")
     size = 2.0 * np.pi * rows["frequency_hz"].to_numpy(float)
     real = rows["growth_rate"].to_numpy(float)
     roots = np.full(count, np.nan, dtype=complex)
-    roots[place[order]] = (real + 1j * np.sqrt(np.maximum(size**2 - real**2, 0.0)))[order]
+    roots[row_of_point[order]] = (real + 1j * np.sqrt(np.maximum(size**2 - real**2, 0.0)))[order]
     return roots
 
 

@@ -70,8 +70,8 @@ def full_tables(
     owner = pd.Index(points["point_id"]).get_indexer(pd.Index(table["point_id"]))
     first, last = (np.searchsorted(code, owner, side=s) for s in ("left", "right"))
     count = last - first
-    place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    chosen = rows[np.repeat(first, count) + place]
+    positions = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    chosen = rows[np.repeat(first, count) + positions]
     repeated = table["point_id"].duplicated().to_numpy()
     number = np.arange(len(table)).astype(str)
     ids = table["point_id"].to_numpy(dtype=object)
@@ -85,13 +85,13 @@ def full_tables(
 def _node_rows(points: pd.DataFrame, axes: Mapping[str, Sequence[float]]) -> np.ndarray:
     """Row in `points` of each node of the full grid, -1 where it was not solved."""
     rows = np.full([len(values) for values in axes.values()], -1)
-    places = []
+    indices = []
     for name, values in axes.items():
-        place = pd.Index(values).get_indexer(pd.Index(points[name]))
-        if (place < 0).any():
+        index = pd.Index(values).get_indexer(pd.Index(points[name]))
+        if (index < 0).any():
             raise ResultsError(f"the points table has values of '{name}' that are not on the map")
-        places.append(place)
-    rows[tuple(places)] = np.arange(len(points))
+        indices.append(index)
+    rows[tuple(indices)] = np.arange(len(points))
     return rows
 
 

@@ -113,7 +113,7 @@ def _worst(points: pd.DataFrame, modes: pd.DataFrame, names: list[str]) -> pd.Da
     worst = loudest.set_index("mode")
     shown = [n for n in names if len(points[n].unique()) > 1]
     designs = points[shown].iloc[worst["point"]].to_dict("records")
-    at = pd.Series(
+    settings = pd.Series(
         [mode_ranking.settings_text(row) for row in designs], index=worst.index, dtype="str"
     )
-    return worst.assign(worst=at)
+    return worst.assign(worst=settings)

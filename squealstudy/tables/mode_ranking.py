@@ -226,9 +226,9 @@ def settings_text(values: Mapping[Hashable, Any]) -> str:
     return ", ".join(f"{name}={number:g}" for name, number in values.items())
 
 
-def settings_of(at: object, units: Mapping[str, str]) -> dict[str, str]:
+def settings_of(settings: object, units: Mapping[str, str]) -> dict[str, str]:
     """Values with their units by name, from what `settings_text` has written."""
-    parts = [part.rpartition("=") for part in str(at).split(", ") if "=" in part]
+    parts = [part.rpartition("=") for part in str(settings).split(", ") if "=" in part]
     return {n: amount(float(v), units.get(n, ""), digits=AT_DIGITS) for n, _, v in parts}
 
 
@@ -298,8 +298,8 @@ def main_components(energies: pd.DataFrame) -> pd.DataFrame:
     shares = energies.rename(columns=lambda c: c.removeprefix("energy_"))
     each = shares.melt(ignore_index=False, var_name="component", value_name="share").dropna()
     ranked = each.sort_values("share", ascending=False, kind="stable").groupby(level=0)
-    for place, name in enumerate(("main", "second")):
-        chosen = ranked.nth(place).reindex(table.index)
+    for rank, name in enumerate(("main", "second")):
+        chosen = ranked.nth(rank).reindex(table.index)
         table[f"{name}_component"] = chosen["component"].fillna("")
         table[f"{name}_share"] = chosen["share"]
     return table

@@ -97,7 +97,7 @@ def growth_columns(
         number: int, members: np.ndarray, of: np.ndarray, absent: np.ndarray, fastest_hz: float
     ) -> GrowthColumn:
         marks = unstable, unstable & ~uncertain, unstable | uncertain
-        at = [np.bincount(code[of & mark], minlength=n) > 0 for mark in marks]
+        has_mark = [np.bincount(code[of & mark], minlength=n) > 0 for mark in marks]
         largest = np.full(n, -np.inf)
         np.maximum.at(largest, code[members], growth[members])
         present = np.isfinite(largest)
@@ -106,9 +106,9 @@ def growth_columns(
             track=number,
             frequency_hz=fastest_hz,
             growth=shown,
-            unstable=at[0],
-            surely=at[1],
-            maybe=at[2],
+            unstable=has_mark[0],
+            surely=has_mark[1],
+            maybe=has_mark[2],
             absent=absent & ~present,
         )
 
@@ -150,9 +150,9 @@ class _Standing:
     """Which tracks stand at which points, from the oscillating modes' points and tracks (m,)."""
 
     def __init__(self, n: int, code: np.ndarray, track: np.ndarray) -> None:
-        self._tracks, place = np.unique(track, return_inverse=True)
+        self._tracks, track_index = np.unique(track, return_inverse=True)
         self._here = np.zeros((n, len(self._tracks)), dtype=bool)
-        self._here[code, place] = True
+        self._here[code, track_index] = True
 
     def absent(self, number: int) -> np.ndarray:
         """Points (n,) at which a track is certainly none of the modes: each is another one.

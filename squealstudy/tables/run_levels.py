@@ -25,6 +25,6 @@ def run_levels(verdicts: pd.DataFrame, cycles: pd.DataFrame) -> pd.DataFrame:
     level = verdicts["torque_rms"].to_numpy(dtype=float, na_value=np.nan)
     cycle_levels = cycles["torque_rms"].to_numpy(dtype=float, na_value=np.nan)
     of_cycles = set(zip(cycles["point_id"], cycle_levels, strict=True))
-    places = zip(verdicts["point_id"], level, strict=True)
-    new = np.array([place not in of_cycles for place in places], dtype=bool)
+    ids_and_levels = zip(verdicts["point_id"], level, strict=True)
+    new = np.array([id_and_level not in of_cycles for id_and_level in ids_and_levels], dtype=bool)
     return verdicts[by_run & np.isfinite(level) & new]

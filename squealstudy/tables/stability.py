@@ -47,9 +47,9 @@ def unstable_bounds(
     table = pd.DataFrame(index=pd.Index(groups, name="track"))
     for side, numbers in sides.items():
         ranked_rows = np.flatnonzero(np.isin(numbers, groups))
-        place, point = np.searchsorted(groups, numbers[ranked_rows]), code[ranked_rows]
+        group_index, point = np.searchsorted(groups, numbers[ranked_rows]), code[ranked_rows]
         span = int(point.max(initial=0)) + 1
-        pairs = np.unique(place * span + point)  # one number a group and point
+        pairs = np.unique(group_index * span + point)  # one number a group and point
         table[f"unstable_points_{side}"] = np.bincount(pairs // span, minlength=len(groups))
     return table
 
@@ -127,7 +127,12 @@ def line_crossings(
     into = unstable & (first | ~previous)
     out = ~unstable & ~first & previous
     at = np.flatnonzero(into | out)
-    x0, z0, x1, z1 = np.roll(x, 1)[at], np.roll(zeta, 1)[at], x[at], zeta[at]
+    x0, z0, x1, z1 = (
+        np.roll(x, 1)[at],
+        np.roll(zeta, 1)[at],
+        x[at],
+        zeta[at],
+    )
     stable = np.maximum(np.where(out[at], z1, z0), 0.0)
     growing = np.where(out[at], z0, z1)
     part = np.clip(stable / np.maximum(stable - growing, np.finfo(float).tiny), 0.0, 1.0)
@@ -148,7 +153,9 @@ def line_crossings(
             "line": line[at],
             "value": np.where(first[at], x1, crossing),
             "kind": np.select(
-                [below, first[at], undamped], [BELOW_RANGE, FIRST_SEEN, BRACKETED], CROSSING
+                [below, first[at], undamped],
+                [BELOW_RANGE, FIRST_SEEN, BRACKETED],
+                CROSSING,
             ),
             "direction": np.where(out[at], OUT_OF, INTO),
             "before": np.where(first[at], -1, np.roll(order, 1)[at]),

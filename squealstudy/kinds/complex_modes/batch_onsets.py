@@ -84,7 +84,7 @@ class BatchOnsets:
         onsets = refine_onsets_together(
             x=(x[brackets.points[0]], x[brackets.points[1]]),
             modes=(modes[0], modes[1]),
-            places=brackets.places,
+            mode_numbers=brackets.places,
             solve=lambda rows, at: self._solve(brackets.points[0][rows], at, count),
             tolerance=self._tolerance,
             precision=self._precision,

@@ -91,8 +91,10 @@ class BoundaryGrid:
 
     def values(self, nodes: Sequence[Node]) -> np.ndarray:
         """Swept values (n, d) at some nodes."""
-        places = np.array(nodes).T
-        return np.column_stack([np.array(a)[i] for a, i in zip(self.axes, places, strict=True)])
+        coordinates = np.array(nodes).T
+        return np.column_stack(
+            [np.array(a)[i] for a, i in zip(self.axes, coordinates, strict=True)]
+        )
 
     def node(self, values: Sequence[float]) -> Node:
         """The node of these swept values (d,); ValueError where there is none."""

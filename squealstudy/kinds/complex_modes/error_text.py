@@ -111,10 +111,11 @@ def turning_rows(manifest: Mapping[str, Any]) -> Rows:
     if not facts or not facts["decided_points"]:
         return []
     growth = in_digits(facts["decided_growth"], 1)
-    at = f"{facts['decided_points']} of {plural(facts['looked'], 'design point')}"
+    decided = f"{facts['decided_points']} of {plural(facts['looked'], 'design point')}"
     text = (
-        f"terms of the turning disc are left out: at {at} near an onset they decide whether a mode "
-        f"grows, and change its growth rate by up to {growth} 1/s ({GYROSCOPIC.name} = 1 has them)"
+        f"terms of the turning disc are left out: at {decided} near an onset they decide whether a "
+        f"mode grows, and change its growth rate by up to {growth} 1/s ({GYROSCOPIC.name} = 1 has "
+        "them)"
     )
     return [("gyroscopic", text)]
 

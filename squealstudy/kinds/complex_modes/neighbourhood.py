@@ -267,11 +267,11 @@ def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
     )
     pencils = task.between.pencils(task.column)
     onsets: list[tuple[int, Onset | str]] = []
-    for row, places in zip(task.rows, task.places, strict=True):
+    for row, mode_pair in zip(task.rows, task.places, strict=True):
         try:
-            onset = None if pencils is None else _followed(task, pencils, places)
+            onset = None if pencils is None else _followed(task, pencils, mode_pair)
             if onset is None:
-                onset = refine_onset(samples, *places, task.tolerance, task.precision)
+                onset = refine_onset(samples, *mode_pair, task.tolerance, task.precision)
         except FAILURES as error:
             onsets.append((row, getattr(error, "status", FAILED)))
         else:
@@ -279,10 +279,10 @@ def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
     return onsets
 
 
-def _followed(task: OnsetTask, pencils: PencilLine, places: tuple[int, int]) -> Onset | None:
+def _followed(task: OnsetTask, pencils: PencilLine, mode_pair: tuple[int, int]) -> Onset | None:
     """The onset by its root alone; None where this is not sure, or fails for whatever reason."""
     low = float(task.between.x[task.column])
-    ends = FollowedEnd(low, task.low, places[0]), FollowedEnd(task.end, task.high, places[1])
+    ends = FollowedEnd(low, task.low, mode_pair[0]), FollowedEnd(task.end, task.high, mode_pair[1])
     with _threads().limit(limits=1):
         try:
             return followed_onset(pencils, ends, task.tolerance, task.precision)

@@ -177,15 +177,15 @@ class OnsetSearch:
         x = self._plan.coordinates[:, self._column][self._point]
         values = self._points[self._along].to_numpy()[self._point]
         track_before, track_after = self._neighbours()
-        at, inwards = stable[rows], into[rows]
-        end = at
+        stable_end, inwards = stable[rows], into[rows]
+        end = stable_end
         while (neutral := (end >= 0) & self._neutral[end]).any():
             further = np.where(inwards, track_before[end], track_after[end])
             end = np.where(neutral, further, end)
         inside = self._shift(before[rows], after[rows])
         has_end = end >= 0
-        error = np.where(has_end, np.maximum(inside, np.abs(x[end] - x[at])), np.nan)
-        self._enter_value(table, rows, x[at], error)
+        error = np.where(has_end, np.maximum(inside, np.abs(x[end] - x[stable_end])), np.nan)
+        self._enter_value(table, rows, x[stable_end], error)
         table["status"][rows] = WITHIN_ERROR
         for bracket, side in (("bracket_low", inwards), ("bracket_high", ~inwards)):
             table[bracket][rows[side]] = np.where(has_end, values[end], np.nan)[side]
@@ -385,10 +385,10 @@ class OnsetSearch:
             if renumbered:
                 table["onset"][row] = np.nan
             return 0
-        at = np.array([row])
-        ends = (events[end].to_numpy()[at] for end in ("before", "after"))
+        rows = np.array([row])
+        ends = (events[end].to_numpy()[rows] for end in ("before", "after"))
         error = 2.0 * self._precision() + self._shift(*ends)
-        self._enter_value(table, at, np.array([onset.value]), error)
+        self._enter_value(table, rows, np.array([onset.value]), error)
         table["frequency_hz"][row] = onset.frequency_hz
         table["status"][row] = REFINED
         table["evaluations"][row] = onset.evaluations

@@ -54,12 +54,12 @@ def _above(facts: Mapping[str, Any], high: float) -> str:
 def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """Of one side: how many modes grow, and the fastest."""
     settings = ", ".join(f"{n} {amount(v, units.get(n, ''))}" for n, v in worst["at"].items())
-    at = f" at {settings}" if settings else ""
+    setting_text = f" at {settings}" if settings else ""
     grow = "grow" if worst["count"] > 1 else "grows"
     fastest = "the fastest " if worst["count"] > 1 else ""
     how = f"{in_digits(worst['frequency_hz'])} Hz"
     how = how if worst.get("oscillates", True) else "without oscillation"
     return (
-        f"{text} {plural(worst['count'], 'mode')} {grow}{at}: {fastest}{how}, "
+        f"{text} {plural(worst['count'], 'mode')} {grow}{setting_text}: {fastest}{how}, "
         f"{worst['growth_rate']:.3g} 1/s"
     )

@@ -207,18 +207,18 @@ def read_columns(
             writer.discard()
         raise store.unsolved(missing, len(ids))
     points = [point_ids.take(order), *(column(n).take(order) for n, _ in POINT_FIELDS[1:])]
-    counts, place = _lengths(chunk_columns["re"], order)
+    counts, positions = _lengths(chunk_columns["re"], order)
     shares = _lengths(chunk_columns["energies"], order)
     energies = _flat(column("energies"), *shares)
-    lam = _flat(column("re"), counts, place) + 1j * _flat(column("im"), counts, place)
-    error = _flat(column("error_rung"), counts, place)
+    lam = _flat(column("re"), counts, positions) + 1j * _flat(column("im"), counts, positions)
+    error = _flat(column("error_rung"), counts, positions)
     table = pa.Table.from_arrays(points, schema=pa.schema(list(SCHEMA)[: len(POINT_FIELDS)]))
     return ModeColumns(
         points=_judged(table, counts, lam, error, largest_error),
         counts=counts,
         lam=lam,
-        overdamped=_flat(column("overdamped"), counts, place).astype(bool),
-        residual=_flat(column("residual"), counts, place),
+        overdamped=_flat(column("overdamped"), counts, positions).astype(bool),
+        residual=_flat(column("residual"), counts, positions),
         error_rung=error,
         energies=energies.reshape(len(lam), energies.size // max(len(lam), 1)),
         shapes=None if writer is None else writer.close(order, counts),
@@ -232,11 +232,11 @@ def _lengths(parts: list[pa.Array], order: np.ndarray) -> tuple[np.ndarray, np.n
     return counts[order], (np.cumsum(counts) - counts)[order]
 
 
-def _flat(column: pa.ChunkedArray, counts: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _flat(column: pa.ChunkedArray, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Values of a list column one after the other, its rows in the order of `_lengths`."""
     parts = [part.flatten().to_numpy(zero_copy_only=False) for part in column.chunks]
     values = np.concatenate([np.zeros(0, dtype=column.type.value_type.to_pandas_dtype()), *parts])
-    rows = np.repeat(place - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    rows = np.repeat(positions - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
     ordered: np.ndarray = values[rows]
     return ordered
 
@@ -246,12 +246,12 @@ def _judged(
 ) -> pa.Table:
     """The points with the status and message of those that are inaccurate."""
     point = np.repeat(np.arange(len(counts)), counts)
-    worst, at = worst_errors(lam, error, point, len(counts))
+    worst, worst_modes = worst_errors(lam, error, point, len(counts))
     inaccurate = worst > largest
     if not inaccurate.any():
         return points
     messages = [
-        f"the mode at {np.abs(lam[at[i]]) / (2 * np.pi):.5g} Hz may be wrong by "
+        f"the mode at {np.abs(lam[worst_modes[i]]) / (2 * np.pi):.5g} Hz may be wrong by "
         f"{f'{worst[i]:.1e}' if worst[i] < 1.0 else 'more than the whole'} of its frequency or in "
         f"its damping ratio, more than the tolerance {largest:g} of [modes]"
         for i in np.flatnonzero(inaccurate)

@@ -336,7 +336,7 @@ def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]
             f"{100 * x:.{1 if x < 0.1 else 0}f}" for x in (row["unstable_share"], low / n, high / n)
         )
         share = f"{middle} ({least}-{most}) %"
-    shares = ((row[f"{place}_component"], row[f"{place}_share"]) for place in ("main", "second"))
+    shares = ((row[f"{prefix}_component"], row[f"{prefix}_share"]) for prefix in ("main", "second"))
     energy = ", ".join(
         f"{name} {held_together([f'{100 * share:.0f} %'])}"
         for name, share in shares

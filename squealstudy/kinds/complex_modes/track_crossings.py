@@ -99,7 +99,9 @@ class TrackCrossings:
         if self._follower.parents[point] == other:  # smaller steps may have told them apart
             return bool(self._tracks.ambiguous.flat[row])
         lams, labels = self._follower.lams, self._tracks.labels
-        place = {int(track): mode for mode, track in enumerate(labels[point])}
-        partner = np.array([place.get(int(track), -1) for track in labels[other]], dtype=int)
+        mode_of_track = {int(track): mode for mode, track in enumerate(labels[point])}
+        partner = np.array(
+            [mode_of_track.get(int(track), -1) for track in labels[other]], dtype=int
+        )
         began = broken(lams[other], lams[point], partner, self._follower.band)[1]
         return bool(began[row - labels.starts[point]])

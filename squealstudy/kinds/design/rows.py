@@ -232,8 +232,8 @@ def _modes(
     zeta = figures(lam)[2]
     near = [
         k
-        for place, k in enumerate(oscillating[:MOST_MODES])
-        if place < LEAST_MODES or zeta[k] < request.margin + SENSITIVITY_DAMPING_WINDOW
+        for index, k in enumerate(oscillating[:MOST_MODES])
+        if index < LEAST_MODES or zeta[k] < request.margin + SENSITIVITY_DAMPING_WINDOW
     ]
     real = _RealModes.of(system)
     for k in near:
@@ -378,7 +378,7 @@ def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dic
         return failed_row(SCHEMA, point.point_id, row["status"], row["message"], row["wall_s"])
     lacking = [(b["added_damping"] / (4 * np.pi * b["frequency_hz"]), b) for b in row["curves"]]
     nowhere: tuple[float, dict[str, Any]] = (np.nan, {})
-    most, at = max(lacking, key=lambda item: item[0], default=nowhere)
+    most, worst_point = max(lacking, key=lambda item: item[0], default=nowhere)
     return {
         **head(point.point_id, row["wall_s"]),
         **_summary(np.zeros(0, dtype=complex), request.tolerance),
@@ -386,7 +386,7 @@ def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dic
         "n_modes": row["n_families"],
         "n_unstable": row["n_unstable"],
         "max_growth_rate": row["max_growth_rate"],
-        "frequency_hz": at.get("frequency_hz", np.nan),
+        "frequency_hz": worst_point.get("frequency_hz", np.nan),
         "verdict": row["verdict"],
         "reason": row["reason"],
         "missing_damping": most,

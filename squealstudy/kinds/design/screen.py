@@ -151,11 +151,11 @@ def same_modes(hz: np.ndarray) -> np.ndarray:
     if len(hz) <= MAX_EXACT_GROUPING:
         group_numbers: np.ndarray = fcluster(linkage(values[:, None], "complete"), most, "distance")
         return group_numbers
-    rounded, place = np.unique(np.round(values / LOG_FREQUENCY_ROUNDING), return_inverse=True)
+    rounded, group = np.unique(np.round(values / LOG_FREQUENCY_ROUNDING), return_inverse=True)
     if len(rounded) < 2:
         return np.ones(len(hz), dtype=int)
     tree = linkage(LOG_FREQUENCY_ROUNDING * rounded[:, None], "complete")
-    of_rounded: np.ndarray = fcluster(tree, most - LOG_FREQUENCY_ROUNDING, "distance")[place]
+    of_rounded: np.ndarray = fcluster(tree, most - LOG_FREQUENCY_ROUNDING, "distance")[group]
     return of_rounded
 
 

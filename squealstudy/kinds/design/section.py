@@ -68,8 +68,8 @@ class AddedMassSection(Section):
         from squealstudy.study.added_parts import AddedPart
 
         table = PointMassTable(name="added", on=self.on, mass=0.0, at=self.at)
-        place = ("variable", number, "added_mass")
-        return AddedPart(self.parameter, table, ("mass",), source, place)
+        keys = ("variable", number, "added_mass")
+        return AddedPart(self.parameter, table, ("mass",), source, keys)
 
 
 class StiffenerSection(Section):

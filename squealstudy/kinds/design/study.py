@@ -144,8 +144,8 @@ class DesignStudy(ResolvedStudy):
         weight = np.ones(len(matrix))
         for column, sweep in zip(matrix.T, self.sweeps, strict=False):
             if (shares := self.goal.occurrence.get(sweep.name)) is not None:
-                places = [sweep.values.index(swept_value) for swept_value in column.tolist()]
-                weight = weight * (np.array(shares) / max(shares))[places]
+                indices = [sweep.values.index(swept_value) for swept_value in column.tolist()]
+                weight = weight * (np.array(shares) / max(shares))[indices]
         share: np.ndarray = weight / weight.sum()
         return share
 
@@ -155,8 +155,8 @@ class DesignStudy(ResolvedStudy):
 
     def place(self, name: str) -> KeyPath:
         """Where the file names a parameter."""
-        places = self._places(name)
-        return places[0] if places else ("parameters", name)
+        indices = self._places(name)
+        return indices[0] if indices else ("parameters", name)
 
     def last_place(self, name: str) -> KeyPath:
         """Where it names it last."""
@@ -239,8 +239,8 @@ def of_variant(study: DesignStudy, number: int, error: StudyFileError) -> StudyF
     if error.path != study.source.path:
         return error
     name = cast("DesignStudyDefinition", study.definition).variant[number].name
-    at = f"{error.key}: " if error.key else ""
-    return study.error(("variant", number), f"variant '{name}': {at}{error.message}")
+    prefix = f"{error.key}: " if error.key else ""
+    return study.error(("variant", number), f"variant '{name}': {prefix}{error.message}")
 
 
 def design_study(study: ResolvedStudy) -> DesignStudy:
@@ -353,12 +353,12 @@ def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Va
         text = f"'{parameter.name}' is added, from 0 on: expected no value of it"
         raise study.error((PARAMETERS, parameter.name), text)
     low, high = section.ends
-    for place, end in enumerate(section.ends):
+    for index, end in enumerate(section.ends):
         try:
             parameter.check(nominal + end)
         except ParameterError as error:
             text = f"{parameter.name}, today {nominal:g}, changed by {end:g}: {error.message}"
-            raise study.error((*keys, "bounds", place), text) from None
+            raise study.error((*keys, "bounds", index), text) from None
     return Variable(parameter, nominal, low, high, section.cost)
 
 

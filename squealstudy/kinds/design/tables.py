@@ -67,9 +67,11 @@ def build_tables(
     numbers = {key: n for n, key in enumerate(search.state.designs)}
     start = plan.design_study.n_operating
     variable_columns = slice(start, start + len(plan.design_study.variables))
-    place = [numbers.get(np.array(a.of(variable_columns)).tobytes()) for a in plan.evaluations]
+    design_numbers = [
+        numbers.get(np.array(a.of(variable_columns)).tobytes()) for a in plan.evaluations
+    ]
     shares = _shares(plan)
-    for row, evaluation, number in zip(rows, plan.evaluations, place, strict=True):
+    for row, evaluation, number in zip(rows, plan.evaluations, design_numbers, strict=True):
         share = shares.get(evaluation.of(slice(start)), np.nan)
         row |= {"design": number, "analysis": evaluation.analysis, "occurrence": share}
     designs = design_rows(plan, search)

@@ -106,8 +106,8 @@ def follow_borders(task: PlaneTask) -> tuple[list[dict[str, Any]], list[str]]:
     borders: list[tuple[Mark, list[BorderPoint], tuple[str, str]]] = []
     rows, not_followed, differences = [], list[str](), dict[tuple[int, int], float]()
     for over, mark in sorted(task.marks, key=lambda m: (m[1].event, m[0], m[1].motion.parameter)):
-        place = plane.place_on_borders(borders, over, mark)
-        if place is None:
+        position = plane.place_on_borders(borders, over, mark)
+        if position is None:
             try:
                 borders.append((mark, *plane.border(over, mark)))
             except FAILURES as error:
@@ -115,10 +115,10 @@ def follow_borders(task: PlaneTask) -> tuple[list[dict[str, Any]], list[str]]:
                     f"{mark.event} at {task.along} {mark.motion.parameter:g}: {error}"
                 )
                 continue
-            place = plane.place_on_borders(borders, over, mark)
-        if place is not None:
-            at = borders[place[0]][1][place[1]].motion.parameter
-            differences[place] = at - mark.motion.parameter
+            position = plane.place_on_borders(borders, over, mark)
+        if position is not None:
+            parameter_value = borders[position[0]][1][position[1]].motion.parameter
+            differences[position] = parameter_value - mark.motion.parameter
     for number, (mark, points, ends) in enumerate(borders):
         border_rows = [plane.row(mark, k, point) for k, point in enumerate(points)]
         for k, row in enumerate(border_rows):

@@ -257,8 +257,8 @@ class Continuation:
         x, shape = plan.coordinates, plan.grid_shape
         same = plan.tasks.structure_index == plan.tasks.structure_index[k]
         if shape is not None:
-            place = grid_places(x, shape)
-            away = np.abs(place - place[k]).sum(axis=1)
+            grid_index = grid_places(x, shape)
+            away = np.abs(grid_index - grid_index[k]).sum(axis=1)
             return [int(i) for i in np.flatnonzero((away == 1) & same)]
         width = np.ptp(x, axis=0)
         away = (((x - x[k]) / np.where(width > 0, width, 1.0)) ** 2).sum(axis=1)

@@ -58,9 +58,13 @@ def onset_near(
     else:
         raise ConvergenceError("no_onset", "no change of stability beside the end of a branch")
     line = SolvedLine(low, ends[0], high, ends[1], modes)
-    places = [place(m) for m in ends]
+    modes_at_ends = [place(m) for m in ends]
     found = refine_onset(
-        line, places[0], places[1], designs.request.tolerance, ONSET_REL_TOLERANCE * width
+        line,
+        modes_at_ends[0],
+        modes_at_ends[1],
+        designs.request.tolerance,
+        ONSET_REL_TOLERANCE * width,
     )
     neutral, omega = modes(found.value), 2.0 * np.pi * found.frequency_hz
     k = int(

@@ -194,7 +194,7 @@ def _branches(results: ResultTables) -> Rows:
         along = str(branch["along"].iloc[0])
         line = points.loc[branch["point_id"].iloc[0]]
         others = [setting(p, line[p], units.get(p, "")) for p in varied if p != along]
-        at = f" at {', '.join(others)}" if others else ""
+        fixed_text = f" at {', '.join(others)}" if others else ""
         events = branch[(branch["event"] != "").to_numpy(bool)]
         event_texts = [
             f"{EVENT_WORDS.get(e['event'], e['event'])} at "
@@ -211,7 +211,7 @@ def _branches(results: ResultTables) -> Rows:
         rows.append(
             (
                 "branch",
-                f"along {along}{at}: {text}"
+                f"along {along}{fixed_text}: {text}"
                 + (f", {more} more" if more > 0 else "")
                 + f"; {ended}",
             )
@@ -257,8 +257,10 @@ def levels_in_words(points: pd.DataFrame, unit: str) -> str:
     loud = points[(points["torque_rms"] > 0).fillna(False).to_numpy(bool)]
     what = "torque" if unit == "N m" else "force of friction"
     hz = loud["frequency_hz"].fillna(loud.get("torque_line_hz", math.nan)).dropna()
-    at = f", at {_ends(hz, 1)} Hz" if len(hz) else ""
-    text = f" RMS of the {what} in what lasts: {_ends(loud['torque_rms'], 1)} {unit}{at}."
+    frequency_text = f", at {_ends(hz, 1)} Hz" if len(hz) else ""
+    text = (
+        f" RMS of the {what} in what lasts: {_ends(loud['torque_rms'], 1)} {unit}{frequency_text}."
+    )
     kicked = points[points["threshold_velocity"].notna().to_numpy(bool)]
     if not len(kicked):
         return text
@@ -318,13 +320,13 @@ def footnotes(reasons: list[str]) -> dict[str, str]:
 
 
 def _cells(row: dict[Hashable, Any], parameters: list[str], kicks: bool) -> list[str]:
-    place = [f"{row[p]:.6g}" for p in parameters]
+    design_cells = [f"{row[p]:.6g}" for p in parameters]
     if row["status"] != "ok":
-        return [*place, f"failed: {row['status']}", *[""] * (6 if kicks else 4)]
+        return [*design_cells, f"failed: {row['status']}", *[""] * (6 if kicks else 4)]
     hz = motion_frequency(row["frequency_hz"], row.get("torque_line_hz", math.nan), 1)
     threshold = [figure(row["threshold_velocity"]), figure(100 * row["threshold_share"], ".0f")]
     return [
-        *place,
+        *design_cells,
         str(row["verdict"]).replace("_", " "),
         figure(row["max_growth_rate"]),
         figure(row["torque_rms"]),

@@ -311,8 +311,8 @@ def torque_line(cycle: Cycle) -> float:
     return float((1 + int(np.argmax(sizes))) * cycle.motion.omega / (2 * np.pi))
 
 
-def _cycle_id(point_id: str, mode: int, place: int) -> str:
-    return f"{point_id}-{mode}-{place + 1}"
+def _cycle_id(point_id: str, mode: int, number: int) -> str:
+    return f"{point_id}-{mode}-{number + 1}"
 
 
 def _cycles(
@@ -322,8 +322,8 @@ def _cycles(
     earlier_cycles: list[tuple[str, Cycle]] = []
     rows = []
     for mode, family in families:
-        for place, cycle in enumerate(family.cycles):
-            name = _cycle_id(point_id, mode, place)
+        for number, cycle in enumerate(family.cycles):
+            name = _cycle_id(point_id, mode, number)
             same = next((other for other, c in earlier_cycles if same_cycle(c, cycle)), "")
             rows.append(cycle_row(name, mode, cycle, law_kind) | {"same_as": same})
             if not same:

@@ -182,13 +182,13 @@ def _allow(
 
 def _row(task: LineTask, cell: Run) -> dict[str, Any]:
     started = time.perf_counter()
-    place = {axis: cell.content[name] for axis, name in zip("xy", task.knobs, strict=True)}
+    coordinates = {axis: cell.content[name] for axis, name in zip("xy", task.knobs, strict=True)}
     try:
         cells, status, message = asdict(known_cases()[task.case].evaluate(cell.content)), "ok", ""
     except FAILURES as error:
         cells, (status, message) = FAILED_ROW, reason(error)
     wall = time.perf_counter() - started
-    return head(cell.point_id, wall, status, message) | place | cells
+    return head(cell.point_id, wall, status, message) | coordinates | cells
 
 
 KIND = MethodStability()

@@ -102,8 +102,8 @@ def _items(lists: pa.ListArray) -> tuple[np.ndarray, np.ndarray, pa.Array]:
     """Row of each item of a column of lists, its place there from 0, and the items."""
     counts = lists.value_lengths().fill_null(0).to_numpy(zero_copy_only=False)
     owner = np.repeat(np.arange(len(counts)), counts)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return owner, place, lists.flatten()
+    positions = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return owner, positions, lists.flatten()
 
 
 def _sensitivities(plan: Plan, rows: pa.Table) -> pd.DataFrame:

@@ -144,6 +144,6 @@ def _where_it_sticks(lasting: pd.DataFrame, name: str, unit: str) -> str:
     how = f"for {' to '.join(dict.fromkeys(ends))} % of area and time"
     if shares.all():
         return f" The contact sticks in all {len(lasting)} of these, {how}."
-    at = ", ".join(amount(float(v), unit) for v in lasting[name][shares > 0])
+    values = ", ".join(amount(float(v), unit) for v in lasting[name][shares > 0])
     sticking = int((shares > 0).sum())
-    return f" The contact sticks in {sticking} of these {len(lasting)}, {how}: at {name} {at}."
+    return f" The contact sticks in {sticking} of these {len(lasting)}, {how}: at {name} {values}."

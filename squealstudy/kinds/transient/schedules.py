@@ -183,7 +183,7 @@ def _read(
     key: KeyPath = ("transient", parameter.name)
     if table.file is None:
         points, key = table.points, (*key, "points")
-        places = [f"point {k}" for k in range(1, len(points) + 1)]
+        labels = [f"point {k}" for k in range(1, len(points) + 1)]
     else:
         key, path = (*key, "file"), plan.study.source.path.parent / table.file
         try:
@@ -191,23 +191,23 @@ def _read(
         except ModelError as error:
             raise plan.study.error(key, str(error)) from None
         points = tuple((time, level) for time, level in rows)
-        places = [f"{path.name}, line {line}" for line in lines]
-    if refusal := _refusal(parameter, points, places):
+        labels = [f"{path.name}, line {line}" for line in lines]
+    if refusal := _refusal(parameter, points, labels):
         raise plan.study.error(key, refusal)
     return ParameterSchedule(points, table.relative)
 
 
-def _refusal(parameter: Parameter, points: Points, places: Sequence[str]) -> str:
-    """What is wrong with points over time, which stand at `places`; empty where nothing is."""
+def _refusal(parameter: Parameter, points: Points, labels: Sequence[str]) -> str:
+    """What is wrong with points over time, which stand at `labels`; empty where nothing is."""
     if len(points) < 2:
         return f"expected two points or more, got {len(points)}"
     before = -np.inf
-    for place, (time, level) in zip(places, points, strict=True):
+    for label, (time, level) in zip(labels, points, strict=True):
         if time < 0:
-            return f"{place}: the time {time:g} s is before the run, which begins at 0 s"
+            return f"{label}: the time {time:g} s is before the run, which begins at 0 s"
         if time <= before:
-            return f"{place}: the time {time:g} s follows {before:g} s: expected times that rise"
+            return f"{label}: the time {time:g} s follows {before:g} s: expected times that rise"
         if parameter is PRESSURE and level < 0:
-            return f"{place}: the pressure {level:g} is below zero"
+            return f"{label}: the pressure {level:g} is below zero"
         before = time
     return ""

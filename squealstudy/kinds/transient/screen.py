@@ -169,7 +169,7 @@ def points(
     what = "torque" if unit == "N m" else "force"
     varied = [p for p in parameters if len(set(table[p])) > 1]
     shown_parameters = varied if len(varied) <= MOST_COLUMNS else []
-    places = [f"value:{with_unit(p, units)}" for p in shown_parameters] or (
+    headings = [f"value:{with_unit(p, units)}" for p in shown_parameters] or (
         ["point"] if varied else []
     )
     listed = table.head(MOST_POINTS)
@@ -177,11 +177,13 @@ def points(
     columns = ["growth 1/s", "forecast", f"{what} {unit}", "RMS", "+- %", "Hz", "most energy"]
 
     def cells(number: int, row: dict[Hashable, Any]) -> list[str]:
-        place = [f"{row[p]:.6g}" for p in shown_parameters] or ([str(number)] if varied else [])
-        return [*place, *_findings(row)[: N_FINDING_COLUMNS - (not transfers)]]
+        design_cells = [f"{row[p]:.6g}" for p in shown_parameters] or (
+            [str(number)] if varied else []
+        )
+        return [*design_cells, *_findings(row)[: N_FINDING_COLUMNS - (not transfers)]]
 
     shown = grid(
-        *places,
+        *headings,
         "word:class",
         *(f"value:{title}" for title in columns),
         *(["text:transfer"] if transfers else []),

@@ -132,8 +132,8 @@ def _variant(
     try:
         study = study_file.base.variant(changes)
     except StudyFileError as error:
-        place = (*keys, "knob") if knob and error.key == knob else (*keys, "set")
-        raise study_file.error(place, f"{error.key or 'base'}: {error.message}") from None
+        error_keys = (*keys, "knob") if knob and error.key == knob else (*keys, "set")
+        raise study_file.error(error_keys, f"{error.key or 'base'}: {error.message}") from None
     swept = _swept_values(study)
     measured = _placed(swept, points)
     placed = {n: _placed(swept, line) for n, line in lines.items()}
@@ -198,16 +198,16 @@ def onset_lines(
             f"{ONSET} is found on lines of a grid: expected a base study of design grid that "
             "sweeps friction, or another parameter first, over two values or more",
         )
-    place = [sweep.name for sweep in study.sweeps].index(str(along))
+    index = [sweep.name for sweep in study.sweeps].index(str(along))
     first: dict[SweptValues, int] = {}
     for n, point in enumerate(points):
-        first.setdefault(_with(point, place, 0.0), n)
-    return {n: [_with(points[n], place, v) for v in values] for n in first.values()}
+        first.setdefault(_with(point, index, 0.0), n)
+    return {n: [_with(points[n], index, v) for v in values] for n in first.values()}
 
 
-def _with(point: SweptValues, place: int, value: float) -> SweptValues:
+def _with(point: SweptValues, index: int, value: float) -> SweptValues:
     """Swept values with another one of the sweep at a place."""
-    return (*point[:place], value, *point[place + 1 :])
+    return (*point[:index], value, *point[index + 1 :])
 
 
 def common_study(study_file: PrecisionFile) -> ResolvedStudy:
@@ -310,7 +310,7 @@ def _check_integrator(study_file: PrecisionFile, variant: Variant) -> None:
         integrator(variant.integrator, variant.options)
     except ParameterError as error:
         is_option = error.key != "integrator"
-        place = "options" if is_option else "integrator"
+        key = "options" if is_option else "integrator"
         raise study_file.error(
-            (*variant.keys, place), f"{error.key}: {error.message}" if is_option else error.message
+            (*variant.keys, key), f"{error.key}: {error.message}" if is_option else error.message
         ) from None

@@ -101,11 +101,11 @@ class _Deck:
         text = TextFile.read(path)
         self._text = text
         self._commands: dict[str, list[tuple[Line, list[str]]]] = {}
-        for place, line in enumerate(text.lines):
+        for line_number, line in enumerate(text.lines):
             words = [w.strip() for w in line.split("!")[0].split(",")]
             if words[0] and (words[0][0].isalpha() or words[0][0] in "/*"):
                 same_commands = self._commands.setdefault(words[0].upper(), [])
-                same_commands.append((Line(text, place), words[1:]))
+                same_commands.append((Line(text, line_number), words[1:]))
         self._refuse_unknown()
 
     def _all(self, *names: str) -> Iterator[tuple[Line, list[str]]]:
@@ -215,17 +215,17 @@ class _Deck:
             element[values[0]] = values[1]
             options[values[0]] = {k: v for k, v in enumerate(values[2:], 1) if v}
         for line, words in self._all("ETBLOCK"):
-            place = line.place + 2
+            start = line.place + 2
             for _ in range(line.whole("".join(words[:1]), "the number of types")):
-                type_line = Line(self._text, place)
+                type_line = Line(self._text, start)
                 values = [
-                    type_line.whole(w, "whole numbers") for w in self._text.line(place).split()
+                    type_line.whole(w, "whole numbers") for w in self._text.line(start).split()
                 ]
                 if len(values) < 2:
                     raise type_line.error("expected a type and an element")
                 element[values[0]] = values[1]
                 options[values[0]] = {k: v for k, v in enumerate(values[2:20], 1) if v}
-                place += 1
+                start += 1
         for line, words in self._all("KEYOP", "KEYOPT"):
             values = [line.whole(w, "a whole number") for w in words if w]
             if len(values) != 3 or values[0] not in element:
@@ -261,15 +261,15 @@ class _Deck:
                         f"{int((nodes > 0).sum())}"
                     )
                 nodes = np.append(nodes, np.zeros(count - len(nodes), dtype=nodes.dtype))
-                shape, places = self._shape(name, nodes, formulation)
-                own_nodes = nodes[places]
+                shape, columns = self._shape(name, nodes, formulation)
+                own_nodes = nodes[columns]
                 if (missing := ~np.isin(own_nodes, numbers) & (own_nodes > 0)).any():
                     raise ModelError(
                         f"{self._path}: {name}: there is no node {own_nodes[missing][0]}"
                     )
-                at = np.where(own_nodes > 0, np.searchsorted(numbers, own_nodes), LACKING)
-                at = self._middles.filled(FORMULATIONS[shape].shape, at)
-                rows.setdefault(shape, []).append((int(row), at))
+                indices = np.where(own_nodes > 0, np.searchsorted(numbers, own_nodes), LACKING)
+                indices = self._middles.filled(FORMULATIONS[shape].shape, indices)
+                rows.setdefault(shape, []).append((int(row), indices))
         if not rows:
             raise ModelError(f"{self._path} has no solid element: {', '.join(map(str, SOLIDS))}")
         blocks = tuple(
@@ -347,12 +347,12 @@ class _Deck:
                 f"{self._path}: {name}: bricks with corners in one place may be wedges (K = L, "
                 "O = P), pyramids (M = N = O = P) or tetrahedra (K = L, M = N = O = P)"
             )
-        shape, places = kind
-        used = nodes[list(places)]
+        shape, columns = kind
+        used = nodes[list(columns)]
         used = used[used > 0]
         if len(np.unique(corners)) != n_corners or len(np.unique(used)) < len(used):
             raise ModelError(f"{self._path}: {name}: a node is there twice")
-        return shape, np.array(places)
+        return shape, np.array(columns)
 
     # -- sets and materials ----------------------------------------------------------------------
     def _element_sets(self, archive: Any, fields: np.ndarray) -> dict[str, np.ndarray]:

@@ -86,20 +86,20 @@ def _unreadable(text: TextFile, reason: str) -> ModelError:
 def _check_widths(text: TextFile) -> None:
     """Raise ModelError for a line of a block that is longer than the format above it allows."""
     widest = MAX_COMMAND_CHARACTERS
-    for place, line in enumerate(text.lines):
+    for line_number, line in enumerate(text.lines):
         command = line.split(",")[0].strip().upper()
         if command in BLOCKS:
-            widest = _width(text, place + 1)
+            widest = _width(text, line_number + 1)
         elif command[:1].isalpha() or command[:1] in ("/", "*", "!"):
             widest = MAX_COMMAND_CHARACTERS
         elif (length := len(line.rstrip())) > widest and not FORMAT.fullmatch(line):
             what = f"expected at most {widest} letters by the block's format, found {length}"
-            raise text.error(place, what)
+            raise text.error(line_number, what)
 
 
-def _width(text: TextFile, place: int) -> int:
+def _width(text: TextFile, line_number: int) -> int:
     """Letters of a line by the format that stands in a line, ``(3i9,6e21.13e3)``."""
-    line = text.line(place)
+    line = text.line(line_number)
     match = FORMAT.fullmatch(line)
     fields = [FIELD.fullmatch(part) for part in match[1].split(",")] if match else []
     sizes = [(int(field[1]), int(field[2])) for field in fields if field]
@@ -108,5 +108,7 @@ def _width(text: TextFile, place: int) -> int:
         or len(sizes) < len(fields)
         or any(n > MOST_FIELDS or w > WIDEST for n, w in sizes)
     ):
-        raise text.error(place, f"expected the format of a block, (19i9), found '{line[:40]}'")
+        raise text.error(
+            line_number, f"expected the format of a block, (19i9), found '{line[:40]}'"
+        )
     return sum(n * w for n, w in sizes)

@@ -48,11 +48,11 @@ def component_matrices(
         owner, points = geometry.points(table.on, (*keys, "on"))
         if owner == name:
             mass = numbers.at(*keys, "mass")
-            at = None
+            position = None
             if table.at is not None:
-                at = np.array(table.at) * LENGTH.factor(geometry.file.units)
+                position = np.array(table.at) * LENGTH.factor(geometry.file.units)
             try:
-                added = mass_on(points, mass, at)
+                added = mass_on(points, mass, position)
             except ModelError as error:
                 raise PlacedError((*keys, "on"), str(error)) from error
             M = M + geometry.bodies[name].expansion.restricted(added)
@@ -72,14 +72,14 @@ def _turned_mass(
     return (T.T @ sp.diags(moments) @ T).tocsr()
 
 
-def mass_on(points: Surface, mass: float, at: np.ndarray | None) -> sp.csr_matrix:
+def mass_on(points: Surface, mass: float, position: np.ndarray | None) -> sp.csr_matrix:
     """Mass matrix (3 n_nodes, 3 n_nodes) of a mass [kg] on points.
 
     Parameters
     ----------
     points : Surface
     mass : float
-    at : ndarray (3,) or None
+    position : ndarray (3,) or None
         Where it is, m; None: shared out over the points by area.
 
     Raises
@@ -87,7 +87,7 @@ def mass_on(points: Surface, mass: float, at: np.ndarray | None) -> sp.csr_matri
     ModelError
         Points that cannot carry a mass at another place.
     """
-    if at is None:
+    if position is None:
         rows = sp.vstack([points.observe(axis) for axis in np.eye(3)])
         share = np.tile(mass * points.area / points.area.sum(), 3)
         return (rows.T @ sp.diags(share) @ rows).tocsr()
@@ -97,7 +97,7 @@ def mass_on(points: Surface, mass: float, at: np.ndarray | None) -> sp.csr_matri
             f"the set has {nodes} nodes, and a mass at another place couples all of them: expected "
             f"at most {MOST_NODES}; name a smaller set, or leave out at"
         )
-    follows = rigid_motion(points, at)
+    follows = rigid_motion(points, position)
     return (mass * follows.T @ follows).tocsr()
 
 
@@ -134,8 +134,8 @@ def springs_on(
         k = np.concatenate([per_area * share for per_area in stiffness])
         return SpringInterface(name, sp.vstack(point_rows).tocsr(), k, in_static)
     shares = [p.area / p.area.sum() for _, p in (side, other_side)]
-    places = np.vstack([side[1].points, other_side[1].points])
-    centre = np.average(places, axis=0, weights=np.concatenate(shares))
+    positions = np.vstack([side[1].points, other_side[1].points])
+    centre = np.average(positions, axis=0, weights=np.concatenate(shares))
     mean_rows = []
     for d in directions(centre[None]):
         means = [

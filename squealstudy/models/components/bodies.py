@@ -147,20 +147,20 @@ def body_of(brake: Brake, name: str) -> Body:
     """
     table = brake.file.components[name]
     key = "mesh" if table.mesh is not None else "nodes"
-    place: KeyPath = ("components", name, key)
+    keys: KeyPath = ("components", name, key)
     try:
         mesh = read_mesh(brake.located(str(getattr(table, key))), table)
     except PlacedError:
         raise
     except ModelError as error:
-        raise PlacedError(place, str(error)) from error
+        raise PlacedError(keys, str(error)) from error
     mesh = with_sets(_in_si(mesh, brake.file.units), name, table, brake.file.units)
     mesh = with_tables(mesh, name, table, Numbers(brake.file, {}))
     turn, shift = placement(name, table, brake.file.units)
     if table.mesh is None:
         if mesh.constraints:
             raise PlacedError(
-                place,
+                keys,
                 f"{mesh.constraints[0].name}: ties and couplings belong to the matrices, which "
                 "hold them already: name their keywords in pass_over",
             )
@@ -171,7 +171,7 @@ def body_of(brake: Brake, name: str) -> Body:
     try:
         placed, expansion = expanded(_placed_mesh(mesh, turn, shift))
     except ModelError as error:
-        raise PlacedError(place, str(error)) from error
+        raise PlacedError(keys, str(error)) from error
     return Body(name, placed, None, expansion, partial(_materials_at, brake, name))
 
 

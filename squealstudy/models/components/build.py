@@ -123,22 +123,24 @@ def _component(
         K, M = (A[dofs][:, dofs].tocsr() for A in (K, M))
         C, turning = (None if A is None else A[dofs][:, dofs].tocsr() for A in (C, turning))
     if (M.diagonal() <= 0).any():
-        places = body.expansion.places[dofs[M.diagonal() <= 0]]
-        bad = np.unique(places[places >= 0] // 3)
+        dofs_in_file = body.expansion.places[dofs[M.diagonal() <= 0]]
+        bad = np.unique(dofs_in_file[dofs_in_file >= 0] // 3)
         which = body.mesh.nodes_named(bad) if len(bad) else "turns of a reference node"
         raise PlacedError(("components", body.name), f"{which}: there is no mass")
     if body.matrices is not None:
         check_definite(body.name, K, M)
     expansion = body.expansion
     plain = expansion.plain
-    places = expansion.places[dofs]
+    dofs_in_file = expansion.places[dofs]
     return Component(
         body.name,
         M,
         K,
         coordinates=body.nodes,
         correspondence=_compared(M),
-        dofs=None if keeps_all_dofs and plain and len(dofs) == 3 * len(body.nodes) else places,
+        dofs=None
+        if keeps_all_dofs and plain and len(dofs) == 3 * len(body.nodes)
+        else dofs_in_file,
         expansion=None if plain else expansion.E[:, dofs].tocsr(),
         cells=mesh_cells(mesh) if body.matrices is None else moved_cells(mesh, expansion.lacking),
         C=C,

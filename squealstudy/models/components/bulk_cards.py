@@ -35,27 +35,27 @@ class BulkCard:
     fields: list[str] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
 
-    def error(self, message: str, place: int = 0) -> ModelError:
+    def error(self, message: str, field: int = 0) -> ModelError:
         """The error to raise about the line of a field."""
-        line = self.lines[min(place, len(self.lines) - 1)]
+        line = self.lines[min(field, len(self.lines) - 1)]
         return line.error(f"{self.name}: {message}")
 
-    def at(self, place: int) -> str:
+    def at(self, field: int) -> str:
         """A field, counted from 0 behind the name; empty where the card ends before."""
-        return self.fields[place] if place < len(self.fields) else ""
+        return self.fields[field] if field < len(self.fields) else ""
 
-    def whole(self, place: int, expected: str, default: int | None = None) -> int:
+    def whole(self, field: int, expected: str, default: int | None = None) -> int:
         """A whole number; ModelError where it is none, or empty without a default."""
-        word = self.at(place)
+        word = self.at(field)
         if not word and default is not None:
             return default
         if not COUNT.fullmatch(word.removeprefix("-")):
-            raise self.error(f"expected {expected}, found '{shortened(word)}'", place)
+            raise self.error(f"expected {expected}, found '{shortened(word)}'", field)
         return int(word)
 
-    def real(self, place: int, expected: str, default: float | None = None) -> float:
+    def real(self, field: int, expected: str, default: float | None = None) -> float:
         """A number as Nastran writes it; ModelError as of `whole`."""
-        word = self.at(place)
+        word = self.at(field)
         if not word and default is not None:
             return default
         match = NUMBER.fullmatch(word)
@@ -63,7 +63,7 @@ class BulkCard:
         if match is not None:
             number = float(f"{match['digits']}e{match['power'] or match['bare'] or 0}")
         if not abs(number) < float("inf"):
-            raise self.error(f"expected {expected}, found '{shortened(word)}'", place)
+            raise self.error(f"expected {expected}, found '{shortened(word)}'", field)
         return number
 
     def listed(self, start: int, expected: str) -> list[int]:
@@ -170,20 +170,20 @@ class Systems:
             self._cards[number] = card
         self._known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
-    def in_basic(self, card: BulkCard, place: int, x: np.ndarray) -> np.ndarray:
+    def in_basic(self, card: BulkCard, field: int, x: np.ndarray) -> np.ndarray:
         """Basic coordinates (3,) of x (3,) in the system that a field of a card names.
 
         Raises ModelError where there is none, or where systems refer to each other.
         """
-        return self._basic(card, place, x, ())
+        return self._basic(card, field, x, ())
 
-    def axes_at(self, card: BulkCard, place: int, x: np.ndarray) -> np.ndarray:
+    def axes_at(self, card: BulkCard, field: int, x: np.ndarray) -> np.ndarray:
         """Axes, rows (3, 3) in basic ones, at x (3,) of the system that a field of a card names.
 
         Raises ModelError as `in_basic`, and about a spherical one, and on the axis of a cylinder.
         """
-        number = card.whole(place, "a coordinate system", 0)
-        self._basic(card, place, np.zeros(3), ())
+        number = card.whole(field, "a coordinate system", 0)
+        self._basic(card, field, np.zeros(3), ())
         if number == 0:
             return np.eye(3)
         origin, axes = self._known[number]
@@ -191,20 +191,20 @@ class Systems:
             return axes
         out = x - origin - ((x - origin) @ axes[2]) * axes[2]
         if self._cards[number].name == "CORD2S" or not np.linalg.norm(out) > 0:
-            raise card.error(f"axes of the system {number} are not supported there", place)
+            raise card.error(f"axes of the system {number} are not supported there", field)
         out = out / np.linalg.norm(out)
         return np.array([out, np.cross(axes[2], out), axes[2]])
 
     def _basic(
-        self, card: BulkCard, place: int, x: np.ndarray, above: tuple[int, ...]
+        self, card: BulkCard, field: int, x: np.ndarray, above: tuple[int, ...]
     ) -> np.ndarray:
-        number = card.whole(place, "a coordinate system", 0)
+        number = card.whole(field, "a coordinate system", 0)
         if number == 0:
             return x
         if number not in self._cards:
-            raise card.error(f"there is no coordinate system {number} (CORD2R, C or S)", place)
+            raise card.error(f"there is no coordinate system {number} (CORD2R, C or S)", field)
         if number in above:
-            raise card.error(f"the coordinate system {number} refers to itself", place)
+            raise card.error(f"the coordinate system {number} refers to itself", field)
         system = self._cards[number]
         if number not in self._known:
             self._known[number] = self._axes(system, (*above, number))

@@ -54,16 +54,16 @@ class BulkCouplings:
             words = [w.upper() for w in card.fields[6:] if w]
             if card.at(5) != "123" or any("." in w or w == "UM" for w in words):
                 raise card.error("expected one weight, for components 123 of all its nodes")
-            (place,) = self._places(card, [card.whole(2, "a node")])
-            others = self._others(card, card.listed(6, "a node"), int(place))
-            yield Coupling(name, "distributing", int(place), others)
+            (node_index,) = self._places(card, [card.whole(2, "a node")])
+            others = self._others(card, card.listed(6, "a node"), int(node_index))
+            yield Coupling(name, "distributing", int(node_index), others)
         yield from self._bars(bars)
         for card in self._all("RROD"):
             name = f"RROD {card.whole(0, 'an element number')}"
             yield self._distance(card, name, *(card.whole(k, "a node") for k in (1, 2)))
 
-    def _others(self, card: BulkCard, nodes: list[int], place: int) -> np.ndarray:
-        others = np.setdiff1d(self._places(card, nodes), place)
+    def _others(self, card: BulkCard, nodes: list[int], reference: int) -> np.ndarray:
+        others = np.setdiff1d(self._places(card, nodes), reference)
         if not len(others):
             raise card.error("it couples no other node")
         return others
@@ -71,9 +71,9 @@ class BulkCouplings:
     def _coupling(
         self, card: BulkCard, name: str, reference: int, nodes: list[int], turning: bool
     ) -> Coupling:
-        (place,) = self._places(card, [reference])
-        others = self._others(card, nodes, int(place))
-        return Coupling(name, "rigid", int(place), others, turning=turning)
+        (reference_index,) = self._places(card, [reference])
+        others = self._others(card, nodes, int(reference_index))
+        return Coupling(name, "rigid", int(reference_index), others, turning=turning)
 
     def _distance(self, card: BulkCard, name: str, node: int, other_node: int) -> Relation:
         """Two nodes keep their distance."""

@@ -46,35 +46,35 @@ class BulkDiscrete:
         self._all, self._place, self._turned = cards, place, turned
         self._nodes, self._turning, self._systems = nodes, turning, systems
 
-    def _end(self, card: BulkCard, at: int, turns: bool = True) -> tuple[int, np.ndarray] | None:
+    def _end(self, card: BulkCard, field: int, turns: bool = True) -> tuple[int, np.ndarray] | None:
         """Node and direction (6,) of two fields; None where they are empty: the ground."""
-        number = card.whole(at, "a node", 0)
+        number = card.whole(field, "a node", 0)
         if number == 0:
             return None
-        axis = card.whole(at + 1, "a direction", 0)
+        axis = card.whole(field + 1, "a direction", 0)
         most = 6 if turns else 3
         if axis not in range(1, most + 1):
             text = f"expected a direction 1 to {most} of node {number}, found {axis}"
-            raise card.error(text, at + 1)
-        node = self._node(card, number, at)
+            raise card.error(text, field + 1)
+        node = self._node(card, number, field)
         if axis > 3 and node not in self._turning:
             text = f"node {number} does not turn: expected a direction 1 to 3, found {axis}"
-            raise card.error(text, at + 1)
+            raise card.error(text, field + 1)
         return node, np.eye(6)[axis - 1]
 
-    def _node(self, card: BulkCard, number: int, at: int) -> int:
+    def _node(self, card: BulkCard, number: int, field: int) -> int:
         if number in self._turned:
             text = f"node {number} has a system of displacements (CD), which is not supported"
-            raise card.error(text, at)
+            raise card.error(text, field)
         return self._place(card, number)
 
     def springs_and_masses(self, weight: float) -> Iterator[Discrete]:
         """Those of the deck, masses times `weight`; ModelError about what is wrong."""
         stiffness: dict[int, tuple[BulkCard, int]] = {}
         for card in self._all("PELAS"):
-            for at in (0, 4):  # two properties a card
-                if card.at(at):
-                    stiffness[card.whole(at, "a property")] = (card, at + 1)
+            for field in (0, 4):  # two properties a card
+                if card.at(field):
+                    stiffness[card.whole(field, "a property")] = (card, field + 1)
         for card in self._all("CELAS1", "CELAS2"):
             number = card.whole(0, "an element number")
             if card.name == "CELAS2":
@@ -83,8 +83,8 @@ class BulkDiscrete:
                 property_number = card.whole(1, "a property", number)
                 if property_number not in stiffness:
                     raise card.error(f"there is no PELAS {property_number}", 1)
-                of, at = stiffness[property_number]
-                k = of.real(at, "a stiffness")
+                of, field = stiffness[property_number]
+                k = of.real(field, "a stiffness")
             ends = [self._end(card, 2), self._end(card, 4)]
             signed = [
                 (end[0], sign * end[1])
@@ -138,8 +138,8 @@ class BulkDiscrete:
             if property_number not in stiffness:
                 raise card.error(f"there is no PBUSH {property_number}", 1)
             k = self._bush_stiffness(stiffness[property_number])
-            numbers = [card.whole(at, "a node", 0) for at in (2, 3)]
-            nodes = [self._node(card, n, at) for at, n in enumerate(numbers, 2) if n]
+            numbers = [card.whole(field, "a node", 0) for field in (2, 3)]
+            nodes = [self._node(card, n, field) for field, n in enumerate(numbers, 2) if n]
             if not nodes:
                 raise card.error("expected a node", 2)
             axes = self._bush_axes(card, nodes, k)
@@ -177,11 +177,11 @@ class BulkDiscrete:
     def _bush_stiffness(card: BulkCard) -> np.ndarray:
         """K1 to K6 of a PBUSH, whose lines begin with K, B, GE or RCV."""
         k = np.zeros(6)
-        for place in range(1, len(card.fields), 8):
-            if card.at(place).upper() == "K":
-                k = np.array([card.real(place + i, "a stiffness", 0.0) for i in range(1, 7)])
+        for field in range(1, len(card.fields), 8):
+            if card.at(field).upper() == "K":
+                k = np.array([card.real(field + i, "a stiffness", 0.0) for i in range(1, 7)])
                 if (k < 0).any():
-                    raise card.error("expected stiffnesses of zero or above", place)
+                    raise card.error("expected stiffnesses of zero or above", field)
         return k
 
     def _bush_axes(self, card: BulkCard, nodes: list[int], k: np.ndarray) -> np.ndarray:
@@ -195,7 +195,7 @@ class BulkDiscrete:
         if not np.linalg.norm(x) > 0:
             raise card.error("expected CID of a bush whose nodes lie at one place", 7)
         x = x / np.linalg.norm(x)
-        direction_fields = [card.at(at) for at in (4, 5, 6)]
+        direction_fields = [card.at(field) for field in (4, 5, 6)]
         if not any(direction_fields):
             if k[[1, 2, 4, 5]].any():
                 raise card.error("expected G0 or X1, X2, X3, or CID", 4)
@@ -203,7 +203,7 @@ class BulkDiscrete:
         if direction_fields[0] and not any(direction_fields[1:]) and "." not in direction_fields[0]:
             v = self._nodes[self._place(card, card.whole(4, "a node"))] - self._nodes[nodes[0]]
         else:
-            v = np.array([card.real(at, "a coordinate", 0.0) for at in (4, 5, 6)])
+            v = np.array([card.real(field, "a coordinate", 0.0) for field in (4, 5, 6)])
         z = np.cross(x, v)
         if not np.linalg.norm(z) > 0:
             raise card.error("its orientation lies along the bush", 4)
@@ -221,12 +221,12 @@ class BulkDiscrete:
             if above and number not in chosen:
                 continue
             ends, factors = [], []
-            for at in range(1, len(card.fields)):
-                if at % 8 in (1, 4) and card.at(at):
-                    end = self._end(card, at, turns=False)
+            for field in range(1, len(card.fields)):
+                if field % 8 in (1, 4) and card.at(field):
+                    end = self._end(card, field, turns=False)
                     if end is not None:
                         ends.append((end[0], end[1][:3]))
-                        factors.append(card.real(at + 2, "a factor"))
+                        factors.append(card.real(field + 2, "a factor"))
             if not ends or not factors[0]:
                 raise card.error("expected a node, a direction and a factor that is not zero")
             nodes = np.array([node for node, _ in ends])

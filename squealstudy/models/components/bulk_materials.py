@@ -85,18 +85,18 @@ class BulkMaterials:
             self._note([tables], why + "temperature")
             return card
         fields = [*card.fields, *[""] * 8]
-        for place in (1, 2, 3, 4):
-            table = tables.whole(place, "a table", 0)
+        for field in (1, 2, 3, 4):
+            table = tables.whole(field, "a table", 0)
             if table:
-                fields[place] = repr(self._value(tables, place, table, card))
+                fields[field] = repr(self._value(tables, field, table, card))
         return BulkCard(card.name, fields, [*card.lines, *card.lines[-1:] * 8])
 
-    def _value(self, tables: BulkCard, place: int, number: int, card: BulkCard) -> float:
+    def _value(self, tables: BulkCard, field: int, number: int, card: BulkCard) -> float:
         """A property at the temperature; ModelError where the table does not reach it."""
         same_number = [c for c in self._all(*TABLES) if c.whole(0, "a table number") == number]
         if len(same_number) != 1:
             raise tables.error(
-                f"there {'is no' if not same_number else 'are two'} TABLEM {number}", place
+                f"there {'is no' if not same_number else 'are two'} TABLEM {number}", field
             )
         (table,) = same_number
         T = float(self._temperature or 0.0)
@@ -104,7 +104,7 @@ class BulkMaterials:
             axes = {table.at(1).upper(), table.at(2).upper()} - {"", "LINEAR"}
             if axes:
                 raise table.error("axes that are not LINEAR are not supported", 1)
-        factor = card.real(place, "a number", 0.0)
+        factor = card.real(field, "a number", 0.0)
         if table.name in ("TABLEM2", "TABLEM3", "TABLEM4"):
             T -= table.real(1, "a temperature", 0.0)
         if table.name in ("TABLEM3", "TABLEM4"):
@@ -132,11 +132,11 @@ class BulkMaterials:
     def _numbers(table: BulkCard) -> list[float]:
         """Those of a table, from its second line up to ENDT."""
         entries = []
-        for place in range(8, len(table.fields)):
-            if table.at(place).upper() in LAST:
+        for field in range(8, len(table.fields)):
+            if table.at(field).upper() in LAST:
                 break
-            if table.at(place):
-                entries.append(table.real(place, "a number"))
+            if table.at(field):
+                entries.append(table.real(field, "a number"))
         return entries
 
 
@@ -178,12 +178,12 @@ def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
 def _anisotropic(card: BulkCard, weight: float) -> Anisotropic | Unfinished:
     """Of a MAT9: 21 entries in the order xx yy zz xy yz zx, and the density times `weight`."""
     C = np.zeros((6, 6))
-    place = 1
+    field = 1
     for i in range(6):
         for j in range(i, 6):
             row, column = VOIGT_ROWS[i], VOIGT_ROWS[j]
-            C[row, column] = C[column, row] = card.real(place, "a modulus", 0.0)
-            place += 1
+            C[row, column] = C[column, row] = card.real(field, "a modulus", 0.0)
+            field += 1
     rho = card.real(22, "a density", 0.0)
     try:
         moduli = Anisotropic.of_stiffness(C, 1.0)

@@ -58,8 +58,8 @@ def _check_jacobians(mesh: SolidMesh) -> None:
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         for rule in sorted({block.kind.stiffness, block.kind.mass}):
             _, dN = block.kind.shape.functions(integration(rule).points)
-            for at in range(0, len(block.labels), CHUNK):
-                rows = np.arange(at, min(at + CHUNK, len(block.labels)))
+            for first_element in range(0, len(block.labels), CHUNK):
+                rows = np.arange(first_element, min(first_element + CHUNK, len(block.labels)))
                 jacobians(mesh, int(start), rows, mesh.nodes[block.nodes[rows]], dN)
 
 

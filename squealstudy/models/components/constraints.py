@@ -202,9 +202,9 @@ class Relation:
 
 def relation(name: str, nodes: np.ndarray, vectors: np.ndarray) -> Relation:
     """A relation with the terms of each node together, in the order in which nodes come first."""
-    distinct, first, at = np.unique(nodes, return_index=True, return_inverse=True)
+    distinct, first, positions = np.unique(nodes, return_index=True, return_inverse=True)
     total = np.zeros((len(distinct), 3))
-    np.add.at(total, at, vectors)
+    np.add.at(total, positions, vectors)
     order = np.argsort(first)
     return Relation(name, distinct[order], total[order])
 

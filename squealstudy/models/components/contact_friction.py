@@ -127,16 +127,16 @@ def law_row(numbers: Numbers, number: int, curve: FrictionCurve) -> list[float]:
     row = dict.fromkeys(curve.names, np.nan)
     law = curve.definition
     for key in numbers.file.contact[number].friction_law:
-        place = (*keys, OF_CONTACT, key)
-        parameter = law_parameter(key, law, place)
-        row[parameter.name] = numbers.at(*place)
-        check_number(parameter, key, row[parameter.name], place)
+        path = (*keys, OF_CONTACT, key)
+        parameter = law_parameter(key, law, path)
+        row[parameter.name] = numbers.at(*path)
+        check_number(parameter, key, row[parameter.name], path)
     of_contact = list(row.values())
     try:
         all_values = np.where(np.isnan(of_contact), curve.parameters, of_contact)
         check_row(law, all_values.tolist(), keys)
     except PlacedError as error:
-        varied = tuple(place for place in numbers.given if place[:3] == error.keys)
+        varied = tuple(path for path in numbers.given if path[:3] == error.keys)
         if not varied:
             raise
         raise ValuesError(varied, error.message) from error

@@ -112,8 +112,8 @@ def mean(mesh: SolidMesh, c: Coupling) -> Followed:
     rows, columns, values = _together(parts)
     if c.axes is None:
         return 3 * c.reference + rows, columns, values
-    mean_columns, at = np.unique(columns, return_inverse=True)
-    by = sp.coo_matrix((-values, (rows, at)), (len(along), len(mean_columns))).toarray()
+    mean_columns, positions = np.unique(columns, return_inverse=True)
+    by = sp.coo_matrix((-values, (rows, positions)), (len(along), len(mean_columns))).toarray()
     return _of_axes(c.reference, along, mean_columns, by)
 
 
@@ -151,6 +151,6 @@ def _weighted(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, sp.
         surface, _ = facets_of(mesh, c.faces, c.name).gauss_points(GAUSS)
         return surface.points, surface.area, surface.shape
     weight = np.ones(len(c.nodes))
-    at = (np.arange(len(c.nodes)), c.nodes)
-    shape = sp.csr_matrix((weight, at), (len(c.nodes), len(mesh.nodes)))
+    entries = (np.arange(len(c.nodes)), c.nodes)
+    shape = sp.csr_matrix((weight, entries), (len(c.nodes), len(mesh.nodes)))
     return mesh.nodes[c.nodes], weight, shape

@@ -127,9 +127,9 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
         for row in np.unique(rows):
             other = owner.setdefault(int(row), name)
             if other != name:
-                place = row // 3 if row < 3 * n else turning[(row - 3 * n) // 3]
+                node = row // 3 if row < 3 * n else turning[(row - 3 * n) // 3]
                 raise mesh.error(
-                    f"{mesh.nodes_named(np.array([place]))} follows others by {other} and by "
+                    f"{mesh.nodes_named(np.array([node]))} follows others by {other} and by "
                     f"{name}: expected one of them"
                 )
         entries.append((rows, columns, values))
@@ -167,9 +167,9 @@ def _turns(
     mesh: SolidMesh, turning: list[int], of_rigid: sp.csr_matrix, E: sp.csr_matrix
 ) -> sp.csr_matrix:
     """Turns (3 n, ...) of the reference nodes of couplings."""
-    at = (3 * np.array(turning, dtype=np.int64)[:, None] + np.arange(3)).ravel()
-    rows = (np.ones(len(at)), (at, np.arange(len(at))))
-    T = sp.csr_matrix(rows, (3 * len(mesh.nodes), len(at))) @ of_rigid
+    turn_rows = (3 * np.array(turning, dtype=np.int64)[:, None] + np.arange(3)).ravel()
+    rows = (np.ones(len(turn_rows)), (turn_rows, np.arange(len(turn_rows))))
+    T = sp.csr_matrix(rows, (3 * len(mesh.nodes), len(turn_rows))) @ of_rigid
     turned_nodes = {int(node) for d in mesh.discrete if d.turns for node in d.nodes} - set(turning)
     for c in _couplings(mesh):
         if c.kind == "distributing" and c.reference in turned_nodes:

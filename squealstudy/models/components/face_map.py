@@ -104,7 +104,7 @@ class FaceMap:
 
 def _read(path: Path, column: str) -> tuple[list[str], np.ndarray]:
     """Names of the axes, and rows (n, axes and the value)."""
-    (line, words), places = read_lines(path, f"x, y, {column}")
+    (line, words), line_numbers = read_lines(path, f"x, y, {column}")
     names = [name.lower() for name in words]
     axes = [axis for axis in AXES if axis in names]
     if column not in names or len(axes) < 2 or sorted(names) != sorted([*axes, column]):
@@ -112,14 +112,14 @@ def _read(path: Path, column: str) -> tuple[list[str], np.ndarray]:
             f"{path.name}, line {line}: expected names x, y, {column}, got {', '.join(words)}"
         )
     order = [names.index(name) for name in (*axes, column)]
-    values = np.array([numbers_of(path, k, cells, len(names)) for k, cells in places])
+    values = np.array([numbers_of(path, k, cells, len(names)) for k, cells in line_numbers])
     if not len(values):
         raise ModelError(f"{path.name} has no places below its line of names")
     rows = values[:, order]
     if column in NOT_NEGATIVE and (rows[:, -1] < 0).any():
         below = int(np.argmax(rows[:, -1] < 0))
         raise ModelError(
-            f"{path.name}, line {places[below][0]}: expected a {column} of at least 0, "
+            f"{path.name}, line {line_numbers[below][0]}: expected a {column} of at least 0, "
             f"got {rows[below, -1]:g}"
         )
     return axes, _once(path, rows, column)
@@ -128,8 +128,8 @@ def _read(path: Path, column: str) -> tuple[list[str], np.ndarray]:
 def _once(path: Path, rows: np.ndarray, column: str) -> np.ndarray:
     """Rows without those that say the same twice."""
     rows = np.unique(rows, axis=0)
-    places, counts = np.unique(rows[:, :-1], axis=0, return_counts=True)
+    points, counts = np.unique(rows[:, :-1], axis=0, return_counts=True)
     if (counts > 1).any():
-        where = ", ".join(f"{v:g}" for v in places[np.argmax(counts)])
+        where = ", ".join(f"{v:g}" for v in points[np.argmax(counts)])
         raise ModelError(f"{path.name}: the place {where} has {counts.max()} {column}s")
     return rows

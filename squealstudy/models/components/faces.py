@@ -123,9 +123,9 @@ def _all_faces(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray]:
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         shape, n = block.kind.shape, len(block.labels)
         for k, face in enumerate(shape.faces):
-            at = [i for i in face if shape.is_corner(i)]
+            face_corners = [i for i in face if shape.is_corner(i)]
             nodes = np.full((n, 4), -1)
-            nodes[:, : len(at)] = block.nodes[:, at]
+            nodes[:, : len(face_corners)] = block.nodes[:, face_corners]
             corners.append(np.sort(nodes, axis=1))
             faces.append(np.column_stack([start + np.arange(n), np.full(n, k + 1)]))
     return np.vstack(faces), np.vstack(corners)

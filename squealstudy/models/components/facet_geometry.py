@@ -157,10 +157,10 @@ def rule(kind: int, points_per_side: int) -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([a, b * (1 - a)]), square / 4 * (1 - a)
 
 
-def shape_values(kind: int, places: np.ndarray) -> np.ndarray:
-    """Shape functions and slopes (n, 3, 9) at local coordinates `places` (n, 2)."""
-    N = np.zeros((len(places), 3, MAX_FACET_NODES))
-    shapes(kind, np.ascontiguousarray(places, dtype=float), N)
+def shape_values(kind: int, local: np.ndarray) -> np.ndarray:
+    """Shape functions and slopes (n, 3, 9) at local coordinates `local` (n, 2)."""
+    N = np.zeros((len(local), 3, MAX_FACET_NODES))
+    shapes(kind, np.ascontiguousarray(local, dtype=float), N)
     return N
 
 
@@ -169,8 +169,8 @@ def _sampled(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Points (m, q, 3), unit normals (m, q, 3), areas (m, q), shape functions (q, 9)."""
     kind = nodes.shape[1]
-    places, weights = rule(kind, points_per_side)
-    N = shape_values(kind, places)
+    local, weights = rule(kind, points_per_side)
+    N = shape_values(kind, local)
     x, x_a, x_b = np.einsum("qdk,mkj->dmqj", N[:, :, :kind], nodes)
     normal = np.cross(x_a, x_b)
     size = np.linalg.norm(normal, axis=2)

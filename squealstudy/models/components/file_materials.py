@@ -141,12 +141,12 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
             density = number
             continue
         target = {"E": E, "nu": nu, "G": G}[str(key[0])]
-        place = int(key[1]) if len(key) > 1 else 0
-        if (len(key) > 1) != isinstance(material, Orthotropic) or place >= len(target):
-            place_text = f"[{place + 1}]" if len(key) > 1 else ""
+        index = int(key[1]) if len(key) > 1 else 0
+        if (len(key) > 1) != isinstance(material, Orthotropic) or index >= len(target):
+            place_text = f"[{index + 1}]" if len(key) > 1 else ""
             text = f"material {name} has {wrong}, not {key[0]}{place_text}"
             raise PlacedError(keys, text)
-        target[place] = number
+        target[index] = number
     try:
         if isinstance(material, Isotropic):
             return _isotropic(E[0], nu[0], density)

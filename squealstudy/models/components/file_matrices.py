@@ -48,44 +48,45 @@ def placed_matrices(
     for key, dimension in (("K", STIFFNESS), ("M", MASS), ("C", DAMPER)):
         if table.file_of(key) is None:
             continue
-        place: KeyPath = ("components", name, key)
+        keys: KeyPath = ("components", name, key)
         path = folder / str(table.file_of(key))
         try:
             A = read_component_matrix(path, table.name_of(key))
         except ModelError as error:
-            raise PlacedError(place, str(error)) from error
+            raise PlacedError(keys, str(error)) from error
         if isinstance(A, LabelledMatrix):
-            A, rows = A.matrix, _named_freedoms(path, A, freedoms, table, place, scalars)
+            A, rows = A.matrix, _named_freedoms(path, A, freedoms, table, keys, scalars)
         else:
             rows = _freedoms(folder, name, table, mesh, A.shape[0], key, freedoms)
         skew = abs(A - A.T)
         if skew.nnz and skew.max() > SKEW * abs(A).max():
-            raise PlacedError(place, f"{path.name} is not symmetric: is a half of it missing?")
+            raise PlacedError(keys, f"{path.name} is not symmetric: is a half of it missing?")
         of_turns = (rows >= freedoms.count // 2) & (rows < freedoms.count)
         D = sp.diags(np.where(of_turns, LENGTH.factor(units), 1.0))  # of a length in such units
         read.append((symmetric(dimension.factor(units) * (D @ A @ D)), rows))
     mesh, read = _with_rows(mesh, read)
     n = 3 * len(mesh.nodes)
     used_rows = np.unique(np.concatenate([rows for _, rows in read]))
-    places = np.where(used_rows < n, used_rows, -1)
+    displacement_dofs = np.where(used_rows < n, used_rows, -1)
     displacement_rows, turning = (
         used_rows[used_rows < n],
         used_rows[(used_rows >= n) & (used_rows < 2 * n)] - n,
     )
-    at = np.arange(len(displacement_rows))
+    row_numbers = np.arange(len(displacement_rows))
     E = sp.csr_matrix(
-        (np.ones(len(displacement_rows)), (displacement_rows, at)), (n, len(used_rows))
+        (np.ones(len(displacement_rows)), (displacement_rows, row_numbers)), (n, len(used_rows))
     )
-    at = len(displacement_rows) + np.arange(len(turning))
-    T = sp.csr_matrix((np.ones(len(turning)), (turning, at)), (n, len(used_rows)))
+    row_numbers = len(displacement_rows) + np.arange(len(turning))
+    T = sp.csr_matrix((np.ones(len(turning)), (turning, row_numbers)), (n, len(used_rows)))
     if table.recovery is not None:
         of = np.append(np.ones(len(displacement_rows)), np.full(len(turning), LENGTH.factor(units)))
         E = _recovered(folder, name, table, E, read[0][1], of)
     on_used_rows = []
     for A, rows in read:
-        at = np.searchsorted(used_rows, rows)
+        row_numbers = np.searchsorted(used_rows, rows)
         placed = sp.csr_matrix(
-            (np.ones(len(at)), (at, np.arange(len(at)))), (len(used_rows), len(at))
+            (np.ones(len(row_numbers)), (row_numbers, np.arange(len(row_numbers)))),
+            (len(used_rows), len(row_numbers)),
         )
         on_used_rows.append((placed @ A @ placed.T).tocsr())
     if not np.array_equal(turn, np.eye(3)):
@@ -93,17 +94,21 @@ def placed_matrices(
         full_turn = sp.kron(sp.eye(n // 3), turn)
         E, T = (_rounded(full_turn @ A @ Q.T) for A in (E, T))
         on_used_rows = [(Q @ A @ Q.T).tocsr() for A in on_used_rows]
-    S = _scales(on_used_rows[1], places)
+    S = _scales(on_used_rows[1], displacement_dofs)
     K, M, *C = (symmetric(S @ A @ S) for A in on_used_rows)
-    return mesh, (K, M, C[0] if C else None), Expansion((E @ S).tocsr(), places, (T @ S).tocsr())
+    return (
+        mesh,
+        (K, M, C[0] if C else None),
+        Expansion((E @ S).tocsr(), displacement_dofs, (T @ S).tocsr()),
+    )
 
 
-def _scales(M: sp.csr_matrix, places: np.ndarray) -> sp.dia_matrix:
+def _scales(M: sp.csr_matrix, displacement_dofs: np.ndarray) -> sp.dia_matrix:
     """What turns and modal coordinates are measured in: such that they weigh as displacements do.
 
     A superelement's modal masses of 1 t beside nodes of some mg leave solvers few digits.
     """
-    mass, of_nodes = M.diagonal(), places >= 0
+    mass, of_nodes = M.diagonal(), displacement_dofs >= 0
     scale = np.ones(len(mass))
     rest = ~of_nodes & (mass > 0)
     usual = mass[of_nodes & (mass > 0)]
@@ -225,7 +230,7 @@ def _named_freedoms(
     A: LabelledMatrix,
     freedoms: FreedomsOf,
     table: ComponentTable,
-    place: KeyPath,
+    keys: KeyPath,
     scalars: dict[int, int],
 ) -> np.ndarray:
     """Degree of freedom of each row of a matrix that names them, as of `read_map`.
@@ -234,14 +239,14 @@ def _named_freedoms(
     """
     if table.dof is not None:
         raise PlacedError(
-            (*place[:2], "dof"), f"expected no map: {path.name} names nodes and directions itself"
+            (*keys[:2], "dof"), f"expected no map: {path.name} names nodes and directions itself"
         )
     rows = freedoms.at(A.nodes, A.directions)
     modal = A.directions == 0
     both = A.nodes[modal & (freedoms.at(A.nodes, np.ones_like(A.directions)) >= 0)]
     if len(both):
         raise PlacedError(
-            place,
+            keys,
             f"{path.name} has no direction of node {both[0]}: expected 1 to 6, or the number of a "
             "scalar point, which is no node",
         )
@@ -250,7 +255,7 @@ def _named_freedoms(
     ]
     if (rows < 0).any():
         node = A.nodes[int((rows < 0).argmax())]
-        raise PlacedError(place, f"{path.name}: {freedoms.unknown(node)}")
+        raise PlacedError(keys, f"{path.name}: {freedoms.unknown(node)}")
     return rows
 
 

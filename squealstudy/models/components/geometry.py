@@ -252,8 +252,8 @@ class Geometry:
         try:
             column = GAP if key == "initial_gap" else FACTOR
             size = LENGTH.factor(self.file.units)
-            places = FaceMap(self.brake.located(file_name), size, column)
-            return places.at((pair.slave.points - shift) @ turn)
+            face_map = FaceMap(self.brake.located(file_name), size, column)
+            return face_map.at((pair.slave.points - shift) @ turn)
         except ModelError as error:
             raise PlacedError(("contact", number, key, "file"), str(error)) from error
 

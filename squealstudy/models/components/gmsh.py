@@ -196,11 +196,11 @@ def _solids(
         nodes = np.concatenate(parts)
         _, first, number = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)
-        place = np.argsort(order)[number.ravel()]  # of each cell among those that differ
+        rank = np.argsort(order)[number.ravel()]  # of each cell among those that differ
         labels = start + 1 + np.arange(len(first))
         blocks.append(ElementBlock(kind, nodes[first[order]], labels))
         for name, rows in in_groups[kind]:
-            sets.setdefault(name, []).append(start + place[rows])
+            sets.setdefault(name, []).append(start + rank[rows])
         start += len(first)
     return tuple(blocks), {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
 

@@ -94,35 +94,35 @@ def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
     """Numbers of nodes or elements of format 4.1; ValueError where they are not as many."""
     n_blocks, stated = _whole_numbers(lines, 0, 2)
     numbers: list[int] = []
-    place = 1
+    line_number = 1
     for block in range(1, n_blocks + 1):
-        count = _whole_numbers(lines, place, 4)[3]
-        place += 1
-        rows = range(place, place + count)
+        count = _whole_numbers(lines, line_number, 4)[3]
+        line_number += 1
+        rows = range(line_number, line_number + count)
         of_block = [_whole_numbers(lines, k, 1)[0] for k in rows]
         if word == "node":  # their coordinates follow
             if any(len(lines[k]) != 1 for k in rows):
                 raise ValueError(f"block {block} states {count} nodes and has others")
-            place += count
+            line_number += count
         elif len({len(lines[k]) for k in rows}) > 1:
             raise ValueError(f"block {block} states {count} elements of one type and has others")
         numbers += of_block
-        place += count
+        line_number += count
     if len(numbers) != stated:
         raise ValueError(f"its header states {stated} {word}s, its blocks {len(numbers)}")
-    if place != len(lines):
-        many_or_few = "many" if len(lines) > place else "few"
-        raise ValueError(f"{abs(len(lines) - place)} lines too {many_or_few}")
+    if line_number != len(lines):
+        many_or_few = "many" if len(lines) > line_number else "few"
+        raise ValueError(f"{abs(len(lines) - line_number)} lines too {many_or_few}")
     return numbers
 
 
-def _whole_numbers(lines: Sequence[list[bytes]], place: int, count: int) -> list[int]:
+def _whole_numbers(lines: Sequence[list[bytes]], line_number: int, count: int) -> list[int]:
     """The first whole numbers of a line, not negative; ValueError where there are none."""
-    if place >= len(lines):
+    if line_number >= len(lines):
         raise ValueError("it ends before the last that its header states")
-    words = lines[place][:count]
+    words = lines[line_number][:count]
     if len(words) < count or not all(word.isdigit() for word in words):
-        line_text = b" ".join(lines[place])[:40].decode(errors="replace")
+        line_text = b" ".join(lines[line_number])[:40].decode(errors="replace")
         raise ValueError(f"expected whole numbers, found '{line_text}'")
     return [int(word) for word in words]
 

@@ -61,10 +61,10 @@ def _left_handed(mesh: SolidMesh, b: int) -> np.ndarray:
     block = mesh.blocks[b]
     _, dN = block.kind.shape.functions(integration(block.kind.stiffness).points)
     is_left_handed = np.zeros(len(block.labels), dtype=bool)
-    for at in range(0, len(is_left_handed), CHUNK):
-        X = mesh.nodes[block.nodes[at : at + CHUNK]]
+    for start in range(0, len(is_left_handed), CHUNK):
+        X = mesh.nodes[block.nodes[start : start + CHUNK]]
         J = np.matmul(X.transpose(0, 2, 1)[:, None], dN)
-        is_left_handed[at : at + CHUNK] = (np.linalg.det(J) < 0).all(axis=1)
+        is_left_handed[start : start + CHUNK] = (np.linalg.det(J) < 0).all(axis=1)
     return is_left_handed
 
 
@@ -74,8 +74,8 @@ def _mirrored(shape: str) -> tuple[np.ndarray, np.ndarray]:
 
     And the number of each face, from 1, in that order.
     """
-    places, faces = SHAPES[shape].places, SHAPES[shape].faces
-    exchanged = places[:, [1, 0, 2]]
-    order = np.abs(places[None] - exchanged[:, None]).max(axis=2).argmin(axis=1)
+    local, faces = SHAPES[shape].places, SHAPES[shape].faces
+    exchanged = local[:, [1, 0, 2]]
+    order = np.abs(local[None] - exchanged[:, None]).max(axis=2).argmin(axis=1)
     sets = [{int(order[i]) for i in face} for face in faces]
     return order, np.array([sets.index(set(face)) + 1 for face in faces])

@@ -66,12 +66,13 @@ def temperature_rise(brake: Brake, body: Body) -> np.ndarray:
     heat, size = table.heat, LENGTH.factor(brake.file.units)
     assert heat is not None
     turn, shift = placement(body.name, table, brake.file.units)
-    places = (body.nodes - shift) @ turn / size  # in coordinates and unit of the component's file
+    # in the axes and the unit of the component's file
+    positions = (body.nodes - shift) @ turn / size
     if heat.file is None:
-        rise: np.ndarray = heat.rise + (places - np.array(heat.point)) @ np.array(heat.gradient)
+        rise: np.ndarray = heat.rise + (positions - np.array(heat.point)) @ np.array(heat.gradient)
         return rise
     try:
-        return _from_file(brake.located(heat.file), heat, places)
+        return _from_file(brake.located(heat.file), heat, positions)
     except ModelError as error:
         raise PlacedError(("components", body.name, "heat", "file"), str(error)) from error
 
@@ -79,33 +80,33 @@ def temperature_rise(brake: Brake, body: Body) -> np.ndarray:
 def _from_file(path: Path, heat: HeatTable, nodes: np.ndarray) -> np.ndarray:
     """Kelvins at nodes (n, 3), linear between places of the file; ModelError as `read_columns`."""
     rows = np.unique(np.array(read_columns(path, COLUMNS)[1]).reshape(-1, 4), axis=0)
-    places, warm = rows[:, :3], rows[:, 3] - heat.reference
-    twice = np.flatnonzero((np.diff(places, axis=0) == 0).all(axis=1))
+    points, warm = rows[:, :3], rows[:, 3] - heat.reference
+    twice = np.flatnonzero((np.diff(points, axis=0) == 0).all(axis=1))
     if len(twice):
-        where = ", ".join(f"{v:g}" for v in places[twice[0]])
+        where = ", ".join(f"{v:g}" for v in points[twice[0]])
         raise ModelError(f"{path.name}: the place {where} has two temperatures")
     if len(rows) < 4:
         text = f"{path.name}: expected places all over the component, got {len(rows)}"
         raise ModelError(text)
-    extents = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if extents[2] <= FLAT * extents[0]:
         raise ModelError(f"{path.name}: expected places all over the component, not in one plane")
-    return _between(path.name, places, warm, nodes)
+    return _between(path.name, points, warm, nodes)
 
 
-def _between(name: str, places: np.ndarray, warm: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+def _between(name: str, points: np.ndarray, warm: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """Values (n,) at nodes (n, 3) of values (m,) at places (m, 3), linear between these."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(places)
-    spacing = float(np.median(tree.query(places, k=2)[0][:, 1]))
+    tree = cKDTree(points)
+    spacing = float(np.median(tree.query(points, k=2)[0][:, 1]))
     away, nearest = tree.query(nodes)
     values: np.ndarray = warm[nearest]
     elsewhere = np.flatnonzero(away > SAME_PLACE * spacing)
     if not len(elsewhere):
         return values
-    linear = LinearNDInterpolator(places, warm)(nodes[elsewhere])
+    linear = LinearNDInterpolator(points, warm)(nodes[elsewhere])
     outside = np.isnan(linear)
     too_far = outside & (away[elsewhere] > BEYOND_SPACINGS * spacing)
     if too_far.any():
@@ -201,13 +202,13 @@ def hot_gaps(
     if not any(scales.values()):
         return gaps
     of_numbers = sorted(((k, v) for k, v in overrides.items() if k[2:] != HEAT), key=str)
-    place = (geometry.brake, tuple(of_numbers))
-    if place not in _opened:
+    key = (geometry.brake, tuple(of_numbers))
+    if key not in _opened:
         while len(_opened) >= CACHE_SIZE:
             _opened.pop(next(iter(_opened)))
-        _opened[place] = dict(_opened_by(assembly, geometry, overrides))
+        _opened[key] = dict(_opened_by(assembly, geometry, overrides))
     for name, scale in scales.items():
-        gaps += scale * _opened[place][name]
+        gaps += scale * _opened[key][name]
     return gaps
 
 

@@ -146,8 +146,8 @@ class Component:
         """Places of the solid elements among labels."""
         if len(self.element_sets.all_labels) > len(self.labels):
             labels = labels[np.isin(labels, self.labels)]
-        at = np.searchsorted(self.labels, labels, sorter=self.by_label)
-        return np.sort(self.by_label[at])
+        indices = np.searchsorted(self.labels, labels, sorter=self.by_label)
+        return np.sort(self.by_label[indices])
 
     def _resolved(
         self, part: Sets, assembly: Sets, places: Callable[[np.ndarray], np.ndarray]

@@ -228,9 +228,9 @@ class Couplings:
         if not len(others):
             raise card.error(f"{card.shown}: it has no node of this instance: {ELSEWHERE}")
         rigid = kind == "rigid"
-        place = int(reference[0])
+        reference_index = int(reference[0])
         return Coupling(
-            name, "rigid" if rigid else "distributing", place, others, directions, faces
+            name, "rigid" if rigid else "distributing", reference_index, others, directions, faces
         )
 
     def _reference(self, card: Card, scope: CardScope) -> np.ndarray:

@@ -130,13 +130,13 @@ def _spring(
     ground: np.ndarray,
     text: Text,
 ) -> Iterator[Discrete]:
-    words = [[(at, w) for w in at.words() if w] for at in card.data]
+    words = [[(data_line, w) for w in data_line.words() if w] for data_line in card.data]
     if len(words) != (1 if kind == "SPRINGA" else 2):
         raise card.error(
             "expected a line with the stiffness, of SPRING1 and SPRING2 one with directions above"
         )
-    at, word = words[-1][0]
-    stiffness = at.real(word, "a stiffness")
+    data_line, word = words[-1][0]
+    stiffness = data_line.real(word, "a stiffness")
     if kind == "SPRINGA":
         along = mesh.nodes[nodes[1]] - mesh.nodes[nodes[0]]
         if not np.linalg.norm(along) > 0:

@@ -122,9 +122,9 @@ class Elements:
 
     def _check_nodes(self, table: np.ndarray, starts: Sequence[Line]) -> None:
         """ModelError about a node that there is not, of elements (n, 1 + k)."""
-        at = np.searchsorted(self._numbers, table[:, 1:])
-        at[at == len(self._numbers)] = 0
-        wrong = self._numbers[at] != table[:, 1:]
+        indices = np.searchsorted(self._numbers, table[:, 1:])
+        indices[indices == len(self._numbers)] = 0
+        wrong = self._numbers[indices] != table[:, 1:]
         if wrong.any():
             row, column = np.argwhere(wrong)[0]
             label, node = table[row, 0], table[row, column + 1]

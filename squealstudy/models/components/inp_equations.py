@@ -120,10 +120,10 @@ class Equations:
         """The equations of some terms: one for each node of the set that comes first."""
         parts = []
         directions = set()
-        for at, (word, direction, factor) in terms:
-            directions.add(at.whole(direction, "a direction"))
-            nodes = self._at.of(at, word)
-            parts.append((nodes, int(direction) - 1, at.real(factor, "a factor")))
+        for data_line, (word, direction, factor) in terms:
+            directions.add(data_line.whole(direction, "a direction"))
+            nodes = self._at.of(data_line, word)
+            parts.append((nodes, int(direction) - 1, data_line.real(factor, "a factor")))
         if not directions <= {1, 2, 3}:
             if directions & {4, 5, 6}:
                 raise line.error("an equation of turns, which nodes of solids have not")

@@ -85,9 +85,9 @@ class MaterialText:
     def _moduli(self, temperature: float | None, lacking: list[str]) -> Elastic | None:
         """Moduli with a density of 1; what they lack is added to `lacking`."""
         if self.elastic is None:
-            at = self.other or self.card
-            what = f"is {at.shown}, which is not read" if self.other else "has no *ELASTIC"
-            lacking.append(str(at.error(f"material '{self.name}' {what}")))
+            card = self.other or self.card
+            what = f"is {card.shown}, which is not read" if self.other else "has no *ELASTIC"
+            lacking.append(str(card.error(f"material '{self.name}' {what}")))
             return None
         self.elastic.check(("TYPE", "MODULI"))
         written = "".join(self.elastic.parameters.get("TYPE", "ISO").split()).upper()

@@ -72,20 +72,20 @@ class Nodes:
             number, *x = line.words()
             if len(x) > 3:
                 raise line.error(f"expected a node and three coordinates, found {len(x) + 1} words")
-            place = [line.real(c, "a coordinate") if c else 0.0 for c in x]
-            place = cartesian(system, place + [0.0] * (3 - len(x)))
+            position = [line.real(c, "a coordinate") if c else 0.0 for c in x]
+            position = cartesian(system, position + [0.0] * (3 - len(x)))
             if self._local is not None:
                 origin, axes = self._local
-                place = (origin + np.array(place) @ axes).tolist()
-            self._add(line.whole(number, "a node number"), place, line)
+                position = (origin + np.array(position) @ axes).tolist()
+            self._add(line.whole(number, "a node number"), position, line)
         if name := card.parameters.get("NSET"):
             self._name(name, self._numbers[first:])
 
-    def _add(self, number: int, place: list[float], line: Line) -> None:
+    def _add(self, number: int, position: list[float], line: Line) -> None:
         if self._at is not None:
             self._at[number] = len(self._numbers)
         self._numbers.append(number)
-        self._places.append(place)
+        self._places.append(position)
         self._lines.append(line)
 
     def _name(self, name: str, numbers: Sequence[int]) -> None:
@@ -125,8 +125,8 @@ class Nodes:
                     X = a * (1 - t) * (1 - 2 * t) + 4 * extra * t * (1 - t) + b * t * (2 * t - 1)
             else:
                 X = a + share[:, None] * (b - a)
-            for number, place in zip(numbers[1:-1], X, strict=True):
-                self._add(number, place.tolist(), line)
+            for number, position in zip(numbers[1:-1], X, strict=True):
+                self._add(number, position.tolist(), line)
             members += numbers
         if name := card.parameters.get("NSET"):
             self._name(name, members)

@@ -114,6 +114,6 @@ class Sets:
 
     def check(self, line: Line, label: int) -> None:
         """ModelError about the line where a part has no such label."""
-        at = np.searchsorted(self.all_labels, label)
-        if self.part is None and (at == len(self.all_labels) or self.all_labels[at] != label):
+        index = np.searchsorted(self.all_labels, label)
+        if self.part is None and (index == len(self.all_labels) or self.all_labels[index] != label):
             raise line.error(f"there is no {self.kind} {label}")

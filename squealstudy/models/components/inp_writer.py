@@ -130,9 +130,9 @@ def _wrapped(
 ) -> Iterator[str]:
     """Lines of up to `count` numbers, all but the last with a comma at the end."""
     words = [str(n) for n in numbers]
-    for at in range(0, len(words), count):
-        comma = "," if at + count < len(words) else ""
-        yield ", ".join(words[at : at + count]) + comma
+    for start in range(0, len(words), count):
+        comma = "," if start + count < len(words) else ""
+        yield ", ".join(words[start : start + count]) + comma
 
 
 def _material(name: str, material: Elastic) -> Iterator[str]:

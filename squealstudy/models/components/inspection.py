@@ -311,7 +311,7 @@ def _wear(
         return
     numbers, size, unit = Numbers(file, overrides), LENGTH.factor(file.units), UNITS[file.units][0]
     megapascal = file.wear.pressure * STRESS.factor(file.units) / 1e6
-    at = f"{megapascal:g} MPa and a friction of {file.wear.friction:g}"
+    load = f"{megapascal:g} MPa and a friction of {file.wear.friction:g}"
     distance = numbers.at(WEAR, "distance")
     if not distance:
         inspection.tell("wear", "the faces are new: the distance of [wear] is 0")
@@ -329,7 +329,7 @@ def _wear(
             name = file.name_of("contact", i)
             depths.append(f"{name} {worn.min():.3g} to {worn.max():.3g} {unit} (mean {mean:.3g})")
     text = "; ".join(depths) or "nothing: no contact has friction"
-    inspection.tell("wear", f"{distance / size:g} {unit} of sliding at {at} wore off {text}")
+    inspection.tell("wear", f"{distance / size:g} {unit} of sliding at {load} wore off {text}")
 
 
 def _heat(

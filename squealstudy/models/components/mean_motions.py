@@ -9,7 +9,7 @@ from squealstudy.errors import ModelError
 ON_A_LINE = 1e-8  # smallest moment of points beside the largest: turns about it are free
 
 
-def mean_motion(points: np.ndarray, weight: np.ndarray, at: np.ndarray) -> np.ndarray:
+def mean_motion(points: np.ndarray, weight: np.ndarray, point: np.ndarray) -> np.ndarray:
     """Displacement at a place, of the rigid motion nearest to that of points.
 
     Returns
@@ -23,7 +23,7 @@ def mean_motion(points: np.ndarray, weight: np.ndarray, at: np.ndarray) -> np.nd
         Points on a line, about which a rigid motion could turn freely.
     """
     nearest, centre = _nearest(points, weight)
-    at_point: np.ndarray = _motions((at - centre)[None])[0] @ nearest
+    at_point: np.ndarray = _motions((point - centre)[None])[0] @ nearest
     return at_point.reshape(3, -1, 3)
 
 

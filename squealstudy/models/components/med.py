@@ -109,11 +109,11 @@ def _with_node_groups(mesh: SolidMesh, meshio_mesh: Any) -> SolidMesh:
     tags = meshio_mesh.point_data.get("point_tags")
     if tags is None:
         return mesh
-    place = np.full(len(meshio_mesh.points) + 1, -1)
-    place[mesh.numbers] = np.arange(len(mesh.numbers))
+    index_of_node = np.full(len(meshio_mesh.points) + 1, -1)
+    index_of_node[mesh.numbers] = np.arange(len(mesh.numbers))
     sets = dict(mesh.node_sets)
     for tag, names in meshio_mesh.point_tags.items():
-        members = place[1 + np.flatnonzero(tags == tag)]
+        members = index_of_node[1 + np.flatnonzero(tags == tag)]
         for name in names:
             both = np.union1d(
                 sets.get(name.strip(), np.zeros(0, dtype=np.int64)), members[members >= 0]

@@ -175,10 +175,10 @@ class SolidMesh:
 
     def node_of_face(self, faces: np.ndarray) -> np.ndarray:
         """A node of each of some faces (p, 2)."""
-        at = np.searchsorted(self.starts, faces[:, 0], side="right") - 1
+        block = np.searchsorted(self.starts, faces[:, 0], side="right") - 1
         blocks, starts = self.blocks, self.starts
         return np.array(
-            [blocks[b].nodes[e - starts[b], 0] for b, e in zip(at, faces[:, 0], strict=True)],
+            [blocks[b].nodes[e - starts[b], 0] for b, e in zip(block, faces[:, 0], strict=True)],
             dtype=np.int64,
         )
 

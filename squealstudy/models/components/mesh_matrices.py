@@ -214,8 +214,8 @@ def chunks(
 ) -> Iterator[tuple[ElementPart, np.ndarray, np.ndarray]]:
     """Some elements at a time: their part, their rows in its block, their nodes (e, k, 3)."""
     for part in parts:
-        for at in range(0, len(part.rows), CHUNK):
-            rows = part.rows[at : at + CHUNK]
+        for start in range(0, len(part.rows), CHUNK):
+            rows = part.rows[start : start + CHUNK]
             yield part, rows, mesh.nodes[part.block.nodes[rows]]
 
 
@@ -368,9 +368,11 @@ class NodeSums:
 
     def add(self, part: ElementPart, rows: np.ndarray, values: np.ndarray) -> None:
         """Add values (e, k, k, size) of the pairs of nodes of elements."""
-        at = np.searchsorted(self.keys, self._pairs(part, rows).ravel())
+        positions = np.searchsorted(self.keys, self._pairs(part, rows).ravel())
         np.add.at(
-            self.data, (at[:, None] * self.size + np.arange(self.size)).ravel(), values.ravel()
+            self.data,
+            (positions[:, None] * self.size + np.arange(self.size)).ravel(),
+            values.ravel(),
         )
 
     def matrix(self) -> sp.csr_matrix:

@@ -254,11 +254,11 @@ class _Deck:
     def _places(self, card: BulkCard, numbers: list[int]) -> np.ndarray:
         """Of node numbers; ModelError about one that there is not."""
         node_numbers = np.array(numbers, dtype=np.int64)
-        at = np.minimum(np.searchsorted(self._numbers, node_numbers), len(self._numbers) - 1)
-        wrong = self._numbers[at] != node_numbers
+        indices = np.minimum(np.searchsorted(self._numbers, node_numbers), len(self._numbers) - 1)
+        wrong = self._numbers[indices] != node_numbers
         if wrong.any():
             raise card.error(f"there is no node {node_numbers[wrong][0]}")
-        return at
+        return indices
 
     def _solids(self) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
         """Elements by formulation, and properties of each."""

@@ -39,10 +39,10 @@ class FreedomsOf:
     def at(self, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Of nodes (m,) and directions (m,) from 1 to 6; -1 where the mesh has no such node."""
         ordered = self._numbers[self._order]
-        place = np.minimum(np.searchsorted(ordered, nodes), len(ordered) - 1)
+        indices = np.minimum(np.searchsorted(ordered, nodes), len(ordered) - 1)
         turns, axis = np.divmod(directions - 1, 3)
-        freedom = 3 * (self._order[place] + turns * len(ordered)) + axis
-        freedoms = np.where(ordered[place] == nodes, freedom, -1)
+        freedom = 3 * (self._order[indices] + turns * len(ordered)) + axis
+        freedoms = np.where(ordered[indices] == nodes, freedom, -1)
         return freedoms.astype(np.int64)
 
     @property
@@ -83,8 +83,10 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
     rows: dict[int, int] = {}
     line_of: dict[int, int] = {}
     modal = freedoms.count
-    for at, row, node, direction in _equations(path, lines) if ansys else _lines(path, lines):
-        where = f"{path.name}, line {at}"
+    for line_number, row, node, direction in (
+        _equations(path, lines) if ansys else _lines(path, lines)
+    ):
+        where = f"{path.name}, line {line_number}"
         if direction == MODAL:
             rows[row] = modal
             modal += 1
@@ -98,7 +100,7 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
             raise ModelError(f"{where}: {node}.{direction} is in line {line_of[freedom]} already")
         if row in rows:
             raise ModelError(f"{where}: equation {row} is there already")
-        line_of[int(freedom)], rows[row] = at, int(freedom)
+        line_of[int(freedom)], rows[row] = line_number, int(freedom)
     missing = next((i for i in range(1, len(rows) + 1) if i not in rows), None)
     if missing is not None:
         raise ModelError(f"{path.name} has {len(rows)} equations, but none with number {missing}")
@@ -108,33 +110,34 @@ def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
 def _lines(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
     """Line, row, node and direction of lines node.direction."""
     row = 0
-    for at, text in enumerate(lines, start=1):
+    for line_number, text in enumerate(lines, start=1):
         if text.strip():
             row += 1
             if text.strip().lower() == MODAL_LINE:
-                yield at, row, 0, MODAL
+                yield line_number, row, 0, MODAL
                 continue
             match = LINE.fullmatch(text)
             if match is None:
                 excerpt = text.strip()[:40]
                 raise ModelError(
-                    f"{path.name}, line {at}: expected 'node.direction' or 'modal', got '{excerpt}'"
+                    f"{path.name}, line {line_number}: expected 'node.direction' or 'modal', "
+                    f"got '{excerpt}'"
                 )
-            yield at, row, int(match[1]), int(match[2])
+            yield line_number, row, int(match[1]), int(match[2])
 
 
 def _equations(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
     """The same of lines with equation, node and name of the displacement, behind titles."""
     titles = True
-    for at, text in enumerate(lines, start=1):
+    for line_number, text in enumerate(lines, start=1):
         titles = titles and not NUMBERED.match(text)
         if titles or not text.strip():
             continue
         match, excerpt = EQUATION.fullmatch(text), text.strip()[:40]
-        where = f"{path.name}, line {at}"
+        where = f"{path.name}, line {line_number}"
         if match is None:
             raise ModelError(f"{where}: expected equation, node and UX ... ROTZ, got '{excerpt}'")
         label = match[3].upper()
         if label not in DISPLACEMENTS:
             raise ModelError(f"{where}: {label}: expected one of {', '.join(DISPLACEMENTS)}")
-        yield at, int(match[1]), int(match[2]), DISPLACEMENTS.index(label) + 1
+        yield line_number, int(match[1]), int(match[2]), DISPLACEMENTS.index(label) + 1

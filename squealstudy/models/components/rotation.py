@@ -49,8 +49,8 @@ def turning_matrix(body: Body, mesh: SolidMesh, rotors: Rotors, M: sp.csr_matrix
         density = material_of(mesh, part.material).density + mesh.added_density[part.start + chunk]
         mass = det * rule.weights * density[:, None]
         slopes = np.matmul(dN, np.linalg.inv(J))
-        places = np.einsum("qk,eki->eqi", N, X, optimize=True)
-        elements = convective_elements(rotors, N, slopes, places, mass)
+        points = np.einsum("qk,eki->eqi", N, X, optimize=True)
+        elements = convective_elements(rotors, N, slopes, points, mass)
         sums.add(part, chunk, elements[..., None])
         total += float(mass.sum())
     along = body.expansion.freedoms(np.tile([1.0, 0.0, 0.0], len(mesh.nodes))[:, None])[:, 0]

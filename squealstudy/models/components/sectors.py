@@ -109,9 +109,9 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
     nodes, next_nodes = (k * n + a).ravel(), ((k + 1) % count * n + b).ravel()
     graph = sp.coo_matrix((np.ones(len(nodes)), (nodes, next_nodes)), (total, total))
     _, label = connected_components(graph, directed=False)
-    _, first, at = np.unique(label, return_index=True, return_inverse=True)
-    place = np.argsort(np.argsort(first))  # in the order in which nodes come first
-    return place[at].reshape(count, n)
+    _, first, merged_index = np.unique(label, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first))  # in the order in which nodes come first
+    return rank[merged_index].reshape(count, n)
 
 
 def _pairs(
@@ -120,9 +120,9 @@ def _pairs(
     """Rows of two lists of points that lie at one place."""
     from scipy.spatial import cKDTree  # heavy: only what reads meshes needs it
 
-    distance, at = cKDTree(other_points).query(points, distance_upper_bound=near)
+    distance, partner = cKDTree(other_points).query(points, distance_upper_bound=near)
     rows = np.flatnonzero(np.isfinite(distance))
-    return rows, at[rows]
+    return rows, partner[rows]
 
 
 def _bodies(mesh: SolidMesh) -> np.ndarray:
@@ -178,13 +178,13 @@ class _Copies:
         )
         order = np.argsort(numbers, kind="stable")
         orientations, orientation = self._orientations()
-        at = np.argsort(order)  # ascending numbers, as of files
-        self._node_at = at[self._node_at]
+        positions = np.argsort(order)  # ascending numbers, as of files
+        self._node_at = positions[self._node_at]
         full_mesh = replace(
             m,
             nodes=everywhere[first][order],
             numbers=numbers[order],
-            blocks=tuple(replace(b, nodes=at[b.nodes]) for b in blocks),
+            blocks=tuple(replace(b, nodes=positions[b.nodes]) for b in blocks),
             node_sets={s: np.unique(self._node_at[:, v]) for s, v in m.node_sets.items()},
             element_sets={s: np.unique(self._element_at[:, v]) for s, v in m.element_sets.items()},
             surfaces={},
@@ -239,30 +239,33 @@ class _Copies:
         return surfaces
 
     def _constraints(self, k: int) -> Iterator[Constraint]:
-        at = self._node_at[k]
+        new_index = self._node_at[k]
         for c in self._sector.constraints:
             if isinstance(c, Tie):
                 if not c.cyclic:
-                    yield replace(c, nodes=at[c.nodes], faces=self._faces(c.faces, k))
+                    yield replace(c, nodes=new_index[c.nodes], faces=self._faces(c.faces, k))
             elif isinstance(c, Relation):
-                yield replace(c.moved(*self._turns[k]), nodes=at[c.nodes])
+                yield replace(c.moved(*self._turns[k]), nodes=new_index[c.nodes])
             else:
                 yield self._coupling(c, k)
 
     def _coupling(self, c: Coupling, k: int) -> Coupling:
-        at, c = self._node_at[k], c.moved(*self._turns[k])
+        new_index, c = self._node_at[k], c.moved(*self._turns[k])
         return replace(
-            c, reference=int(at[c.reference]), nodes=at[c.nodes], faces=self._faces(c.faces, k)
+            c,
+            reference=int(new_index[c.reference]),
+            nodes=new_index[c.nodes],
+            faces=self._faces(c.faces, k),
         )
 
     def _discrete(self, k: int) -> Iterator[Discrete]:
-        at = self._node_at
+        new_index = self._node_at
         for d in self._sector.discrete:
-            if (np.bincount(at.ravel())[at[0][d.nodes]] > 1).any():
+            if (np.bincount(new_index.ravel())[new_index[0][d.nodes]] > 1).any():
                 raise self._sector.error(
                     f"{d.name} is on a side of the sector, where two sectors have it"
                 )
-            yield replace(d.moved(self._turns[k][0]), nodes=at[k][d.nodes])
+            yield replace(d.moved(self._turns[k][0]), nodes=new_index[k][d.nodes])
 
     def cyclic(self, tie: Tie) -> Iterator[Tie]:
         """A cyclic tie in all sectors: of slave nodes that are no node of the next sector."""

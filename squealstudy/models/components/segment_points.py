@@ -90,8 +90,8 @@ def lagrange(three: bool, points_per_side: int) -> tuple[np.ndarray, np.ndarray]
     share : ndarray (p,)
         Gauss weights, of sum one.
     """
-    places, weights = rule(3 if three else 4, points_per_side)
-    a, b = places.T
+    local, weights = rule(3 if three else 4, points_per_side)
+    a, b = local.T
     terms = np.column_stack([a**0, a, b, a * b, a * a, b * b, a * a * b, a * b * b, a * a * b * b])
     n = len(weights)
     functions = np.zeros((n, N_SHAPE_TERMS))
@@ -190,7 +190,7 @@ def _integrals(
         np.zeros((n, N_SHAPE_TERMS, 3)),
         np.zeros((n, 2)),
     )
-    places, weights = get_quadrature(RefTri, settings.degree)
+    local, weights = get_quadrature(RefTri, settings.degree)
     failed = integrate_segments(
         slave.kinds[some],
         slave.nodes[some],
@@ -198,7 +198,7 @@ def _integrals(
         master.nodes,
         near.start,
         near.candidates,
-        np.ascontiguousarray(places.T),
+        np.ascontiguousarray(local.T),
         weights,
         settings.pieces,
         settings.search,

@@ -35,8 +35,8 @@ def turn_of(geometry: Geometry, reference: str, points: Surface, keys: KeyPath) 
     if len(nodes) == 1:
         if not body.expansion.turning[nodes[0]]:
             raise PlacedError(keys, f"{reference} is one node, and has no turns: expected a face")
-        at = 3 * nodes[0] + np.arange(3)
-        return Turn(name, nothing, sp.csr_matrix((np.ones(3), (np.arange(3), at)), (3, n)))
+        dofs = 3 * nodes[0] + np.arange(3)
+        return Turn(name, nothing, sp.csr_matrix((np.ones(3), (np.arange(3), dofs)), (3, n)))
     try:
         follows = mean_turn(points.points, points.area)
     except ModelError as error:
@@ -45,7 +45,7 @@ def turn_of(geometry: Geometry, reference: str, points: Surface, keys: KeyPath) 
     return Turn(name, sum(rows).tocsr(), nothing)
 
 
-def rigid_motion(points: Surface, at: np.ndarray) -> sp.csr_matrix:
+def rigid_motion(points: Surface, point: np.ndarray) -> sp.csr_matrix:
     """Displacement (3, 3 n_nodes) at a place, of the rigid motion nearest to the points'.
 
     Raises
@@ -54,7 +54,7 @@ def rigid_motion(points: Surface, at: np.ndarray) -> sp.csr_matrix:
         Points on a line, or fewer than three.
     """
     try:
-        mean_rows = mean_motion(points.points, points.area, at)  # (3, n, 3) of point and axis
+        mean_rows = mean_motion(points.points, points.area, point)  # (3, n, 3) of point and axis
     except ModelError as error:
         raise ModelError(f"{error}: a mass cannot be at another place") from error
     rows = [points.observe(axis) for axis in np.eye(3)]
@@ -87,11 +87,11 @@ def coupled(
     if component == other:
         raise PlacedError(keys, f"expected two components, got two sets of {component}")
     surface = face.gauss_points(POINTS)[0]
-    at = geometry.bodies[component].nodes[nodes[0]]
-    arm = surface.points - at
+    node_position = geometry.bodies[component].nodes[nodes[0]]
+    arm = surface.points - node_position
     moves = [node.observe(axis) for axis in np.eye(3)]
     if table.kind == "distributing":
-        mean = rigid_motion(surface, at)
+        mean = rigid_motion(surface, node_position)
         translation_rows = [rows((component, moves[a]), (other, -mean[a])) for a in range(3)]
         of_face = turn_of(geometry, table.face, surface, (*keys, "face"))
         turned = turn_rows((component, turn.by_turns)) - rows((other, of_face.by_displacements))

@@ -102,12 +102,12 @@ class _Reader:
         if not self._nodes or not self._rows:
             raise ModelError(f"{self._path} has no solid element in datasets 2411 and 2412")
         numbers = np.array(sorted(self._nodes), dtype=np.int64)
-        at = {int(n): k for k, n in enumerate(numbers)}
-        blocks = tuple(self._block(name, rows, at) for name, rows in self._rows.items())
+        index_of_node = {int(n): k for k, n in enumerate(numbers)}
+        blocks = tuple(self._block(name, rows, index_of_node) for name, rows in self._rows.items())
         X = np.array([self._nodes[int(n)] for n in numbers])
         mesh = SolidMesh(self._path, X, numbers, blocks)
         self._check_middles(mesh)
-        mesh = self._with_groups(mesh, at)
+        mesh = self._with_groups(mesh, index_of_node)
         notes = [
             PassedOver(what, self._path, line.place + 1, "neither nodes, solids nor groups")
             for what, line in self._others.items()
@@ -122,21 +122,21 @@ class _Reader:
     def _datasets(self) -> Iterator[tuple[str, list[Line]]]:
         """Number and lines of each dataset."""
         lines = self._text.lines
-        at = 0
-        while at < len(lines):
-            if lines[at].strip() != MARK:
-                at += 1
+        line_number = 0
+        while line_number < len(lines):
+            if lines[line_number].strip() != MARK:
+                line_number += 1
                 continue
-            start = at + 1
-            at = start + 1
-            while at < len(lines) and lines[at].strip() != MARK:
-                at += 1
-            if at >= len(lines):
+            start = line_number + 1
+            line_number = start + 1
+            while line_number < len(lines) and lines[line_number].strip() != MARK:
+                line_number += 1
+            if line_number >= len(lines):
                 break_at = Line(self._text, min(start, len(lines) - 1))
                 raise break_at.error("a dataset without its end, -1")
             kind = lines[start].strip()
-            yield kind, [Line(self._text, k) for k in range(start + 1, at)]
-            at += 1
+            yield kind, [Line(self._text, k) for k in range(start + 1, line_number)]
+            line_number += 1
 
     @staticmethod
     def _whole(line: Line, least: int) -> list[int]:
@@ -201,14 +201,14 @@ class _Reader:
             self._groups.append((named.text.strip() or f"GROUP{self._whole(head, 8)[0]}", members))
 
     def _block(
-        self, name: str, rows: list[tuple[int, list[int], Line]], at: Mapping[int, int]
+        self, name: str, rows: list[tuple[int, list[int], Line]], index_of_node: Mapping[int, int]
     ) -> ElementBlock:
         for label, nodes, line in rows:
-            missing = next((n for n in nodes if n not in at), None)
+            missing = next((n for n in nodes if n not in index_of_node), None)
             if missing is not None:
                 raise line.error(f"element {label} has node {missing}, which is not there")
-        places = np.array([[at[n] for n in nodes] for _, nodes, _ in rows])
-        return ElementBlock(name, places, np.array([label for label, *_ in rows]))
+        node_indices = np.array([[index_of_node[n] for n in nodes] for _, nodes, _ in rows])
+        return ElementBlock(name, node_indices, np.array([label for label, *_ in rows]))
 
     def _check_middles(self, mesh: SolidMesh) -> None:
         """ModelError where middle nodes are not on their edges: programs differ in the order."""
@@ -229,14 +229,16 @@ class _Reader:
                     named = mesh.elements_named(start + np.flatnonzero(wrong))
                     raise mesh.error(f"{named}: middle nodes that are not on their edges")
 
-    def _with_groups(self, mesh: SolidMesh, at: Mapping[int, int]) -> SolidMesh:
+    def _with_groups(self, mesh: SolidMesh, index_of_node: Mapping[int, int]) -> SolidMesh:
         place_of = {int(label): k for k, label in enumerate(mesh.labels)}
         node_sets: dict[str, np.ndarray] = {}
         element_sets: dict[str, np.ndarray] = {}
         surfaces: dict[str, np.ndarray] = {}
         notes = []
         for name, members in self._groups:
-            nodes = [at[n] for kind, n in members if kind == OF_NODE and n in at]
+            nodes = [
+                index_of_node[n] for kind, n in members if kind == OF_NODE and n in index_of_node
+            ]
             elements = [place_of[n] for kind, n in members if kind == OF_ELEMENT and n in place_of]
             plates = [
                 self._plates[n] for kind, n in members if kind == OF_ELEMENT and n in self._plates
@@ -246,7 +248,7 @@ class _Reader:
             if elements:
                 merged = np.union1d(element_sets.get(name, []), elements)
                 element_sets[name] = merged.astype(np.int64)
-            corners = [[at[n] for n in c if n in at] for c, _ in plates]
+            corners = [[index_of_node[n] for n in c if n in index_of_node] for c, _ in plates]
             corners = [c + [-1] * (4 - len(c)) for c in corners if len(c) >= 3]
             if corners:
                 faces, is_face = faces_with_corners(mesh, np.array(corners))

@@ -155,9 +155,9 @@ class Solid:
         basis, materials = self.basis, self.energies.materials
         N = np.array([np.asarray(f[0])[0] for f in basis.basis]).T
         slopes = np.stack([f[0].grad for f in basis.basis]).transpose(2, 3, 0, 1)
-        places = np.asarray(basis.global_coordinates()).transpose(1, 2, 0)
+        points = np.asarray(basis.global_coordinates()).transpose(1, 2, 0)
         density = np.array([materials[m].density for m in self.grid.material])
-        A = convective_elements(rotors, N, slopes, places, basis.dx * density[:, None])
+        A = convective_elements(rotors, N, slopes, points, basis.dx * density[:, None])
         nodes, size = basis.element_dofs.T, (basis.N, basis.N)
         rows, columns = np.repeat(nodes, 20, axis=1).ravel(), np.tile(nodes, (1, 20)).ravel()
         convective = sp.coo_matrix((A.ravel(), (rows, columns)), shape=size).tocsr()

@@ -220,6 +220,6 @@ def texts_of(file: AnyFile) -> Iterator[tuple[KeyPath, str]]:
             for key in directions:
                 parts = getattr(table, key, None)
                 for k, part in enumerate(parts if isinstance(parts, tuple) else ()):
-                    place, text = (k, part) if not isinstance(part, tuple) else part
+                    index, text = (k, part) if not isinstance(part, tuple) else part
                     if isinstance(text, str):
-                        yield (kind, i, key, place), text
+                        yield (kind, i, key, index), text

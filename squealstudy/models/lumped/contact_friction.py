@@ -76,9 +76,9 @@ def _numbers_of_law(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Parameters of the study's law that the contact has its own values of."""
     for key, number in table.friction_law.items():
-        place = (*keys, OF_CONTACT, key)
-        parameter = law_parameter(key, curve, place)
-        numbers = value_of(number, values, place)
+        path = (*keys, OF_CONTACT, key)
+        parameter = law_parameter(key, curve, path)
+        numbers = value_of(number, values, path)
         for end in np.unique([numbers.min(), numbers.max()]):
-            check_number(parameter, key, end, place)
+            check_number(parameter, key, end, path)
         yield parameter.name, numbers

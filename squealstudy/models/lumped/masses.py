@@ -32,10 +32,10 @@ class MassSpace:
         """Mass and direction of each coordinate."""
         return list(self.places)
 
-    def moved(self, mass: str, motion: Along, at: Sequence[float] | None) -> np.ndarray:
+    def moved(self, mass: str, motion: Along, point: Sequence[float] | None) -> np.ndarray:
         """Motion (m or 1, n) of a point of a mass along a direction, or its turn about an axis."""
         motion_rows = np.zeros((len(motion.vector), len(self.places)))
-        arm = np.zeros(3) if at is None else np.array(at) - self.tables[mass].place
+        arm = np.zeros(3) if point is None else np.array(point) - self.tables[mass].place
         translations = np.zeros_like(motion.vector) if motion.turn else motion.vector
         turns = motion.vector if motion.turn else np.cross(arm, motion.vector)
         parts = np.concatenate([translations, turns], axis=1)
@@ -43,10 +43,12 @@ class MassSpace:
             motion_rows[:, self.places[mass, axis]] = parts[:, AXES.index(axis)]
         return motion_rows
 
-    def apart(self, ends: Sequence[str], motion: Along, at: Sequence[float] | None) -> np.ndarray:
+    def apart(
+        self, ends: Sequence[str], motion: Along, point: Sequence[float] | None
+    ) -> np.ndarray:
         """Motion (m or 1, n) of the first of two ends over the second."""
-        first = self.moved(ends[0], motion, at)
-        return first - self.moved(ends[1], motion, at) if ends[1] in self.tables else first
+        first = self.moved(ends[0], motion, point)
+        return first - self.moved(ends[1], motion, point) if ends[1] in self.tables else first
 
     @property
     def n(self) -> int:

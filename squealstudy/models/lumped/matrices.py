@@ -93,8 +93,10 @@ class MatrixSpace:
             total = total + weight[:, None, None] * self._matrices[i]
         if letter in "MK" and (fault := _fault(letter, total)):
             k, text, expected = fault
-            at = (f"{n} = {np.ravel(values[n])[min(k, np.size(values[n]) - 1)]:g}" for n in names)
-            at_values = f" at {', '.join(at)}" if names else ""
+            value_texts = (
+                f"{n} = {np.ravel(values[n])[min(k, np.size(values[n]) - 1)]:g}" for n in names
+            )
+            at_values = f" at {', '.join(value_texts)}" if names else ""
             raise PlacedError(("term", numbers[0]), f"{text}{at_values}: expected {expected}")
         if not names:
             self._constant[letter] = total
@@ -161,9 +163,9 @@ def _parallel(a: np.ndarray, b: np.ndarray) -> bool:
 def _fault(letter: str, A: np.ndarray) -> tuple[int, str, str] | None:
     """Where M (m or 1, n, n) is not positive definite, or K negative, and what was expected."""
     diagonal = np.diagonal(A, axis1=1, axis2=2)
-    places = np.argwhere(diagonal <= 0.0)
-    if letter == "M" and len(places):
-        k, row = places[0]
+    faults = np.argwhere(diagonal <= 0.0)
+    if letter == "M" and len(faults):
+        k, row = faults[0]
         text = f"M has {diagonal[k, row]:g} on its diagonal in row {row + 1}"
         return int(k), text, "a mass above 0 of every coordinate"
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))

@@ -48,8 +48,8 @@ def _got(number: Number, number_values: np.ndarray, i: int, values: Values) -> s
     """Value i of a number, with its expression and the parameters in it, as text."""
     text = f"{np.atleast_1d(number_values)[i]:g}"
     if names := names_in(number):
-        at = (np.broadcast_to(values[n], number_values.shape).flat[i] for n in names)
-        at_values = ", ".join(f"{n} = {v:g}" for n, v in zip(names, at, strict=True))
+        parameter_values = (np.broadcast_to(values[n], number_values.shape).flat[i] for n in names)
+        at_values = ", ".join(f"{n} = {v:g}" for n, v in zip(names, parameter_values, strict=True))
         text += f" of '{number}' at {at_values}"
     return text
 

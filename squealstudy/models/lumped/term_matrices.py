@@ -101,5 +101,5 @@ def _checked(file: MatrixFile, i: int, matrix: sp.csr_matrix) -> np.ndarray:
 def _labels(matrices: Sequence[LabelledMatrix]) -> tuple[str, ...]:
     if not matrices:
         return ()
-    places = np.unique(np.concatenate([SLOTS_PER_NODE * m.nodes + m.directions for m in matrices]))
-    return tuple(f"{p // SLOTS_PER_NODE}.{p % SLOTS_PER_NODE}" for p in places.tolist())
+    slots = np.unique(np.concatenate([SLOTS_PER_NODE * m.nodes + m.directions for m in matrices]))
+    return tuple(f"{p // SLOTS_PER_NODE}.{p % SLOTS_PER_NODE}" for p in slots.tolist())

@@ -41,11 +41,11 @@ class _Card:
     fields: list[str]
     lines: list[int]
 
-    def at(self, place: int) -> str:
-        return self.fields[place] if place < len(self.fields) else ""
+    def at(self, field: int) -> str:
+        return self.fields[field] if field < len(self.fields) else ""
 
-    def line(self, place: int) -> int:
-        return self.lines[min(place, len(self.lines) - 1)]
+    def line(self, field: int) -> int:
+        return self.lines[min(field, len(self.lines) - 1)]
 
 
 @dataclass
@@ -92,11 +92,11 @@ def read_dmig(path: Path, name: str | None = None, square: bool = False) -> Labe
 
     if not matrix.values:
         raise ModelError(f"{path}: the matrix {chosen} has no entries")
-    places = np.array(matrix.places, dtype=np.int64)
+    entries = np.array(matrix.places, dtype=np.int64)
     values = np.array(matrix.values)
     both_triangles = not matrix.symmetric
     return labelled_matrix(
-        places, values, refused, both_triangles, scalars=True, square=square and both_triangles
+        entries, values, refused, both_triangles, scalars=True, square=square and both_triangles
     )
 
 
@@ -192,21 +192,21 @@ def _check_head(text: TextFile, card: _Card) -> None:
         raise text.error(card.line(3), f"expected real values (type 1 or 2), found type {kind}")
 
 
-def _whole_number(text: TextFile, card: _Card, place: int, expected: str) -> int:
+def _whole_number(text: TextFile, card: _Card, field: int, expected: str) -> int:
     """A whole number; of an empty direction 0, which a scalar point has."""
-    word = card.at(place) or ("0" if expected == "a direction" else "")
+    word = card.at(field) or ("0" if expected == "a direction" else "")
     if not COUNT.fullmatch(word):
-        raise text.error(card.line(place), f"expected {expected}, found '{shortened(word)}'")
+        raise text.error(card.line(field), f"expected {expected}, found '{shortened(word)}'")
     return int(word)
 
 
-def _real(text: TextFile, card: _Card, place: int) -> float:
+def _real(text: TextFile, card: _Card, field: int) -> float:
     """A number as Nastran writes it: 1.5-3 and 1.5D-3 are 0.0015."""
-    word = card.at(place)
+    word = card.at(field)
     match = NUMBER.fullmatch(word)
     if match is None:
-        raise text.error(card.line(place), f"expected a number, found '{shortened(word)}'")
+        raise text.error(card.line(field), f"expected a number, found '{shortened(word)}'")
     number = float(f"{match['digits']}e{match['power'] or match['bare'] or 0}")
     if not np.isfinite(number):
-        raise text.error(card.line(place), f"a number too large: '{shortened(word)}'")
+        raise text.error(card.line(field), f"a number too large: '{shortened(word)}'")
     return number

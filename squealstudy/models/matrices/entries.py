@@ -51,11 +51,11 @@ def matrix_of_entries(
     ModelError
         A place outside the matrix; both triangles where one is stored; a skew-symmetric diagonal.
     """
-    for name, places in (("row", rows), ("column", columns)):
-        outside = (places < 1) | (places > n)
+    for name, indices in (("row", rows), ("column", columns)):
+        outside = (indices < 1) | (indices > n)
         if outside.any():
             k = int(outside.argmax())
-            raise refused(k, f"expected a {name} from 1 to {n}, found {places[k]}")
+            raise refused(k, f"expected a {name} from 1 to {n}, found {indices[k]}")
     off = rows != columns
     if symmetry != "general":
         upper = rows < columns

@@ -159,8 +159,10 @@ class Expression:
             if math.isfinite(number):
                 return number
             reason = f"the result is {number}"
-        at = ", ".join(f"{name} = {values[name]:g}" for name in self.names)
-        raise ExpressionError(f"'{self.text}' has no value{at and f' at {at}'}: {reason}")
+        values_text = ", ".join(f"{name} = {values[name]:g}" for name in self.names)
+        raise ExpressionError(
+            f"'{self.text}' has no value{values_text and f' at {values_text}'}: {reason}"
+        )
 
     def of_arrays(self, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
         """Values (m,) or () of the expression where parameters are arrays (m,) or numbers.
@@ -194,8 +196,8 @@ def _check_text(text: str) -> None:
         raise ExpressionError(f"{text!r}: expected plain ASCII text in one line")
     for word in _WORD.finditer(text):
         if iskeyword(word[0]):
-            place = f"character {word.start() + 1}"
-            raise ExpressionError(f"'{text}', {place}: '{word[0]}' is a reserved word, no name")
+            position = f"character {word.start() + 1}"
+            raise ExpressionError(f"'{text}', {position}: '{word[0]}' is a reserved word, no name")
 
 
 class _Reader:

@@ -273,7 +273,7 @@ def _checked(A: Any, square: bool = True) -> sp.csr_matrix:
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         wrong = sp.coo_matrix(matrix)
-        at = np.flatnonzero(~np.isfinite(wrong.data))
-        first = f"row {wrong.row[at[0]] + 1}, column {wrong.col[at[0]] + 1}"
-        raise ValueError(f"{len(at)} values are not finite, the first in {first}")
+        wrong_entries = np.flatnonzero(~np.isfinite(wrong.data))
+        first = f"row {wrong.row[wrong_entries[0]] + 1}, column {wrong.col[wrong_entries[0]] + 1}"
+        raise ValueError(f"{len(wrong_entries)} values are not finite, the first in {first}")
     return matrix

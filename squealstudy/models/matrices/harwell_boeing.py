@@ -132,9 +132,11 @@ def _check_end(text: TextFile, end: int) -> None:
     """Only right-hand sides may follow the matrix."""
     if _has_right_sides(text):
         return
-    for place in range(end, len(text.lines)):
-        if text.lines[place].strip():
-            raise text.error(place, f"expected the end, found '{shortened(text.lines[place])}'")
+    for line_number in range(end, len(text.lines)):
+        if text.lines[line_number].strip():
+            raise text.error(
+                line_number, f"expected the end, found '{shortened(text.lines[line_number])}'"
+            )
 
 
 def _card_block(
@@ -146,25 +148,27 @@ def _card_block(
     expected = "a whole number" if form.whole else "a number with a decimal point"
     if integers and not form.whole:
         raise text.error(FORMAT_LINE, "expected formats of whole numbers (I) for the places")
-    for place in range(first, first + -(-count // form.repeat)):
+    for line_number in range(first, first + -(-count // form.repeat)):
         n_fields = min(form.repeat, count - len(fields))
-        for k, field in enumerate(_fields(text, place, n_fields, form), start=1):
+        for k, field in enumerate(_fields(text, line_number, n_fields, form), start=1):
             if not pattern.fullmatch(field) or (form.scaled and "E" not in field):
                 excerpt = shortened(field)
-                raise text.error(place, f"expected {expected} in field {k}, found '{excerpt}'")
+                raise text.error(
+                    line_number, f"expected {expected} in field {k}, found '{excerpt}'"
+                )
             fields.append(field)
     return CardBlock(text, first, form, _numbers(text, first, fields, form))
 
 
-def _fields(text: TextFile, place: int, count: int, form: FortranFormat) -> list[str]:
+def _fields(text: TextFile, line_number: int, count: int, form: FortranFormat) -> list[str]:
     """The texts of so many numbers of a line."""
-    line = text.line(place).upper()
+    line = text.line(line_number).upper()
     fields = line.split()
     if len(fields) != count:  # SciPy's writer keeps to no widths, others leave no space between
         fields = [line[k * form.width : (k + 1) * form.width] for k in range(count)]
         if rest := line[count * form.width :].strip():
             message = f"expected {count} numbers, found '{shortened(rest)}' behind them"
-            raise text.error(place, message)
+            raise text.error(line_number, message)
     if form.whole:
         return fields
     return [BARE_EXPONENT.sub("E", field.replace("D", "E")) for field in fields]

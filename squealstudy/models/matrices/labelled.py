@@ -38,7 +38,7 @@ class LabelledMatrix:
 
 
 def labelled_matrix(
-    places: np.ndarray,
+    labels: np.ndarray,
     values: np.ndarray,
     refused: Refusal,
     both_triangles: bool = False,
@@ -49,7 +49,7 @@ def labelled_matrix(
 
     Parameters
     ----------
-    places : ndarray (m, 4) of int
+    labels : ndarray (m, 4) of int
         Node and direction of the row, then of the column.
     values : ndarray (m,)
     refused : callable
@@ -69,9 +69,9 @@ def labelled_matrix(
     """
     allowed_directions = (*DIRECTIONS, 0) if scalars else DIRECTIONS
     for node, direction in ((0, 1), (2, 3)):
-        _check(places[:, node] < 1, refused, places[:, node], "a node of the mesh (internal ones "
+        _check(labels[:, node] < 1, refused, labels[:, node], "a node of the mesh (internal ones "
                "of a connector, contact or rigid body cannot be taken over)")  # fmt: skip
-        _check(~np.isin(places[:, direction], allowed_directions), refused, places[:, direction],
+        _check(~np.isin(labels[:, direction], allowed_directions), refused, labels[:, direction],
                "a direction 1 to 6 (no modal coordinates)")  # fmt: skip
     is_constrained = np.abs(values) >= ABAQUS_CONSTRAINT_DIAGONAL
     if is_constrained.any():
@@ -83,8 +83,8 @@ def labelled_matrix(
         )
     if not len(values):
         raise ValueError("it has no entries")
-    numbers, place = np.unique(places[:, [0, 2]], return_inverse=True)
-    freedom = SLOTS_PER_NODE * place.reshape(-1, 2) + places[:, [1, 3]]
+    numbers, freedom_index = np.unique(labels[:, [0, 2]], return_inverse=True)
+    freedom = SLOTS_PER_NODE * freedom_index.reshape(-1, 2) + labels[:, [1, 3]]
     freedoms, number = np.unique(freedom, return_inverse=True)
     row, column = number.reshape(-1, 2).T
     if square:
@@ -102,9 +102,9 @@ def together(matrices: Sequence[LabelledMatrix]) -> list[sp.csr_matrix]:
     over_all = []
     for own_freedoms, labelled in zip(freedoms, matrices, strict=True):
         A = labelled.matrix.tocoo()
-        at = np.searchsorted(every, own_freedoms)
+        positions = np.searchsorted(every, own_freedoms)
         shape = (len(every), len(every))
-        over_all.append(sp.csr_matrix((A.data, (at[A.row], at[A.col])), shape=shape))
+        over_all.append(sp.csr_matrix((A.data, (positions[A.row], positions[A.col])), shape=shape))
     return over_all
 
 
@@ -125,24 +125,26 @@ def read_abaqus(path: Path) -> LabelledMatrix | sp.csr_matrix:
         With the line of what is not as the format has it; what `labelled_matrix` refuses.
     """
     text = TextFile.read(path)
-    places = [i for i, line in enumerate(text.lines) if line.strip() and not line.startswith("**")]
-    if not places:
+    line_numbers = [
+        i for i, line in enumerate(text.lines) if line.strip() and not line.startswith("**")
+    ]
+    if not line_numbers:
         raise text.error(0, "expected entries of a matrix, the file has none")
-    for i in places:
+    for i in line_numbers:
         if text.lines[i].lstrip().startswith("*"):
             excerpt = shortened(text.lines[i])
             raise text.error(i, f"expected entries of a matrix alone, found '{excerpt}'")
-    words = len(text.lines[places[0]].replace(",", " ").split())
+    words = len(text.lines[line_numbers[0]].replace(",", " ").split())
     names = LABEL_COLUMNS if words == len(LABEL_COLUMNS) + 1 else ("row", "column")
-    table = read_table(text, places, names, commas=True)
-    at = np.column_stack([table[name] for name in names])
+    table = read_table(text, line_numbers, names, commas=True)
+    labels = np.column_stack([table[name] for name in names])
 
     def refused(k: int, message: str) -> ModelError:
-        return text.error(places[k], message)
+        return text.error(line_numbers[k], message)
 
     if names is LABEL_COLUMNS:
-        return labelled_matrix(at, table["value"], refused)
-    return numbered_matrix(at, table["value"], refused)
+        return labelled_matrix(labels, table["value"], refused)
+    return numbered_matrix(labels, table["value"], refused)
 
 
 def read_calculix(path: Path) -> sp.csr_matrix:
@@ -154,19 +156,19 @@ def read_calculix(path: Path) -> sp.csr_matrix:
         With the line of what is not as the format has it.
     """
     text = TextFile.read(path)
-    places = [i for i, line in enumerate(text.lines) if line.strip()]
-    if not places:
+    line_numbers = [i for i, line in enumerate(text.lines) if line.strip()]
+    if not line_numbers:
         raise text.error(0, "expected entries of a matrix, the file has none")
-    table = read_table(text, places, ("row", "column"))
+    table = read_table(text, line_numbers, ("row", "column"))
 
     def refused(k: int, message: str) -> ModelError:
-        return text.error(places[k], message)
+        return text.error(line_numbers[k], message)
 
-    at = np.column_stack([table["row"], table["column"]])
-    return numbered_matrix(at, table["value"], refused)
+    labels = np.column_stack([table["row"], table["column"]])
+    return numbered_matrix(labels, table["value"], refused)
 
 
-def numbered_matrix(at: np.ndarray, values: np.ndarray, refused: Refusal) -> sp.csr_matrix:
+def numbered_matrix(labels: np.ndarray, values: np.ndarray, refused: Refusal) -> sp.csr_matrix:
     """The symmetric matrix of entries (m, 2) of rows and columns, from 1 to the largest.
 
     Raises
@@ -174,14 +176,14 @@ def numbered_matrix(at: np.ndarray, values: np.ndarray, refused: Refusal) -> sp.
     ModelError
         A number below 1, more rows than entries, an entry that is there twice, no symmetry.
     """
-    most = len(at)  # every row has an entry of its own: the diagonal
+    most = len(labels)  # every row has an entry of its own: the diagonal
     for wrong, expected in (
-        (at < 1, "at least 1"),
-        (at > most, f"at most {most}, for there are {most} entries"),
+        (labels < 1, "at least 1"),
+        (labels > most, f"at most {most}, for there are {most} entries"),
     ):
         if wrong.any():
             k, side = (int(i) for i in np.argwhere(wrong)[0])
             what = ("row", "column")[side]
-            raise refused(k, f"expected a {what} {expected}, found {at[k, side]}")
-    n = int(at.max(initial=0))
-    return symmetric_of_pairs(at[:, 0] - 1, at[:, 1] - 1, values, n, refused)
+            raise refused(k, f"expected a {what} {expected}, found {labels[k, side]}")
+    n = int(labels.max(initial=0))
+    return symmetric_of_pairs(labels[:, 0] - 1, labels[:, 1] - 1, values, n, refused)

@@ -33,24 +33,24 @@ def read_matrix_market(path: Path) -> sp.csr_matrix:
     """
     text = TextFile.read(path)
     layout, kind, symmetry = _banner(text)
-    at = 1
-    while text.line(at).startswith("%") or not text.line(at).strip():
-        at += 1
-    words = text.line(at).split()
+    start = 1
+    while text.line(start).startswith("%") or not text.line(start).strip():
+        start += 1
+    words = text.line(start).split()
     expected = "rows, columns and entries" if layout == "coordinate" else "rows and columns"
     if len(words) != (3 if layout == "coordinate" else 2):
-        raise text.error(at, f"expected {expected}, found '{shortened(text.line(at))}'")
-    rows, columns, *entries = text.counts(at, words, expected)
+        raise text.error(start, f"expected {expected}, found '{shortened(text.line(start))}'")
+    rows, columns, *entries = text.counts(start, words, expected)
     check_size(rows, columns)
-    places = [i for i in range(at + 1, len(text.lines)) if text.lines[i].strip()]
+    line_numbers = [i for i in range(start + 1, len(text.lines)) if text.lines[i].strip()]
     stored = entries[0] if entries else _stored(rows, symmetry)
-    if len(places) != stored:
+    if len(line_numbers) != stored:
         what = f"{stored:,} entries" if entries else f"{stored:,} values"
-        raise text.error(at, f"the header says {what}, {len(places):,} lines follow")
-    table = read_table(text, places, INDEX_COLUMNS[layout], whole="integer" in kind)
+        raise text.error(start, f"the header says {what}, {len(line_numbers):,} lines follow")
+    table = read_table(text, line_numbers, INDEX_COLUMNS[layout], whole="integer" in kind)
 
     def refused(k: int, message: str) -> ModelError:
-        return text.error(places[k], message)
+        return text.error(line_numbers[k], message)
 
     if layout == "coordinate":
         i, j = table["row"], table["column"]

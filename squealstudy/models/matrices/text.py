@@ -92,18 +92,18 @@ WHOLE_NUMBER = r"[+-]?\d+"
 
 def read_table(
     text: TextFile,
-    places: Sequence[int],
+    line_numbers: Sequence[int],
     before: Sequence[str],
     *,
     whole: bool = False,
     commas: bool = False,
 ) -> np.ndarray:
-    """The numbers of the lines at `places`: an array of fields, the last of them ``value``.
+    """The numbers of the lines at `line_numbers`: an array of fields, the last of them ``value``.
 
     Parameters
     ----------
     text : TextFile
-    places : sequence of int
+    line_numbers : sequence of int
         Lines, from 0.
     before : sequence of str
         Names of the whole numbers before the value.
@@ -118,14 +118,14 @@ def read_table(
         About the first line that has something else.
     """
     fields = [*((name, np.int64) for name in before), ("value", np.int64 if whole else np.float64)]
-    if not places:
+    if not line_numbers:
         return np.zeros(0, fields)
     words = [*(WHOLE_NUMBER for _ in before), WHOLE_NUMBER if whole else NUMBER]
     pattern = re.compile((r"(?:\s*,\s*|\s+)" if commas else r"\s+").join(words), re.ASCII)
     expected = " and ".join([*before, "an integer" if whole else "a value"])
 
     def check() -> None:
-        for i in places:
+        for i in line_numbers:
             if not pattern.fullmatch(text.lines[i].strip()):
                 raise text.error(i, f"expected {expected}, found '{shortened(text.lines[i])}'")
 
@@ -134,13 +134,13 @@ def read_table(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # such as an integer read by way of a float
-            lines = (text.lines[i].translate(COMMAS if commas else FORTRAN) for i in places)
+            lines = (text.lines[i].translate(COMMAS if commas else FORTRAN) for i in line_numbers)
             numbers = np.loadtxt(lines, np.dtype(fields), comments=None, ndmin=1)
     except (ValueError, DeprecationWarning, OverflowError):
         check()
         raise
     finite = np.isfinite(numbers["value"])
     if not finite.all():
-        i = places[int((~finite).argmax())]
+        i = line_numbers[int((~finite).argmax())]
         raise text.error(i, f"expected a finite value, found '{shortened(text.lines[i])}'")
     return numbers

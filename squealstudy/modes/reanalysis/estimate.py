@@ -195,14 +195,14 @@ def solve_alone(
 
     `estimate` gives their errors (m,) against the full problem.
     """
-    at = problem.samples(np.asarray(theta)[None])[0]
-    if isinstance(at, ConvergenceError):
-        return at
-    pairs = inside(solve(at.weights), problem.band)
-    error = bounded(estimate(problem, at.weights, pairs), pairs.lam)
-    residual, _ = residuals(problem, at.weights, pairs)
+    linearisation = problem.samples(np.asarray(theta)[None])[0]
+    if isinstance(linearisation, ConvergenceError):
+        return linearisation
+    pairs = inside(solve(linearisation.weights), problem.band)
+    error = bounded(estimate(problem, linearisation.weights, pairs), pairs.lam)
+    residual, _ = residuals(problem, linearisation.weights, pairs)
     return EstimatedRoots(
-        at=at, lam=pairs.lam, X=pairs.X, error=error, residual=residual, method=method
+        at=linearisation, lam=pairs.lam, X=pairs.X, error=error, residual=residual, method=method
     )
 
 

@@ -301,9 +301,11 @@ def find_blocks(mixings: Sequence[Mixing], threshold: float) -> list[ModeBlock]:
     members = [_members(part, count) for part in parts]
     blocks = []
     for group in range(count):
-        sizes = {len(at[group]) for at in members}
+        sizes = {len(labels[group]) for labels in members}
         if len(sizes) == 1 and sizes != {0}:
-            blocks.append(ModeBlock(members[0][group], tuple(at[group] for at in members[1:])))
+            blocks.append(
+                ModeBlock(members[0][group], tuple(labels[group] for labels in members[1:]))
+            )
     return blocks
 
 

@@ -91,11 +91,11 @@ def ritz_roots(
     for Z in (batch.Y, batch.CY, batch.KY):
         _turn(patch, Z, left_vectors)
     X, CX, KX, Y, CY, KY = batch
-    at, conj = lam[:, None, :], lam.conj()[:, None, :]
-    slope = np.einsum("brm,brm->bm", Y.conj(), 2.0 * at * X + CX)
+    roots, conj = lam[:, None, :], lam.conj()[:, None, :]
+    slope = np.einsum("brm,brm->bm", Y.conj(), 2.0 * roots * X + CX)
     scale = 1.0 / np.where(slope == 0, 1e-300, slope)
     Y, CY, KY = (Z * scale.conj()[:, None, :] for Z in (Y, CY, KY))
-    rx = X * at**2 + CX * at + KX
+    rx = X * roots**2 + CX * roots + KX
     ry = Y * conj**2 + CY * conj + KY
     shift = np.einsum("brm,brm->bm", Y.conj(), rx)  # Rayleigh's functional: second order too
     error = _error(patch, basis, lam, X, Y, rx, ry)

@@ -224,7 +224,7 @@ class Windows(InBasis):
                 yield row, self._estimated_roots(sample, roots, k, patch.floor)
 
     def _estimated_roots(
-        self, at: Linearisation, roots: RitzRoots, k: int, floor: np.ndarray
+        self, linearisation: Linearisation, roots: RitzRoots, k: int, floor: np.ndarray
     ) -> EstimatedRoots:
         lam, band = roots.lam[k], self.problem.band
         real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~lightly_damped(lam)
@@ -241,7 +241,7 @@ class Windows(InBasis):
         near = (np.abs(lam) + root_error >= band[0]) & (np.abs(lam) - root_error <= band[1])
         doubtful |= near & ~lightly_damped(lam) & _may_be_real(lam, root_error)
         return EstimatedRoots(
-            at=at,
+            at=linearisation,
             lam=lam[order_inside],
             X=roots.X[k][:, order_inside],
             error=(root_error + of_basis)[order_inside],

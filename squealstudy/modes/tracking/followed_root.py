@@ -208,10 +208,10 @@ class _Followed:
     def _guess(self, x: float) -> RootState:
         """The root on the straight line between its neighbours, the vectors of the nearest one."""
         root_at = {end.x: end.lam for end in self._ends}
-        root_at |= {at: state.lam for at, state in self.states.items()}
-        places = np.array(sorted(root_at))
-        roots = np.array([root_at[at] for at in places])
-        lam = complex(np.interp(x, places, roots.real), np.interp(x, places, roots.imag))
+        root_at |= {solved_x: state.lam for solved_x, state in self.states.items()}
+        solved = np.array(sorted(root_at))
+        roots = np.array([root_at[solved_x] for solved_x in solved])
+        lam = complex(np.interp(x, solved, roots.real), np.interp(x, solved, roots.imag))
         if self.states:
             nearest = min(self.states, key=lambda at: abs(at - x))
             return self.states[nearest]._replace(lam=lam)

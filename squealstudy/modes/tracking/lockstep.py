@@ -77,7 +77,7 @@ class ManyOnsets(NamedTuple):
 def refine_onsets_together(
     x: tuple[np.ndarray, np.ndarray],
     modes: tuple[ManyModes, ManyModes],
-    places: tuple[np.ndarray, np.ndarray],
+    mode_numbers: tuple[np.ndarray, np.ndarray],
     solve: SolveMany,
     tolerance: float,
     precision: float,
@@ -90,7 +90,7 @@ def refine_onsets_together(
         Values of the parameter at both ends.
     modes : (low, high)
         At both ends, as many at each.
-    places : (low, high), each ndarray (n,) of int
+    mode_numbers : (low, high), each ndarray (n,) of int
         Of the mode among them.
     solve : callable
     tolerance : float
@@ -101,11 +101,11 @@ def refine_onsets_together(
     ends = [
         _Ends(
             np.array(at, dtype=float),
-            _excess(m.lam[np.arange(n), place], tolerance),
+            _excess(m.lam[np.arange(n), mode_number], tolerance),
             ManyModes(m.lam.astype(complex), m.shapes.astype(np.complex64)),
-            np.array(place),
+            np.array(mode_number),
         )
-        for at, m, place in zip(x, modes, places, strict=True)
+        for at, m, mode_number in zip(x, modes, mode_numbers, strict=True)
     ]
     a, b = ends[1], ends[0]
     third_x, third_f = a.x.copy(), a.f.copy()
@@ -120,18 +120,18 @@ def refine_onsets_together(
         at = a.x[active] + share[active] * (b.x[active] - a.x[active])
         solved_modes, solved = solve(active, at)
         evaluations[active] += 1
-        place = np.where(solved, _followed(a, b, active, solved_modes), -1)
-        lost = place < 0
+        mode_number = np.where(solved, _followed(a, b, active, solved_modes), -1)
+        lost = mode_number < 0
         good[active[lost]] = False
         still_followed = np.flatnonzero(~lost)
-        active, at, place, solved_modes = (
+        active, at, mode_number, solved_modes = (
             active[still_followed],
             at[still_followed],
-            place[still_followed],
+            mode_number[still_followed],
             solved_modes.at(still_followed),
         )
-        f = _excess(solved_modes.lam[np.arange(len(still_followed)), place], tolerance)
-        new = _Ends(at, f, solved_modes, place)
+        f = _excess(solved_modes.lam[np.arange(len(still_followed)), mode_number], tolerance)
+        new = _Ends(at, f, solved_modes, mode_number)
         scale[active] = np.maximum(scale[active], np.abs(f))
         same = np.sign(f) == np.sign(a.f[active])
         third_x[active] = np.where(same, a.x[active], b.x[active])

@@ -101,7 +101,7 @@ class FollowedMode:
     def __init__(self, samples: SolvedLine, at_low: int | None, at_high: int | None) -> None:
         self._samples = samples
         ends = {samples.low: at_low, samples.high: at_high}
-        self._place = {x: place for x, place in ends.items() if place is not None}
+        self._place = {x: index for x, index in ends.items() if index is not None}
         self._known = sorted(self._place)
 
     def root(self, x: float) -> complex:
@@ -121,16 +121,16 @@ class FollowedMode:
 
     def _follow(self, x: float, halvings: int) -> bool:
         """Whether the mode is found at x, at values on the way where the step there is too long."""
-        place = self._found(x)
-        if place is None and halvings:
+        index = self._found(x)
+        if index is None and halvings:
             nearest = min(self._known, key=lambda known_x: abs(known_x - x))
             middle = (x + nearest) / 2
             if self._follow(middle, halvings - 1):
                 return self._follow(x, halvings - 1)
-        if place is not None:
-            self._place[x] = place
+        if index is not None:
+            self._place[x] = index
             insort(self._known, x)
-        return place is not None
+        return index is not None
 
     def _found(self, x: float) -> int | None:
         modes_at_x = self._samples.at(x)
@@ -255,14 +255,14 @@ def bracketed_crossing(
         )
     a, b = solved_values[changes[0]], solved_values[changes[0] + 1]
     zero = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
-    places = [x for x in sorted(excess) if a <= x <= b]
-    around = np.array([excess[x] for x in places])
+    sampled = [x for x in sorted(excess) if a <= x <= b]
+    around = np.array([excess[x] for x in sampled])
     change = int(np.flatnonzero(np.sign(around[:-1]) * np.sign(around[1:]) <= 0)[0])
     before_zero, right = around[change], around[change + 1]
     step = abs(right - before_zero)
     scale = max(abs(zeta) for zeta in excess.values())
     jumps = min(abs(before_zero), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
-    before, after = places[change], places[change + 1]
+    before, after = sampled[change], sampled[change + 1]
     far = abs(root(after) - root(before)) > MAX_REL_ROOT_CHANGE * min(
         abs(root(x)) for x in (before, after)
     )

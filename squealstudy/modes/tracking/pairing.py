@@ -265,9 +265,9 @@ def _passing(lam_a: np.ndarray, lam_b: np.ndarray, paired: np.ndarray) -> np.nda
     """
     sizes = (np.where(paired, np.abs(lam), np.inf) for lam in (lam_a, lam_b))
     order_a, order_b = (size.argsort(axis=1, kind="stable") for size in sizes)
-    place = np.empty_like(order_b)
-    np.put_along_axis(place, order_b, np.arange(place.shape[1])[None, :], axis=1)
-    ranks = np.take_along_axis(place, order_a, axis=1)  # ascending but for modes that pass
+    rank = np.empty_like(order_b)
+    np.put_along_axis(rank, order_b, np.arange(rank.shape[1])[None, :], axis=1)
+    ranks = np.take_along_axis(rank, order_a, axis=1)  # ascending but for modes that pass
     least_after = np.minimum.accumulate(ranks[:, ::-1], axis=1)[:, ::-1]
     passing = (np.maximum.accumulate(ranks, axis=1) > ranks) | (least_after < ranks)
     is_passing = np.empty_like(passing)

@@ -58,8 +58,8 @@ class Ragged:
 
     def block(self, rows: np.ndarray, count: int) -> np.ndarray:
         """Places in `flat` (r, count) of rows of that length."""
-        places: np.ndarray = self.starts[rows][:, None] + np.arange(count)
-        return places
+        positions: np.ndarray = self.starts[rows][:, None] + np.arange(count)
+        return positions
 
     def least(self) -> np.ndarray:
         """Least value of each row (n,); infinite of an empty one."""

@@ -166,8 +166,8 @@ class Stepper:
         parents = self._parents[self._after]
         first, last = (np.searchsorted(parents, points, side) for side in ("left", "right"))
         count = last - first
-        place = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
-        return np.sort(self._after[place])
+        positions = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+        return np.sort(self._after[positions])
 
     def _paired(
         self, pairings: Pairings, points: np.ndarray

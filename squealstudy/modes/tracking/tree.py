@@ -100,10 +100,10 @@ def grid_places(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> np.ndar
     """Rank (n, p) of each point's values among those of its parameters, from 0."""
     listed = np.unravel_index(np.arange(len(coordinates)), grid_shape, order="F")
     orders = value_orders(coordinates, grid_shape)
-    places = np.zeros((len(coordinates), len(grid_shape)), dtype=int)
-    for k, (order, place) in enumerate(zip(orders, listed, strict=True)):
-        places[:, k] = np.argsort(order)[place]
-    return places
+    indices = np.zeros((len(coordinates), len(grid_shape)), dtype=int)
+    for k, (order, index) in enumerate(zip(orders, listed, strict=True)):
+        indices[:, k] = np.argsort(order)[index]
+    return indices
 
 
 def _grid_tree(x: np.ndarray, shape: tuple[int, ...], order: Sequence[int]) -> np.ndarray:
@@ -228,8 +228,8 @@ def tree_of_modes(parents: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, 
     first = np.full(n, -1)  # of each root: the first point with modes below it
     order = np.lexsort((depth, root))
     order = order[filled[order]]
-    roots, place = np.unique(root[order], return_index=True)
-    first[roots] = order[place]
+    roots, first_index = np.unique(root[order], return_index=True)
+    first[roots] = order[first_index]
     loose = np.flatnonzero(filled & (attached < 0))
     attached[loose] = np.where(first[root[loose]] == loose, -1, first[root[loose]])
     return attached, np.where(filled, _depths(attached)[0], 0)

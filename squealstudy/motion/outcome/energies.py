@@ -158,9 +158,9 @@ def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np
     alone = [_projected(product, overlap, [k]) for k in range(m)]
     order = np.argsort([-energy for energy in alone], kind="stable")
     share, energy_so_far = np.zeros(m), 0.0
-    for place, k in enumerate(order):
-        modes = list(order[: place + 1])
-        energy_with_mode = _projected(product, overlap, modes) if place else alone[k]
+    for position, k in enumerate(order):
+        modes = list(order[: position + 1])
+        energy_with_mode = _projected(product, overlap, modes) if position else alone[k]
         share[k], energy_so_far = (
             max(energy_with_mode - energy_so_far, 0.0),
             max(energy_with_mode, energy_so_far),

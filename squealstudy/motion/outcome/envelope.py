@@ -204,8 +204,8 @@ class LevelTrend:
         )
         error = 2 * reach * scatter / float(np.sqrt(x @ x))
         bent = 4 * reach * scatter / float(np.sqrt(square @ square))  # of the pace, middle to end
-        at = np.interp(np.linspace(0, m - 1, 4), np.arange(m), y)
-        first, second, third = (np.diff(at) * m / (m - 1)).tolist()
+        samples = np.interp(np.linspace(0, m - 1, 4), np.arange(m), y)
+        first, second, third = (np.diff(samples) * m / (m - 1)).tolist()
         return LevelTrend(
             rise=2 * slope,
             error=error,

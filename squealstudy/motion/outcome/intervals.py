@@ -124,10 +124,10 @@ class _Periods:
     def means(self, edges: np.ndarray) -> np.ndarray:
         """Means (m, k) between edges (m, k + 1), in periods from the last row backwards."""
         rows = self.summed.shape[1] - 1
-        place = np.minimum(np.maximum(rows - self.width[:, None] * edges, 0.0), rows)
-        before = np.minimum(place.astype(int), rows - 1)
+        position = np.minimum(np.maximum(rows - self.width[:, None] * edges, 0.0), rows)
+        before = np.minimum(position.astype(int), rows - 1)
         at, behind = (np.take_along_axis(self.summed, k, 1) for k in (before, before + 1))
-        at = at + (place - before) * (behind - at)
+        at = at + (position - before) * (behind - at)
         blocks: np.ndarray = np.diff(at) / (self.width[:, None] * -np.diff(edges))
         return blocks
 

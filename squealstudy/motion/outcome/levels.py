@@ -239,8 +239,8 @@ def levels_side_by_side(
         "harmonic_2": harmonic_2,
         "harmonic_3": harmonic_3,
     }
-    for place, run in enumerate(moving):
-        levels[run] = TorqueLevels(**{name: float(x[place]) for name, x in columns.items()})
+    for index, run in enumerate(moving):
+        levels[run] = TorqueLevels(**{name: float(x[index]) for name, x in columns.items()})
     return levels
 
 

@@ -133,8 +133,8 @@ class _Record:
     def frequency(self) -> Fundamental:
         if not self.variance > 0.0 or self._coarse():
             return Fundamental()
-        for place, first in self._places():
-            period, residual = self._best(place)
+        for minimum, first in self._places():
+            period, residual = self._best(minimum)
             if residual > MAX_PERIODIC_RESIDUAL or (not first and self._drifts(period, residual)):
                 continue
             shortest = period
@@ -187,16 +187,16 @@ class _Record:
             return
         first = int(np.argmax(residual > MIN_HALF_WAY_RESIDUAL))
         inner = residual[first + 1 : -1]
-        places = np.flatnonzero((inner <= residual[first:-2]) & (inner <= residual[first + 2 :]))
+        minima = np.flatnonzero((inner <= residual[first:-2]) & (inner <= residual[first + 2 :]))
         row = MAX_ROW_OFFSET_RATIO * np.sqrt((self.slope**2).sum() / self.variance)
-        for place in places[inner[places] < MAX_PERIODIC_RESIDUAL + row][
+        for minimum in minima[inner[minima] < MAX_PERIODIC_RESIDUAL + row][
             :MAX_TRIED_PERIODS
         ].tolist():
-            yield first + 1 + place, place == places[0]
+            yield first + 1 + minimum, minimum == minima[0]
 
-    def _best(self, place: int) -> tuple[float, float]:
+    def _best(self, minimum: int) -> tuple[float, float]:
         """Rows within one of a place after which least is left, and how much."""
-        candidates = [self._between(k) for k in (place - 1, place) if k > 0]
+        candidates = [self._between(k) for k in (minimum - 1, minimum) if k > 0]
         return min(candidates, key=lambda pair: pair[1])
 
     def _between(self, k: int) -> tuple[float, float]:

@@ -56,10 +56,10 @@ class Spectrum:
         for k, hz in enumerate(np.ravel(frequency).tolist()):
             if not math.isfinite(hz):
                 continue
-            at = hz / self.resolution
-            half = max(3.0, LINE_WIDTH * at)
-            first, last = max(1, round(at - half)), round(at + half) + 1
-            size = math.sqrt(spectra[k, first:last].sum()) if at < bins - 1 else math.nan
+            line = hz / self.resolution
+            half = max(3.0, LINE_WIDTH * line)
+            first, last = max(1, round(line - half)), round(line + half) + 1
+            size = math.sqrt(spectra[k, first:last].sum()) if line < bins - 1 else math.nan
             every.flat[k] = size
         return every[()]
 
