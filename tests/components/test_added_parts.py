@@ -133,6 +133,7 @@ def _solved(plan, point, *stages):
     return {s: design_row(point, s, request(plan), NewGaps()) for s in stages}
 
 
+@pytest.mark.full_size  # roots by default: above
 def test_slopes_at_none_are_those_of_small_ones(tmp_path):
     """Damping to 3e-3 of the complex derivative: both structures are reduced for themselves."""
     study = read(tmp_path)
@@ -157,6 +158,7 @@ def test_slopes_at_none_are_those_of_small_ones(tmp_path):
             assert by["d_damping_ratio"] == pytest.approx(dz, rel=0.05, abs=noise)
 
 
+@pytest.mark.full_size  # one basis by default: test_shared_basis.py
 def test_structures_of_a_search_have_one_basis(tmp_path):
     """Few reductions; the design is held against full order at a place that is in none of them."""
     text = STUDY.replace(

@@ -309,7 +309,10 @@ def at_height(mesh, z):
     return Facets(mesh.nodes, tuple(g.nodes for g in facets(found, "FACE")), str(mesh.origin))
 
 
-@pytest.mark.parametrize(("name", "height"), [("inner_pad", 0.0), ("outer_pad", 0.012)])
+@pytest.mark.parametrize(
+    ("name", "height"),
+    [("inner_pad", 0.0), pytest.param("outer_pad", 0.012, marks=pytest.mark.full_size)],
+)
 def test_generated_pads_on_the_disc(name, height):
     """The same rows, by Gauss points, as those of the generated brake."""
     values = MODELS["disc_brake"].defaults()

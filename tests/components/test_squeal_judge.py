@@ -17,6 +17,7 @@ pytestmark = pytest.mark.skipif(
 TOP = 60e3  # Hz
 
 
+@pytest.mark.full_size  # by default frequencies: test_stress_stiffness.py
 def test_squeal_of_blocks_whose_meshes_do_not_match(tmp_path):
     """Five modes, one of them grows; a friction of .01 less would be seen."""
     case = blocks(tmp_path / "model", COARSE)

@@ -162,6 +162,7 @@ def test_all_nodes_move_where_they_can_be_recovered(whole, tmp_path):
     assert "20 modal coordinates" in " ".join(text for _, text in found.facts)
 
 
+@pytest.mark.full_size  # by default with all modes: above
 def test_its_damping(tmp_path):
     write_superelement(tmp_path, 20, damping=True, more="mass_damping = 7.0")
     slider = built(tmp_path / "blocks.toml").components[1]

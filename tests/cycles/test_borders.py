@@ -64,7 +64,10 @@ class Family:
 QUINTIC = Family(lambda p, q: (p, 1.0, q))  # the fold is at p = 1 / (8 q), with x^2 = 1 / q
 
 
-@pytest.mark.parametrize(("way", "values"), [(-1.0, (0.5, 0.8, 1.0)), (1.0, (1.0, 1.7, 2.5))])
+@pytest.mark.parametrize(
+    ("way", "values"),
+    [pytest.param(-1.0, (0.5, 0.8, 1.0), marks=pytest.mark.full_size), (1.0, (1.0, 1.7, 2.5))],
+)
 def test_folds_over_a_second_parameter(way, values):
     (fold,) = QUINTIC.folds(1.0, 0.1, 1.2)
     points, end = QUINTIC.border(1.0, fold, values, way)

@@ -120,6 +120,7 @@ def folding():
     return PeriodicMotion(outer.Q, outer.omega, 0.03)
 
 
+@pytest.mark.full_size  # by default on all coordinates, and bases: test_cycles_projection.py
 def test_a_branch_on_a_basis_that_grows(folding, monkeypatch):
     """Fold and Hopf point as in all coordinates; events know how exactly they are known."""
     bounds, stop = (-0.05, 0.2), models.shrunk(many(0.0), 1e-3)
@@ -175,7 +176,13 @@ def isola():
 
 @pytest.mark.parametrize(
     ("p", "direction"),
-    [(0.0, 1.0), (0.2, -1.0), (0.2738, -1.0), (0.2738, 1.0), (-0.25, 1.0)],
+    [
+        (0.2, -1.0),
+        (0.2738, 1.0),
+        pytest.param(0.0, 1.0, marks=pytest.mark.full_size),
+        pytest.param(0.2738, -1.0, marks=pytest.mark.full_size),
+        pytest.param(-0.25, 1.0, marks=pytest.mark.full_size),
+    ],
 )
 def test_a_closed_branch_is_followed_once(isola, p, direction):
     """From far of its folds and from next to one; it ends where it began."""

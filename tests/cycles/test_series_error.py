@@ -80,7 +80,13 @@ DESIGNS = {
 }
 
 
-@pytest.mark.parametrize("name", DESIGNS)
+LONG = ("friction of a contact that pulls", "sliding that turns for a moment")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(d, marks=[pytest.mark.full_size] * (d in LONG)) for d in DESIGNS],
+)
 def test_numbers_are_within_their_bounds_of_the_judges(name):
     d = DESIGNS[name]
     law = "smooth" if d.smooth else "regularised"

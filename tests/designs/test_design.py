@@ -567,6 +567,7 @@ def _flutter_ends(friction: float) -> float:
     return float(f[damping >= 0.0].max())
 
 
+@pytest.mark.full_size  # by default the loop does not choose it: above
 def test_a_design_that_meets_the_goal_and_squeals_is_searched_for_another(tmp_path: Path) -> None:
     """A margin that flutter meets, too: the proof alone refuses it."""
     text = TWO_VARIABLES.format(first=[-5.0, 25.0], second=[-30.0, 4.0], costs=(1.0, 0.7))
@@ -719,6 +720,7 @@ def test_runs_that_begin_on_another_vibration_are_other_runs(tmp_path: Path) -> 
         assert (names[0] == names[1]) == same
 
 
+@pytest.mark.full_size  # by default what can be built: test_targets_lead_to_what_can_be_built
 def test_what_nobody_can_build_is_not_chosen(tmp_path: Path) -> None:
     text = _hoffmann("stiffness_damping", "[0.0, 4e-4]")
     targets = "".join(

@@ -360,7 +360,9 @@ def test_probability_of_flutter_is_that_of_friction_above_its_threshold(sampled)
     assert table["probability"].iloc[1:].sum() == pytest.approx(row["probability"])
 
 
-@pytest.mark.parametrize("kind", ["sobol_indices", "latin_hypercube"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("sobol_indices", marks=pytest.mark.full_size), "latin_hypercube"]
+)
 def test_a_point_that_is_drawn_again_counts_again(kind, tmp_path):
     """Scatter far below the spacing of floating point: all points are equal."""
     narrow = STUDY.replace(f"std = {STD}", "std = 1e-20").replace("sigma = 0.5", "sigma = 1e-20")

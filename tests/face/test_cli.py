@@ -143,6 +143,7 @@ def test_a_place_that_cannot_be_written_is_one_message(study, capsys, place):
     assert "internal error" not in message
 
 
+@pytest.mark.full_size  # by default: test_store.py
 def test_damaged_results_are_made_again_or_refused(study, capsys):
     run = ("run", "study.toml", "-j", "1", "--no-pictures")
     assert command(*run) == 0
@@ -387,6 +388,7 @@ def test_models_lists_the_modes_of_components(name, capsys):
     assert re.search(r"^\w+ +[12] +1", screen, re.MULTILINE)  # component, DOF, its modes
 
 
+@pytest.mark.full_size  # needs the modes of two meshes
 def test_modes_of_components_are_those_of_the_mesh_asked_for(tmp_path, capsys):
     with tiny_meshes(tmp_path / "cache"):
         assert command("models", "disc_brake", "--mesh", "coarse") == 0

@@ -358,6 +358,7 @@ def test_dir_shows_what_is_public_and_there(results, kind):
     assert "store" not in names
 
 
+@pytest.mark.full_size  # by default a picture: above
 def test_a_notebook_shows_ranking_and_picture(results):
     pages = {kind: found._repr_html_() for kind, found in results.items()}
     html = pages["complex_modes"]

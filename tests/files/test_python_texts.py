@@ -35,7 +35,9 @@ def forge(path: Path) -> None:
     path.with_suffix(".pyc").write_bytes(made.read_bytes())
 
 
-@pytest.mark.parametrize("helper", ["helping_text", "helping_package.inner"])
+@pytest.mark.parametrize(
+    "helper", [pytest.param("helping_text", marks=pytest.mark.full_size), "helping_package.inner"]
+)
 def test_forged_bytecode_is_not_executed(tmp_path, helper):
     main, inner = tmp_path / "own.py", tmp_path / f"{helper.replace('.', '/')}.py"
     inner.parent.mkdir(exist_ok=True)

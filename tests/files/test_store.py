@@ -362,7 +362,7 @@ def cached(tmp_path, monkeypatch, one_by_one, as_of_large_models) -> Path:
 
 
 @pytest.mark.parametrize("name", ["meta.json", "*.npy", "working_points/*.npz"])
-@pytest.mark.parametrize("place", [0.2, 0.9])
+@pytest.mark.parametrize("place", [pytest.param(0.2, marks=pytest.mark.full_size), 0.9])
 def test_a_damaged_cache_is_made_again(cached, tmp_path, name, place):
     path = one(cached, name)
     content = path.read_bytes()

@@ -108,6 +108,7 @@ def test_a_finite_change_beyond_the_next_point_is_missing_and_the_derivative_is_
     assert np.isnan(found.finite[0, 0])
 
 
+@pytest.mark.full_size  # by default of a Stribeck curve: test_stribeck.py
 def test_stick_and_slip_against_event_located_integration(tmp_path):
     """Mean and RMS of the friction force, and frequency."""
     case = Tabled(0.15)

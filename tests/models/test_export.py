@@ -102,6 +102,7 @@ def test_contact_layers_springs_and_load_are_the_same(both):
     same(one.load, two.load, 1e-12)
 
 
+@pytest.mark.full_size  # by default the exported matrices: below
 def test_the_command_writes_a_model_with_the_same_modes(tmp_path, capsys):
     few = """
 [reduction]

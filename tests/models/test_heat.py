@@ -231,6 +231,7 @@ def test_a_scale_of_no_heat_is_no_parameter(tmp_path):
         sq.model(str(model))
 
 
+@pytest.mark.full_size  # by default of worn faces: test_wear.py
 def test_inspect_check_and_report_say_that_the_plate_is_hot(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     path, model = blocks(tmp_path / "hot", "rise = 30.0, gradient = [0.0, 0.0, 10.0]")

@@ -278,7 +278,9 @@ def test_a_contact_that_nothing_presses_is_said_first(tmp_path, capsys):
     assert text in page
 
 
-@pytest.mark.parametrize("kind", ["complex_modes", "transient"])
+@pytest.mark.parametrize(
+    "kind", ["complex_modes", pytest.param("transient", marks=pytest.mark.full_size)]
+)
 def test_a_bilateral_contact_over_a_gap_is_said_first(kind, tmp_path, capsys):
     """Pressed by 100 N on 2e6 N/m it comes 50 um down: over a gap of 1 mm springs pull it."""
     pressed = LIFTED.replace('direction = "y"\nforce', 'direction = "-y"\nforce')

@@ -311,6 +311,7 @@ class Pads:
         return whole.mean(), whole.std(), (len(up) - 1) / (crossed[-1] - crossed[0]) / h
 
 
+@pytest.mark.full_size  # by default against masses: above
 def test_full_matrices_against_own_equations(tmp_path):
     """Kicked from stable sliding: levels of a run, of the cycle that attracts, and of the judge."""
     pads = Pads()

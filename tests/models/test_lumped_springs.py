@@ -304,6 +304,7 @@ def flutter(duration):
     return friction[whole].std(), (len(up) - 1) / (crossed[-1] - crossed[0])
 
 
+@pytest.mark.full_size  # by default cycles of cubic contact: test_cycles.py
 def test_a_limit_cycle_that_a_third_power_bounds(tmp_path):
     """By harmonic balance, by a run, and by own equations."""
     rms, hz = flutter(0.6)

@@ -308,6 +308,7 @@ def medium():
     return build_model("disc_brake")
 
 
+@pytest.mark.full_size  # the medium mesh
 def test_medium_brake_size(medium):
     dof = {c.name: c.n_dof for c in medium.components}
     assert dof == {"disc": 14148, "inner_pad": 2292, "outer_pad": 2292, "caliper": 10143}

@@ -95,7 +95,9 @@ BARE: tuple[tuple[str, str], ...] = ()
 FULL = (("[components.disc]\n", HOT), ("\n[parameters]\n", HELD))
 
 
-@pytest.mark.parametrize(("angle", "more"), [(17.0, BARE), (-200.0, FULL)])
+@pytest.mark.parametrize(
+    ("angle", "more"), [pytest.param(17.0, BARE, marks=pytest.mark.full_size), (-200.0, FULL)]
+)
 def test_a_disc_with_holes_is_the_mesh_turned_by_hand(tmp_path, angle, more):
     """With all that is on it: heat, masses and held sets turn, springs to ground stay."""
     model = write_ring(tmp_path / "angle", HOLES, *more)
@@ -127,6 +129,7 @@ def test_component_modes_are_found_once(tmp_path, monkeypatch):
 PRESSURES = '"pressure"\nvalues = [1e6, 2e6]'
 
 
+@pytest.mark.full_size  # by default a disc turned by hand: above
 def test_a_sweep_tells_the_worst_angle(tmp_path, monkeypatch, capsys):
     """And check and report what turns; inspect tells whether the mesh is the same there."""
     monkeypatch.chdir(tmp_path)

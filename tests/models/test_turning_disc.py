@@ -137,7 +137,7 @@ def test_all_doublets_split_as_coriolis_forces_on_the_disc_have_it(disc):
         assert abs(seen[i, i + 1]) == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.parametrize("rate", [4.0, 40.0])
+@pytest.mark.parametrize("rate", [pytest.param(4.0, marks=pytest.mark.full_size), 40.0])
 def test_three_diameters_near_three_kilohertz(rate):
     """.06 to .6 % to either side at 4 to 40 rad/s."""
     thick = free_disc(3600.0, **{"disc.thickness": 0.024})
@@ -393,8 +393,8 @@ def test_terms_that_decide_nothing_or_are_there_are_not_told():
 @pytest.mark.parametrize(
     "name",
     [
-        "sliding_speed",
         "gyroscopic_factor",
+        pytest.param("sliding_speed", marks=pytest.mark.full_size),
         pytest.param("disc.density", marks=pytest.mark.full_size),
     ],
 )

@@ -464,6 +464,7 @@ def test_the_map_is_drawn_with_its_cells_and_nodes(directories, tmp_path):
     save_figure(figure, tmp_path / "map.png")
 
 
+@pytest.mark.full_size  # by default pictures of few
 def test_pictures_of_many_nodes_stay_as_a_finished_run_finds_them(few, tmp_path, monkeypatch):
     path, out = tmp_path / "map.toml", tmp_path / "out"
     path.write_text(FEW)
@@ -495,7 +496,7 @@ def test_check_gives_a_range_and_plot_draws(directories, monkeypatch, capsys, tm
     assert command("rank", str(directories[0])) == 0
 
 
-@pytest.mark.parametrize("sweeps", [1, 3])
+@pytest.mark.parametrize("sweeps", [1, pytest.param(3, marks=pytest.mark.full_size)])
 def test_one_and_three_sweeps_run_and_are_drawn(sweeps, monkeypatch, capsys, tmp_path):
     text = BOUNDARY.replace("num = 4", "num = 3").replace("levels = 3", "levels = 1")
     text = text.replace("num = 6", "num = 4")

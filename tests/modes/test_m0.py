@@ -88,7 +88,13 @@ def test_published_roots_of_the_second_convention(m0):
     assert_printed(lam, AT_2PI_WITHOUT_D4)
 
 
-@pytest.mark.parametrize("reach", [5.5e3, pytest.param(4e4, marks=pytest.mark.full_size)])
+@pytest.mark.parametrize(
+    "reach",
+    [
+        pytest.param(5.5e3, marks=pytest.mark.full_size),
+        pytest.param(4e4, marks=pytest.mark.full_size),
+    ],
+)
 def test_published_roots_come_out_of_the_study_file(reach, m0_files, tmp_path, monkeypatch):
     """The shipped study at one speed, 4 pi, the default of its parameter; up to a size in rad/s."""
     monkeypatch.setenv("SQUEALSTUDY_DATA", str(m0_files.parent))

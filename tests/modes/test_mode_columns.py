@@ -53,6 +53,7 @@ def onsets_are_right(table, case):
     assert refined["right"].all(), refined[~refined["right"]].to_string()
 
 
+@pytest.mark.full_size  # drawn families by default: above
 def test_an_onset_is_no_place_where_two_modes_change_their_numbers():
     """The mode that grows at 308 Hz comes from 326 Hz, past one that is all but undamped."""
     family = random_family(19, 374)

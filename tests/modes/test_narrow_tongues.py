@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from matrix_families import write_family
 from study_runs import plan_of, solved
 from study_texts import study_text, sweep_text
@@ -13,6 +14,7 @@ from squealstudy.kinds.complex_modes.passing_modes import NodeModes, PassingMode
 HZ = 2 * np.pi
 
 
+@pytest.mark.full_size  # by default the tongue of a study: below
 def test_no_node_of_random_maps_is_wrong():
     """`studies/benchmarks/narrow_tongues.py` has finer ones, and more of them."""
     grid, count = grid_of((5, 4), 3), 11

@@ -213,7 +213,9 @@ def two_step_errors(prepared, damping):
     return np.abs(found - near) / np.abs(near), np.abs(found.real - near.real) / np.abs(near)
 
 
-@pytest.mark.parametrize("damping", ["uniform", "single"])
+@pytest.mark.parametrize(
+    "damping", [pytest.param("uniform", marks=pytest.mark.full_size), "single"]
+)
 def test_two_step_errs_with_modal_damping_as_without(prepared, damping):
     damped, undamped = (two_step_errors(prepared, name) for name in (damping, "undamped"))
     assert damped[0].max() == pytest.approx(undamped[0].max(), rel=0.1)
@@ -221,7 +223,9 @@ def test_two_step_errs_with_modal_damping_as_without(prepared, damping):
     assert np.median(damped[1]) < 1e-3  # of a damping ratio of 5e-3
 
 
-@pytest.mark.parametrize("damping", ["uniform", "single"])
+@pytest.mark.parametrize(
+    "damping", [pytest.param("uniform", marks=pytest.mark.full_size), "single"]
+)
 def test_perturbation_is_of_second_order_in_modal_damping_too(prepared, damping):
     problem, errors = damped_problem(prepared, damping), []
     anchor = make_anchor(problem, np.zeros(2), REACH)

@@ -81,7 +81,7 @@ def test_conjugates_are_roots_too():
 
 @pytest.mark.parametrize("limit", [3.0, 250.0, 600.0])  # rad/s: above none, some, most of n = 20
 @pytest.mark.parametrize("n", [20, SPARSE, KRYLOV])
-@pytest.mark.parametrize("rank", [0, 3])
+@pytest.mark.parametrize("rank", [pytest.param(0, marks=pytest.mark.full_size), 3])
 def test_all_roots_below_a_limit(n, rank, limit):
     M, C, K = chain(n, 3, rank)
     C.sparse = C.sparse + sp.diags(np.r_[4e4, np.zeros(n - 1)])  # an overdamped one, near -20

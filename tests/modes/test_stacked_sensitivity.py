@@ -90,7 +90,11 @@ def expect_same(found, row, modes, rtol):
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("built", [False, True], ids=["stacked", "built one by one"])
+@pytest.mark.parametrize(
+    "built",
+    [False, pytest.param(True, marks=pytest.mark.full_size)],
+    ids=["stacked", "built one by one"],
+)
 def test_a_batch_has_the_sensitivities_of_its_points(case, built):
     name, chosen, ranges = CASES[case]
     model = replace(MODELS[name], stack=None) if built else MODELS[name]

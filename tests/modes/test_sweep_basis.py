@@ -152,6 +152,7 @@ def test_the_basis_meets_its_tolerance(prepared, map_problem, map_basis):
     covered(true, estimate, 0.02 * TOLERANCE)  # parts of smaller ones may cancel by chance
 
 
+@pytest.mark.full_size  # by default of the whole band: below
 def test_a_band_with_modes_below_it_has_no_root_that_none_of_the_brake_is(prepared):
     """Parts of modes that a basis lacked had Ritz values in the band: errors of 7, not 1e-4."""
     problem = BrakeProblem(prepared, 1, lambda theta: friction_pressure([theta[0], 0.0]), ABOVE)
@@ -203,10 +204,10 @@ def test_the_basis_is_orthonormal_with_diagonal_stiffness(map_problem, map_basis
 @pytest.mark.parametrize(
     ("state_at", "tolerance", "count"),
     [
-        (friction, 1e-4, 60),
         (falling_friction, 1e-4, 10),
-        (component_frequency, 1e-5, 50),
         (component_damping, 1e-5, 50),
+        pytest.param(friction, 1e-4, 60, marks=pytest.mark.full_size),
+        pytest.param(component_frequency, 1e-5, 50, marks=pytest.mark.full_size),
     ],
 )
 def test_windows_along_a_line(prepared, state_at, tolerance, count):

@@ -67,6 +67,7 @@ def test_a_table_is_sorted_by_the_keyboard(browser, page):
     opened.tab.close()
 
 
+@pytest.mark.full_size  # a browser of its own
 def test_without_webgl_a_sentence_stands_for_the_moving_shape(browser, page, tmp_path):
     moving = '<iframe class="moving" title="T1" srcdoc="<p>moves</p>"></iframe>'
     whole = page.read_text(encoding="utf-8")

@@ -117,6 +117,7 @@ def test_energy_of_a_changed_component_mode_has_no_place_in_its_cells(results):
     assert disc.cell_energy.sum() == pytest.approx(shape.energies["disc"], rel=1e-6)
 
 
+@pytest.mark.full_size  # by default: test_store.py
 def test_what_the_cache_has_lost_is_made_again(results, shape, tmp_path, monkeypatch):
     """The reduced model and the basis together: coordinates of two reductions may differ."""
     key = engine_shapes.plan_of(results).tasks[0].structure

@@ -49,7 +49,10 @@ QUERIES = (
 )
 
 
-@pytest.fixture(scope="module", params=["grid", "latin_hypercube", "boundary"])
+@pytest.fixture(
+    scope="module",
+    params=["grid", pytest.param("latin_hypercube", marks=pytest.mark.full_size), "boundary"],
+)
 def study(request, tmp_path_factory):
     """Results of designs of each sort; of some points no mode lies in the band."""
     text = GRID

@@ -133,6 +133,7 @@ def one_by_one(path: Path) -> None:
     path.write_text(text.replace("[modes]", '[modes]\nmethod = "full"'), encoding="utf-8")
 
 
+@pytest.mark.full_size  # by default a full disk: above
 @needs_limits
 def test_too_many_open_files(folder: Path) -> None:
     one_by_one(folder / "study.toml")

@@ -76,6 +76,7 @@ def test_a_cache_that_cannot_be_written_is_one_warning(folder: Path, kind: str) 
         pd.testing.assert_frame_equal(a, b)
 
 
+@pytest.mark.full_size  # by default a cache that cannot be written: above
 @owners
 def test_no_home_is_a_warning(folder: Path) -> None:
     """Nobody's number in no list of users: where there is root, in a namespace of users."""

@@ -60,6 +60,7 @@ def command(folder, *arguments, code="from squealstudy.cli.app import main; main
     )
 
 
+@pytest.mark.full_size  # imports of another system
 def test_nothing_of_one_system_is_needed(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     done = command(tmp_path, "run", "study.toml", "-j", "2", "--no-pictures", code=BLOCKED)
@@ -82,7 +83,7 @@ def test_results_may_be_anywhere(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("what", "encoding"),
     [
-        (("run", "--no-pictures"), "cp1252"),
+        pytest.param(("run", "--no-pictures"), "cp1252", marks=pytest.mark.full_size),
         (("check",), "ascii"),
         pytest.param(("run", "--no-pictures"), "ascii", marks=pytest.mark.full_size),
         pytest.param(("check",), "cp1252", marks=pytest.mark.full_size),

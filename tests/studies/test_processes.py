@@ -222,6 +222,7 @@ def test_tasks_and_results_are_not_kept():
         assert len(kept) <= 2
 
 
+@pytest.mark.full_size  # by default a guardless program and killed workers: around
 def test_workers_stay_until_an_extension_comes():
     done = subprocess.run([sys.executable, "-c", RENEWED], capture_output=True, text=True)
     assert done.stderr == ""

@@ -352,6 +352,7 @@ def test_sigkill_leaves_no_worker_and_resumes_to_the_same_tables(
         pd.testing.assert_frame_equal(a, b)
 
 
+@pytest.mark.full_size  # by default: test_structure_tracking.py
 def test_tracks_follow_modes_over_structures(tmp_path: Path) -> None:
     """A swept material: nominal modes change sign and rotate, tracks must not."""
     text = BRAKE.replace('"friction"', '"disc.young_modulus"').replace("num = 12", "num = 2")

@@ -279,6 +279,7 @@ def test_stability_boundary(tiny, tmp_path: Path) -> None:
     assert nodes["n_unstable"].max() >= 1
 
 
+@pytest.mark.full_size  # two studies of a brake
 def test_caliper_modes_and_damping_agree_where_nothing_is_changed(tiny, tmp_path: Path) -> None:
     bare = "sliding_speed = 0.5\ndamping_ratio = 0.0\nstiffness_damping = 0.0"
     fewer = ("stop = 1.5", "stop = 1.0")

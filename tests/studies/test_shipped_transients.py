@@ -102,6 +102,7 @@ def test_squeal_friction(tmp_path):
     assert len(results.rank()) >= 1
 
 
+@pytest.mark.full_size  # a brake in time
 def test_steps_that_cannot_converge_are_told_before_and_are_a_row_after(nominal, tmp_path):
     """k_t far too large: `check` warns, the row has the time and the reason."""
     changes = {"friction = 0.5\n": 'friction = 0.5\n"contact.kt" = 1e13\n'}
