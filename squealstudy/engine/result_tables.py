@@ -234,6 +234,11 @@ class ResultTables(NamedTables):
         return full_points(self.points, self.boundary["axes"], self.boundary["levels"])
 
     @cached_property
+    def rankings(self) -> dict[tuple[str, str | None], pd.DataFrame]:
+        """Whole rankings made before, by what comes first and the query; a screen asks thrice."""
+        return {}
+
+    @cached_property
     def track_names(self) -> dict[int, tuple[str, bool]]:
         """Most frequent name of each track that `squealstudy rank --names` named.
 

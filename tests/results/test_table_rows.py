@@ -130,3 +130,13 @@ def test_what_a_run_prints_and_draws_holds_no_table_of_modes(results, tmp_path):
     if results.design == "latin_hypercube":
         assert len(results.robust())
     assert "modes" not in results._loaded
+
+
+def test_a_ranking_made_again_is_the_same_whatever_was_done_to_the_first(results):
+    first = results.rank()
+    expected = first.copy()
+    first["max_growth_rate"] = 0.0
+    pd.testing.assert_frame_equal(results.rank(), expected)
+    fastest = expected["max_growth_rate"].idxmax()
+    assert results.rank(by="growth")["track"].iloc[0] == expected["track"][fastest]
+    assert len(results.rank(where="friction < 0.0")) == len(results.rank(top=0)) == 0

@@ -100,16 +100,22 @@ class ComplexModesScreen(KindScreen):
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """Unstable tracked modes, `tables.mode_ranking.rank_modes`.
+        """Unstable tracked modes, `tables.mode_ranking.rank_modes`; a copy of one made before.
 
         Of a boundary design all nodes of its grid count; only solved points tell the worst design
         and the onset.
         """
+        if (by, where) not in results.rankings:
+            results.rankings[by, where] = self._ranking(results, by, where)
+        return results.rankings[by, where].iloc[:top].copy()
+
+    @staticmethod
+    def _ranking(results: ResultTables, by: str, where: str | None) -> pd.DataFrame:
         table = rank_modes(
             *results.ranked(where),
             results.along,
             by,
-            top,
+            None,
             where,
             results.onsets,
             results.design in RANDOM_DESIGNS,
