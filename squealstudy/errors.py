@@ -19,7 +19,7 @@ class SquealstudyError(Exception):
     exit_code = 2
 
     def _render_traceback_(self) -> list[str]:
-        """What a notebook shows: the line that called for it, and the sentence; all with DEBUG."""
+        """Lines for a notebook: the calling line and the sentence; the traceback with DEBUG."""
         if os.environ.get(DEBUG):
             return traceback.format_exception(self)
         caller = None
@@ -32,7 +32,7 @@ class SquealstudyError(Exception):
 
 
 class MachineError(SquealstudyError):
-    """What the machine refuses: a full disk, a permission, memory, a process that was killed.
+    """A refusal by the machine: a full disk, a permission, memory, a process that was killed.
 
     The input is not at fault: the same works where the machine allows it.
     """
@@ -69,7 +69,7 @@ class StudyFileError(SquealstudyError):
 
 
 def printable(text: str) -> str:
-    """What a file says, with control characters of all kinds as escapes."""
+    """Text of a file with control characters of all kinds as escapes."""
     return "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
     )

@@ -82,7 +82,7 @@ def note_registered(module: str, in_models: bool = False) -> None:
 
 
 def in_models(sources: Sequence[str]) -> list[str]:
-    """Those of some files, by their hashes, that may decide how a model is reduced."""
+    """Extensions among some files, by their hashes, that may decide how a model is reduced."""
     return [source for source in sources if _in_models.get(source, True)]
 
 
@@ -115,7 +115,7 @@ def executed_files() -> dict[Path, str]:
 
 
 def start_worker(lifeline: Connection, files: tuple[Path, ...]) -> None:
-    """What a worker does first: it will end with its parent, has one thread, knows its files."""
+    """Set a worker up: it ends with its parent, has one thread, and knows its files."""
     end_with(lifeline)
     os.environ.update(dict.fromkeys(THREADS, "1"))  # before a library that has threads comes
     for path in files:

@@ -76,7 +76,7 @@ class Study:
         return _kind_of(self).owner(self.resolved)
 
     def plan(self) -> Planned:
-        """Its design points, or runs: `tasks`.
+        """The plan's design points, or runs: `tasks`.
 
         Raises
         ------

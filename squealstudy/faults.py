@@ -1,4 +1,4 @@
-"""What the machine refuses, in one sentence each: disk, permission, memory, files, processes."""
+"""Refusals of the machine in one sentence each: disk, permission, memory, files, processes."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def told(then: str = "") -> Iterator[None]:
 
 
 def sentence(error: Exception) -> str | None:
-    """What failed, where and what to do, in one sentence; None for what is not of the machine."""
+    """Sentence with what failed, where, and what to do; None where the machine is not at fault."""
     if isinstance(error, MachineError):
         return str(error)
     if isinstance(error, SquealstudyError | BrokenPipeError):  # a pipe: a reader such as `head`

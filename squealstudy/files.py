@@ -52,7 +52,7 @@ def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def write_all(writers: Mapping[Path, Callable[[Path], None]]) -> None:
-    """The same with each file, in their order; they are brought to the disk beside each other."""
+    """Write each file as `write_atomic` does, in order; they go to the disk side by side."""
     temporaries: dict[Path, Path] = {}
     try:
         for path, write in writers.items():
@@ -108,7 +108,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def text_writer(text: str) -> Callable[[Path], None]:
-    """What writes a text in UTF-8."""
+    """Function that writes a text in UTF-8."""
     content = text.encode()
 
     def write(path: Path) -> None:
@@ -123,7 +123,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False
 
 
 def arrays_writer(arrays: Mapping[str, Any], compressed: bool = False) -> Callable[[Path], None]:
-    """What writes arrays by name to an npz file."""
+    """Function that writes arrays by name to an npz file."""
     import numpy as np  # stays out of `squealstudy schema`
 
     save = np.savez_compressed if compressed else np.savez
@@ -194,7 +194,7 @@ def sealed(content: Mapping[str, Any]) -> str:
 
 
 def unsealed(text: str | bytes) -> dict[str, Any]:
-    """What `sealed` wrote; ValueError where it is not what was written, or was never sealed."""
+    """Content that `sealed` wrote; ValueError where it has changed or was never sealed."""
     try:
         content = json.loads(text)
     except RecursionError:

@@ -96,7 +96,7 @@ class Parameter:
             )
 
     def doubt(self, value: float) -> str:
-        """What to say of a value far from usual ones; empty for those."""
+        """Warning about a value far from usual ones; empty for others."""
         low, high = self.usual
         if low <= value <= high:
             return ""

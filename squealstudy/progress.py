@@ -62,7 +62,7 @@ def progress() -> Iterator[Progress]:
 
 
 class _Begun(Protocol):
-    """What is shown from a moment on."""
+    """Display of progress from a moment on."""
 
     def start(self) -> None:
         """Show it."""

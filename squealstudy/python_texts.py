@@ -39,7 +39,7 @@ def import_texts_of(folder: Path) -> None:
 
 
 def _finder(path: str) -> FileFinder:
-    """Of such a folder, or of a package in it; ImportError of another one."""
+    """Importer of such a folder, or of a package in it; ImportError for another one."""
     folder_path = Path(path)
     if not any(folder_path == folder or _is_package(folder_path, folder) for folder in _folders):
         raise ImportError(path)

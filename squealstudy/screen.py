@@ -1,4 +1,4 @@
-"""What all screens share: tables of one style, name-value lines, notes, warnings.
+"""Common parts of all screens: tables of one style, name-value lines, notes, warnings.
 
 Functions return what `rich` renders, on a terminal as in a notebook; `show` prints it.
 """
@@ -108,7 +108,7 @@ def _no_formula(text: str) -> str:
 
 
 def as_text(parts: Iterable[RenderableType], width: int = WIDTH_OF_FILES) -> str:
-    """What `show` would print, in lines of at most `width` characters."""
+    """Text that `show` would print, in lines of at most `width` characters."""
     written = Console(
         width=width, markup=False, highlight=False, file=StringIO(), force_jupyter=False
     )
@@ -293,7 +293,7 @@ def held_together(texts: Iterable[str]) -> str:
 
 
 def heading(title: str) -> Text:
-    """What stands above a block of lines."""
+    """Heading of a block of lines."""
     return Text(title, style="bold")
 
 
@@ -308,5 +308,5 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def notes(*texts: str) -> Text:
-    """What stands beneath a table, a line each; empty ones are left out."""
+    """Notes beneath a table, a line each; empty ones are left out."""
     return Text("\n".join(plain(text) for text in texts if text), style="dim")

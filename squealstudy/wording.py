@@ -137,7 +137,7 @@ EXPECTED = {  # pydantic's error types, in words for somebody who wrote a study 
 
 
 def expectation(kind: str, context: Mapping[str, Any]) -> str:
-    """What a value was expected to be that pydantic refuses; empty where it needs other words.
+    """Expectation for a value that pydantic refuses; empty where it needs other words.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def plural(n: int, word: str, many: str = "") -> str:
 
 
 def any_of(n: int, word: str) -> str:
-    """What is said of none of several, to follow "at": ``the 1 point``, ``any of the 2 points``."""
+    """Words for "none of several", to follow "at": ``the 1 point``, ``any of the 2 points``."""
     return f"{'' if n == 1 else 'any of '}the {plural(n, word)}"
 
 
@@ -293,7 +293,7 @@ def with_unit(name: str, units: Mapping[str, str]) -> str:
 
 
 def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str]) -> str:
-    """What holds at which values of a parameter: ``stable at friction 0.1 to 0.3 (3 points), ...``.
+    """Words by values of a parameter: ``stable at friction 0.1 to 0.3 (3 points), ...``.
 
     In brackets how many values there are in a range. Empty where ranges are many, or where a value
     is there twice or is none.
@@ -346,7 +346,7 @@ def name_where_fastest(named: tuple[str, bool]) -> str:
 
 
 def named_tracks(tracks: Iterable[int], names: Mapping[int, tuple[str, bool]]) -> list[str]:
-    """What the numbers of tracks stand for, a line each; none of tracks without a name."""
+    """Names of tracks by their numbers, a line each; without tracks that have no name."""
     named = dict.fromkeys(int(track) for track in tracks if track in names)
     return [f"{track_number(track)}: {name_where_fastest(names[track])}" for track in named]
 

@@ -1,4 +1,4 @@
-"""What `squealstudy compare` prints of two studies of complex modes: what a change does."""
+"""Text that `squealstudy compare` prints of two studies of complex modes: effects of a change."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def before_after(table: pd.DataFrame, before: Results, after: Results) -> list[R
 
 
 def _onsets(table: pd.DataFrame, along: str | None, unit: str) -> list[str]:
-    """What the change does to the first onset."""
+    """How the change moves the first onset."""
     if not along or not len(table):
         return []
     rows = [first_of(table, side) for side in SIDES]
@@ -102,7 +102,7 @@ def _onset(row: pd.Series | None, side: str, along: str, unit: str) -> str:
 
 
 def _growth(table: pd.DataFrame) -> list[str]:
-    """What the change does to the fastest growth."""
+    """How the change alters the fastest growth."""
     fastest = [table[f"growth_rate_{side}"].max() for side in SIDES]
     if not len(table) or any(rate != rate for rate in fastest):
         return []
@@ -169,14 +169,14 @@ def _doubts(facts: Mapping[Hashable, Any]) -> list[str]:
 
 
 def _none_to(table: pd.DataFrame, side: str, along: str, unit: str) -> str:
-    """That no onset is known, and where surely none is to what value."""
+    """Sentence that one side has no known onset, and up to which value there surely is none."""
     facts = table.attrs[side]
     sure = not any(facts[doubt] for doubt in ("unstable", "uncertain", "failed", "knots"))
     return f"none up to {along} {amount(facts['top'], unit)}" if sure else "none known"
 
 
 def _outside(before: Results, after: Results) -> str:
-    """What grows outside the band, of which a mode may be that has left it."""
+    """Modes that grow outside the band: one that has left the band may be among them."""
     texts = (
         (side, grows_outside(results.manifest, results.units))
         for side, results in zip(SIDES, (before, after), strict=True)

@@ -1,4 +1,4 @@
-"""What `squealstudy check` and `squealstudy schema` print."""
+"""Text that `squealstudy check` and `squealstudy schema` print."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def check(
     of_mesh: bool,
     scheduler: str | None,
 ) -> Rows:
-    """What is known of a study before it runs; SquealstudyError where it is not valid."""
+    """Describe a study before it runs; SquealstudyError where it is not valid."""
     path, directory = study.source.path, output or study.directory
     manifest = check_owner(directory, study.owner)
     members = _members(scheduler)
@@ -121,7 +121,7 @@ def check(
 
 
 def _unmade(study: ResolvedStudy, count: int) -> Rows:
-    """What is told of a study with so many points that they are not made, as `run` refuses them."""
+    """Describe a study with too many points to make them, which `run` refuses."""
     kind = study.definition.study.kind
     text = f"{count:,} points{_refused(study)}; what they take is not looked at beyond "
     return [
@@ -176,7 +176,7 @@ def _facts(
 
 
 def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
-    """What refinement of tracks and onsets may cost; nothing where there is none."""
+    """Cost of refining tracks and onsets, in words; empty where nothing is refined."""
     most = as_model_kind(plan.kind).solves(plan).between
     if not most:
         return []
@@ -186,7 +186,7 @@ def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
 
 
 def _memory(each: float, workers: int, members: Sequence[Worker]) -> str:
-    """What a process needs [GB], and whether that is there."""
+    """Memory that a process needs [GB], and whether it is available."""
     if members:
         limits = [m.limit_mb / 1024 for m in members if m.limit_mb]
         few = sum(limit < each for limit in limits)
@@ -232,7 +232,7 @@ def _validity(plan: Plan) -> Rows:
 
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:
-    """What the next finer mesh changes; it is solved for this."""
+    """Change of results on the next finer mesh, which is solved for this."""
     from squealstudy.engine.forecast import mesh_error
 
     difference = mesh_error(plan, jobs)
@@ -265,13 +265,13 @@ def _design(plan: Plan, missing: int, directory: Path) -> str:
 
 
 def _refused(study: ResolvedStudy) -> str:
-    """That there are too many points."""
+    """Message that there are too many points."""
     limit = study.definition.design.limit
     return f"; `run` refuses more than design.limit = {limit:,} without --yes"
 
 
 def _ranges(study: ResolvedStudy) -> Rows:
-    """What is swept over, a row a sweep."""
+    """The swept ranges, a row a sweep."""
     return [(f"  {sweep.name}", _range(study, sweep)) for sweep in study.sweeps]
 
 
@@ -303,7 +303,7 @@ def _constant(study: ResolvedStudy) -> Rows:
 
 
 def _followed(table: ParameterTable) -> str:
-    """What follows what, and which slopes a design point lacks for it."""
+    """Parameters that follow tables, and slopes that design points lack for their derivatives."""
     text = f"{table.name} follows {' and '.join(table.over)} by a table"
     if not _without_slope(table):
         return text

@@ -1,4 +1,4 @@
-"""What `squealstudy inspect` prints of a lumped model: masses, springs, contact, frequencies."""
+"""Text of `squealstudy inspect` for a lumped model: masses, springs, contact, frequencies."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
 
 
 def _friction(point: ContactTable | ContactOn) -> str:
-    """What friction of its own a contact has, and its state."""
+    """Friction numbers of a contact's own, and its state."""
     texts = [f"friction {point.own_coefficient}"] if point.own_coefficient is not None else []
     texts += [f"{key} {number}" for key, number in point.friction_law.items()]
     if point.state is not None:
@@ -144,7 +144,7 @@ def _cubics(dampers: Sequence[DamperTable | DamperOn]) -> int:
 
 
 def _ends(table: SpringTable | DamperTable | SpringOn | DamperOn) -> tuple[str, str, bool]:
-    """What a spring or damper is between, its direction, and whether it is against turning."""
+    """Ends of a spring or damper, its direction, and whether it is against turning."""
     if isinstance(table, SpringOn | DamperOn):
         return "", _text(table.along), False
     turns = isinstance(table.direction, str) and table.direction.removeprefix("-") in TURNS
@@ -167,7 +167,7 @@ def _factored(name: str, factor: Number) -> str:
 
 
 def _frequencies(assembly: Assembly) -> Rows:
-    """Of springs alone, and with linear contact that is closed and has no friction.
+    """Frequencies by springs alone, and with linear contact that is closed and has no friction.
 
     Springs with a gap or of one side are closed with the contact; third powers are left out.
     """

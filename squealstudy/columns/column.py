@@ -1,4 +1,4 @@
-"""What a column of a table of results is: one plain sentence, and what is known of its error."""
+"""Definition of a column of result tables: one plain sentence, and its error where known."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Column:
 
     @property
     def metadata(self) -> dict[bytes, bytes]:
-        """As it stands in the metadata of a Parquet field."""
+        """The column as metadata of a Parquet field."""
         texts = {DEFINITION: self.definition, ERROR: ", ".join(self.errors)}
         texts[LEAVES_OUT] = self.leaves_out
         return {key: text.encode() for key, text in texts.items() if text}
@@ -88,7 +88,7 @@ def flag(name: str, definition: str) -> Column:
 
 
 def same_in(columns: Sequence[Column], *names: str) -> tuple[Column, ...]:
-    """Those of the columns that have these names."""
+    """The columns that have these names."""
     by_name = {c.name: c for c in columns}
     return tuple(by_name[name] for name in names)
 

@@ -263,7 +263,7 @@ def branch(
 
 
 def _fold_apart(moving: Moving, curve: list[CurveMotion], k: int) -> float:
-    """What the value of a fold, the point of this place, errs by; NaN where not known."""
+    """Error of the value of the fold at index `k`; NaN where it is not known."""
     for reach in FOLD_NEIGHBOURS:  # with more harmonics it may be beyond the nearest ones
         before, behind = (
             list(itertools.takewhile(lambda p: not p.event, side))

@@ -39,14 +39,14 @@ class ContactForces:
     law: np.ndarray
 
     def __call__(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
-        """Of displacements and velocities (S, nc, 3)."""
+        """Forces of displacements and velocities (S, nc, 3)."""
         f = np.zeros(y.shape)
         by_y, by_w = np.zeros((*y.shape, 3)), np.zeros((*y.shape, 3))
         sampled_forces(self.points, self.law, y, w, f, by_y, by_w)
         return LocalForces(f, by_y, by_w)
 
     def turning(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
-        """The same at even samples of a period, with the turns of friction between samples."""
+        """Forces at even samples of a period; friction turns are taken between samples too."""
         forces = self(y, w)
         resolve_turns(self.points, self.law, y, w, (forces.f, forces.by_y, forces.by_w))
         return forces
@@ -73,7 +73,7 @@ class ContactOscillator:
 
     @cached_property
     def oscillator(self) -> Oscillator:
-        """Its equation of motion."""
+        """The equation of motion."""
         system, point = self.system, self.point
         if point.load is not None and np.any(point.load):
             raise ModelError("harmonic balance is about steady sliding, without other loads")
@@ -96,7 +96,7 @@ class ContactOscillator:
         return float(np.sqrt((w**2).sum(axis=2).max(initial=0.0)))
 
     def velocity_between_samples(self, motion: PeriodicMotion) -> float:
-        """By how much `contact_velocity` of `levels` may miss a peak between samples, m/s.
+        """Amount by which `contact_velocity` of `levels` may miss a peak between samples, m/s.
 
         A parabola of the largest curvature over the phase rises so much within half a sample.
         """

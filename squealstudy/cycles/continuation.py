@@ -39,7 +39,7 @@ DIP_TEST_MIN_ARC_LENGTH = 0.02  # arc-length down to which steps are halved wher
 
 
 class Equations(Protocol):
-    """What a curve solves, and to what tolerance.
+    """Equations that a curve solves, and their tolerance.
 
     Where it is `rough` a Jacobian serves again after a step that left less than
     `JACOBIAN_REUSE_RATIO` of them.
@@ -139,7 +139,7 @@ class Bordered:
         return lu, rows
 
     def solve(self, F: np.ndarray, plane: float) -> np.ndarray:
-        """Of J x = F and normal . x = plane, x (m + 1,); ConvergenceError where it is singular."""
+        """Solve J x = F and normal . x = plane for x (m + 1,); ConvergenceError if singular."""
         lu, rows = self._factors
         b = np.append(F, plane).astype(lu.dtype)
         x, _ = _lapack(lu.dtype.char)[1](lu, rows, b)

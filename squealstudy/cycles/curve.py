@@ -89,7 +89,7 @@ class CurveBasis(Protocol):
     def correction(
         self, motion: PeriodicMotion, fresh: bool = ..., local: LocalForces | None = ...
     ) -> PeriodicMotion:
-        """By what a motion that is balanced in the basis is corrected."""
+        """Correction of a motion that is balanced in the basis."""
         ...
 
     def error(self, motion: PeriodicMotion, correction: PeriodicMotion) -> float:
@@ -117,7 +117,7 @@ class CurveBasis(Protocol):
 
 @dataclass
 class Path:
-    """What is followed, and which way.
+    """A curve that is followed, and its direction.
 
     Attributes
     ----------
@@ -283,7 +283,7 @@ class Path:
         motion: PeriodicMotion,
         local: LocalForces | None = None,
     ) -> tuple[PeriodicMotion, PeriodicMotion] | None:
-        """What a motion has missing joins the basis; None where that is nothing.
+        """Extend the basis by what a motion lacks; None where it lacks nothing.
 
         The point where the curve is, and one ahead of it, of all coordinates.
         """

@@ -53,7 +53,7 @@ SOLVED = 1e-8  # relative: to which balances are solved
 
 @dataclass(frozen=True)
 class Search:
-    """What is looked for.
+    """Settings of a search for cycles.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Cycle:
 
     @property
     def error(self) -> float:
-        """Of level and contact velocity, the larger."""
+        """The larger error of level and contact velocity."""
         return max(self.level_error, self.velocity_error)
 
     @property
@@ -222,7 +222,7 @@ class SeriesErrors:
         return self.level, self.velocity, self.peak, self.frequency
 
     def larger(self, other: SeriesErrors) -> SeriesErrors:
-        """Of each number the larger error."""
+        """The larger error of each number."""
         pairs = zip(self.all, other.all, strict=True)
         return SeriesErrors(*(float(np.maximum(a, b)) for a, b in pairs))
 

@@ -114,7 +114,7 @@ class CycleEquations:
 
     # -- the parameter ---------------------------------------------------------------------------
     def balance(self, u: np.ndarray) -> Balance:
-        """What is balanced at u."""
+        """The balance at u."""
         return self._start
 
     def added(self, u: np.ndarray) -> float:
@@ -172,7 +172,7 @@ class CycleEquations:
 
     @np.errstate(over="ignore", invalid="ignore")  # what is not finite is found by Newton's method
     def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same and their derivatives (m + 2, m + 3)."""
+        """The residual and its derivatives (m + 2, m + 3)."""
         z, omega, _ = self.unpack(u)
         precision = np.float32 if self.rough else np.float64
         balanced = self.balance(u).balanced(z, omega, self.added(u), self.forces(u), precision)
@@ -214,7 +214,7 @@ class BranchEquations(CycleEquations):
         self.rough = False  # folds are where the tangent turns
 
     def balance(self, u: np.ndarray) -> Balance:
-        """What is balanced at the parameter's value."""
+        """The balance at the parameter's value."""
         return self._at(float(u[-1]))
 
     def added(self, u: np.ndarray) -> float:

@@ -84,7 +84,7 @@ class Floquet:
 
     @property
     def error(self) -> float:
-        """Of the multiplier that decides."""
+        """Error of the multiplier that decides stability."""
         return float(self.errors[self.deciding])
 
     @property
@@ -108,12 +108,12 @@ class Floquet:
 
     @property
     def modulus(self) -> float:
-        """Of the multiplier that decides; 0 where there is none but the trivial one."""
+        """Modulus of the multiplier that decides stability; 0 where only the trivial one is."""
         return float(np.abs(self.multipliers[self.deciding])) if len(self.multipliers) > 1 else 0.0
 
     @property
     def growth_rate(self) -> float:
-        """Of the deviation that decides, 1/s."""
+        """Growth rate of the deviation that decides stability, 1/s."""
         return float(np.log(max(self.modulus, 1e-300)) / self.period)
 
     @property
@@ -127,7 +127,7 @@ class Floquet:
         return FOLD if beyond.real > 0 else FLIP
 
     def at_fold(self) -> Floquet:
-        """The same of a cycle that is a fold: the multiplier nearest to one is one by definition.
+        """The multipliers of a fold, where the one nearest to 1 is 1 by definition.
 
         Beside the trivial one it is a double root, which errs by the square root of what other
         multipliers err by: twice what is seen is told.
@@ -247,7 +247,7 @@ def _size_change(floquet: Floquet, other: Floquet) -> float:
 
 
 def _changes(floquet: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """What the coarse multipliers change of the sizes of the fine ones (2 n,).
+    """Change (2 n,) of the sizes of the fine multipliers against the coarse ones.
 
     Those near the unit circle whose deviations lie `inside` the smaller basis, and the trivial one,
     are paired with the coarse ones; others have the largest change of these. One that would leave
@@ -268,7 +268,7 @@ def _changes(floquet: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.nda
 def trapezoidal(
     osc: Oscillator, cycle: PeriodicMotion, steps: int, precision: type = np.float64
 ) -> np.ndarray:
-    """The same as `monodromy` by the trapezoidal rule, which costs a solve of n a step.
+    """The matrix of `monodromy` by the trapezoidal rule, which costs a solve of n a step.
 
     It turns fast deviations too slowly, but neither feeds nor damps them: sizes of multipliers are
     kept. In single precision, whose round-off is far below the errors of a basis, it costs less.

@@ -1,4 +1,4 @@
-"""What the value of a fold on a branch errs by, since series are cut off.
+"""Error of the value of a fold on a branch, from series that are cut off.
 
 At a held size a balance is regular there, and along sizes the parameter has an extremum: so with
 any number of harmonics, also where forces have corners and its slope jumps.

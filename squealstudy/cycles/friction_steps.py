@@ -44,7 +44,7 @@ def rounds_off(contact: ContactOscillator) -> bool:
 
 
 def _falls(contact: ContactOscillator) -> tuple[np.ndarray, np.ndarray]:
-    """By what friction of each point falls up to the speed imposed, and over which speed [m/s].
+    """Fall of friction of each point up to the imposed speed, and over which speed [m/s].
 
     Zeros for models of many coordinates.
     """

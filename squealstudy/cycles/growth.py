@@ -132,7 +132,7 @@ def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
 
 @dataclass
 class SecondLook:
-    """What more harmonics make of a curve on which damping is nowhere missing.
+    """A curve without missing damping, judged again with more harmonics.
 
     Attributes
     ----------

@@ -227,7 +227,7 @@ def _with_level(
 
 
 def _lasting(runs: Iterable[Ended]) -> list[Ended]:
-    """Those that last."""
+    """The outcomes of runs that last."""
     return [run for run in runs if run.outcome == LASTS]
 
 

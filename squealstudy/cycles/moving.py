@@ -74,7 +74,7 @@ class Moving:
     def correction(
         self, motion: PeriodicMotion, fresh: bool = True, local: LocalForces | None = None
     ) -> PeriodicMotion:
-        """As of `Projection`, at the motion's own value."""
+        """Correction as of `Projection`, at the motion's own value of the parameter."""
         correction = self._at(motion.parameter).correction(
             replace(motion, parameter=0.0), fresh, local
         )
@@ -87,7 +87,7 @@ class Moving:
     def improve(
         self, motion: PeriodicMotion, target: float, held: int
     ) -> tuple[PeriodicMotion, float, float]:
-        """As of `Projection`, at the motion's own value: a cycle, or one of its size nearly."""
+        """Improvement as of `Projection`, at the motion's own value; a cycle of about that size."""
         improved, error, residual = self._at(motion.parameter).improve(
             replace(motion, parameter=0.0), target, held
         )
@@ -102,7 +102,7 @@ class Moving:
         self.fixed.compact(motion)
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """As of `Projection`, at the motion's own value."""
+        """Extension of the basis as of `Projection`, at the motion's own value of the parameter."""
         self._at(motion.parameter).grow(replace(motion, parameter=0.0), change)
 
     def stability(
@@ -118,7 +118,7 @@ class Moving:
 
     @staticmethod
     def _finer(projection: Projection, cycle: PeriodicMotion) -> PeriodicMotion | None:
-        """The same cycle with more harmonics and samples; None where it is not found."""
+        """The cycle with more harmonics and samples; None where it is not found."""
         osc = with_finer_samples(projection.oscillator, cycle.harmonics)
         for factor in FINER_HARMONIC_FACTORS:
             harmonics = min(math.ceil(factor * cycle.harmonics), MAX_FINER_HARMONICS)

@@ -102,7 +102,7 @@ class Oscillator:
         return generalised
 
     def on(self, basis: np.ndarray) -> Oscillator:
-        """The same on orthonormal columns (n, r): what moves in their span, balanced there."""
+        """The oscillator restricted to the span of orthonormal columns (n, r)."""
         K, C = (basis.T @ A @ basis for A in (self.K, self.C))
         return replace(self, C=C, K=K, B=self.B @ basis)
 

@@ -1,4 +1,4 @@
-"""What a run in time has come to, of those that limit cycles and design studies make.
+"""Outcomes of the runs in time that limit cycles and design studies make.
 
 Classes are those of studies in time, but that of an undamped model nothing lasts by itself: any
 motion stays that a run begins with. A run ends early where it comes back, too.

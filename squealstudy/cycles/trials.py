@@ -72,7 +72,7 @@ class Trials:
     periods: int = MAX_PERIODS
 
     def outcomes(self, starts: Sequence[State]) -> list[str]:
-        """What each start comes to: ``grows`` to the cycle, ``decays``, or ``undecided``."""
+        """Outcome of each start: ``grows`` to the cycle, ``decays``, or ``undecided``."""
         period = 2 * np.pi / self.cycle.omega
         settings = MotionSettings(
             self.periods * period,
@@ -112,7 +112,7 @@ def state_of(motion: PeriodicMotion, factor: float = 1.0, theta: float = 0.0) ->
 
 @dataclass(frozen=True)
 class Ended:
-    """What a run came to.
+    """Outcome of a run.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Ended:
 
     @property
     def nothing_told(self) -> str:
-        """Of a run that tells neither a level nor decay, as a clause: what became of it."""
+        """Clause on a run that shows neither a level nor decay: what became of it."""
         if self.outcome == DECAYS:
             return f"a run in time from {self.start} decays"
         if self.found == FAILED:
@@ -247,7 +247,7 @@ def shorter(settings: MotionSettings, times: int) -> MotionSettings:
 
 
 def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
-    """What is left to the levels of a run of half the step of another; whether that is little.
+    """Errors of levels by the step, from runs with one step and half of it; whether they are small.
 
     The whole difference: at first order the error of the finer one, at second three times that.
     """
@@ -287,7 +287,7 @@ class Refined(Motion):
 
 
 def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -> Ended:
-    """What a run from `start`, in words, came to.
+    """Outcome of a run from `start`, named in words.
 
     Where a mode outside `band` [rad/s], if that is given, grows, the level is that of the torque
     within the band.
@@ -340,7 +340,7 @@ def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float,
 def with_regularisation(
     contact: ContactOscillator, run: Ended, motion: Motion, band: tuple[float, float]
 ) -> Ended:
-    """What a run came to, and what the corner of its friction does to that.
+    """Outcome of a run, and the effect of the corner of its friction curve.
 
     Where the corner takes from the fall of friction the motion goes on with one of half the width:
     levels change in proportion to it (THEORY.md, section 16), so twice what they change by is left.

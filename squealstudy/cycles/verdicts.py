@@ -1,4 +1,4 @@
-"""What was found of a mode family, and its verdict.
+"""A followed mode family and its verdict.
 
 A verdict never says more than was found: `no_cycle_found` is of a curve that was followed as far as
 was asked, `squeals_if_kicked` of a cycle that attracts, with all its digits in order.
@@ -138,7 +138,7 @@ class Family:
 
 
 class Followed(NamedTuple):
-    """What was followed of a design.
+    """The mode families that were followed for a design.
 
     Attributes
     ----------
@@ -204,7 +204,7 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
 
 
 def _neutral(family: Family) -> str:
-    """What becomes of kicks of a mode without damping."""
+    """Outcome of kicks of a mode without damping."""
     small = family.undamped
     larger = f"; larger ones, up to {family.reached:.3g} m/s, decay"
     return (
@@ -214,7 +214,7 @@ def _neutral(family: Family) -> str:
 
 
 def _searched(family: Family, look: SecondLook) -> str:
-    """What was searched where no cycle was found."""
+    """Range that was searched without finding a cycle, in words."""
     limit = f" (not further: {100 * GIVE_UP_DAMPING_RATIO:g} % of damping missing)"
     limit *= family.end == DAMPED
     on = f" on the curve of {family.origin}, a design nearby" if family.origin else ""

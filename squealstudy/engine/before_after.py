@@ -23,7 +23,7 @@ NAMES_ALONE = {("study", "name"), ("study", "description")}  # no change of what
 
 
 def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
-    """What a change does to the unstable modes (`tables.before_after.paired`).
+    """Effect of a change on the unstable modes (`tables.before_after.paired`).
 
     `attrs` tell ``points``, how many solved points are compared, and how many of both failed in a
     study; ``along``, the parameter of the onsets, or None; of each of SIDES a mapping with
@@ -101,7 +101,7 @@ def _expect_alike(noun: str, texts: list[str], both: tuple[ResultTables, ResultT
 
 
 def _changes(before: ResultTables, after: ResultTables) -> list[str]:
-    """What differs in the study files and in the files that they name, each in words."""
+    """Differences of the study files and of the files that they name, each in words."""
     both = (before, after)
     settings = [dict(_settings(tomllib.loads(str(r.fact("study"))))) for r in both]
     names = [n for n in dict.fromkeys([*settings[0], *settings[1]]) if n not in NAMES_ALONE]

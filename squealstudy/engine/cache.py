@@ -262,13 +262,13 @@ def load_prepared(key: str) -> PreparedModel:
 
 @lru_cache(maxsize=4)
 def prepared_any(key: str) -> Prepared:
-    """As `load_any`, read once a process."""
+    """`load_any`, but read once a process."""
     return load_any(key)
 
 
 @lru_cache(maxsize=4)
 def prepared_model(key: str) -> PreparedModel:
-    """As `load_prepared`, read once a process."""
+    """`load_prepared`, but read once a process."""
     return load_prepared(key)
 
 

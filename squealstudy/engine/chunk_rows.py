@@ -1,4 +1,4 @@
-"""What a worker makes of a task: a row a design point, whatever happens there.
+"""Rows that a worker makes of a task: one a design point, whatever happens there.
 
 What a kind of study foresees it puts into rows itself (`failures.FAILURES`); what nobody foresaw is
 made a failed row here. No point ends its study.
@@ -46,13 +46,13 @@ class ChunkRows:
 
 
 def lost_chunk(kind: Kind, task: Any, why: str) -> ChunkRows:
-    """What stands for a task that ended every worker that tried it: a failed row a point."""
+    """Failed rows, one a point, for a task that ended every worker that tried it."""
     rows = [kind.failed_row(p.point_id, DIED, why) for p in kind.points_of(task)]
     return ChunkRows(pa.Table.from_pylist(rows, schema=kind.schema), {}, 0, 0.0, 0.0)
 
 
 def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
-    """What a worker does with a task of a kind of study; nothing is written here.
+    """Solve a task of a kind of study in a worker; nothing is written here.
 
     Where the task fails as a whole, each of its design points is solved by itself, and those that
     fail then are failed rows.

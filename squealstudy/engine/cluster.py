@@ -135,7 +135,7 @@ class Cluster:
         return MachineError(f"{self.name}: the scheduler does not answer any more")
 
     def workers(self) -> list[Worker]:
-        """Those that are there, once there is one; MachineError where one is of no use."""
+        """The cluster's workers, once there is one; MachineError where one cannot be used."""
         threads = self._threads()
         if not threads:
             self.warn(f"{self.name}: no worker yet; waiting for one")

@@ -37,7 +37,7 @@ Parcel = Mapping[str, Mapping[str, bytes]]  # files by name, of places in the fo
 
 @dataclass(frozen=True)
 class Setting:
-    """What all tasks of a run have in common.
+    """Settings that all tasks of a run have in common.
 
     Attributes
     ----------

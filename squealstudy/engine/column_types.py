@@ -1,4 +1,4 @@
-"""What the columns of a table must hold, whoever wrote it: numbers, texts or flags.
+"""Types that the columns of a table must have, whoever wrote it: numbers, texts or flags.
 
 A hash in a journal tells that a table is as it was written, not by whom.
 """

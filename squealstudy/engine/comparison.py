@@ -1,4 +1,4 @@
-"""What is predicted beside runs in time: what both studies need to have in common."""
+"""Predictions compared with runs in time: what both studies need to have in common."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class CycleSeries:
 
     @property
     def point_id(self) -> str:
-        """Of its design point."""
+        """Id of its design point."""
         return self.cycle_id.partition("-")[0]
 
 

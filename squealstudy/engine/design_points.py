@@ -56,7 +56,7 @@ class DesignValues:
         columns: Mapping[str, float | np.ndarray],
         count: int,
     ) -> DesignValues:
-        """Of values by name, each a number or an array (count,), at one point or more."""
+        """Design points of values by name, each a number or an array (count,)."""
         varied = {k: x for k, x in columns.items() if isinstance(x, np.ndarray)}
         first = {k: float(x[0] if isinstance(x, np.ndarray) else x) for k, x in columns.items()}
         return cls(model, options, first, varied, count)
@@ -68,7 +68,7 @@ class DesignValues:
         return np.broadcast_to(self.common[name], self.count)
 
     def at(self, rows: np.ndarray | slice) -> DesignValues:
-        """Of some of the points."""
+        """The points at some rows."""
         varied = {name: x[rows] for name, x in self.varied.items()}
         count = len(range(*rows.indices(self.count)) if isinstance(rows, slice) else rows)
         return DesignValues(
@@ -303,12 +303,12 @@ class DesignPoints(Sequence[DesignPoint]):
 
     @property
     def model(self) -> ModelDefinition:
-        """Of all points."""
+        """Model of all points."""
         return self._values.model
 
     @property
     def options(self) -> Mapping[str, str | int]:
-        """Of the model."""
+        """Options of the model."""
         return self._values.options
 
     @property

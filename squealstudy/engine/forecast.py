@@ -1,4 +1,4 @@
-"""What `check` finds out of a study before it runs: its cost, and the error of its mesh.
+"""Forecast by `check` before a study runs: its cost, and the error of its mesh.
 
 The cost follows from a few timed design points; the error from the nominal point, solved on the
 mesh of the study and on the next finer one.

@@ -40,7 +40,7 @@ DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
 
 
 class Line(BaseModel):
-    """What one line may say: whose directory it is, finished files, files that are no more."""
+    """Content of one line: whose directory it is, finished files, files that are no more."""
 
     model_config = ConfigDict(extra="forbid")  # a key that is none of these is a damaged one
 
@@ -147,7 +147,7 @@ class Journal:
         self._take(line)
 
     def fault(self, name: str, thoroughly: bool = True) -> str:
-        """What is wrong with a file: DAMAGED, MISSING or UNFINISHED; empty where it is whole.
+        """Fault of a file: DAMAGED, MISSING or UNFINISHED; empty where it is as it was written.
 
         By its size alone where not `thoroughly`.
         """

@@ -39,7 +39,7 @@ def _heading(name: str, table: Mapping[str, Any]) -> str:
 
 
 def _table_suffix(table: Mapping[str, Any]) -> str:
-    """What follows the name of a table of tables by name."""
+    """Text that follows the name of a table of tables by name."""
     return ".NAME" if {"additionalProperties", "patternProperties"} & table.keys() else ""
 
 

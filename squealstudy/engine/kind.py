@@ -69,7 +69,7 @@ class Planned(Protocol):
 
     @property
     def kind(self) -> StudyKind:
-        """What is computed; `as_kind` has all of it."""
+        """What is computed, in a word; `as_kind` gives the object."""
         ...
 
     @property
@@ -79,7 +79,7 @@ class Planned(Protocol):
 
     @property
     def tasks(self) -> Points:
-        """Its design points."""
+        """The plan's design points."""
         ...
 
     @property
@@ -136,7 +136,7 @@ class Kind:
 
     @property
     def rows_word(self) -> str:
-        """What its rows are, for progress."""
+        """Word for its rows, for progress."""
         return f"{self.row_word}s"
 
     # -- the study file --------------------------------------------------------------------------
@@ -201,7 +201,7 @@ class Kind:
         return {}
 
     def warnings(self, plan: Any) -> list[str]:
-        """What may go wrong in a run."""
+        """Warnings about what may go wrong in a run."""
         return []
 
     def usable_workers(self, plan: Any, workers: Workers) -> Workers:
@@ -262,7 +262,7 @@ class Kind:
 
     @property
     def screen(self) -> KindScreen:
-        """What is shown of its results; without more than this, its first table."""
+        """The screen of its results; by default their first table."""
         return KindScreen(tuple(Path(name).stem for name in self.tables), self.row_word)
 
     # -- the manifest ----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What is shown of the results of a kind of study."""
+"""Screen of the results of a kind of study."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class KindScreen:
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """What matters most, first; ResultsError where there is nothing to rank."""
+        """Print what matters most, first; ResultsError where there is nothing to rank."""
         raise ResultsError(f"{results.directory}: a {results.kind} study has no ranking of modes")
 
     def ranking(
@@ -86,7 +86,7 @@ class KindScreen:
         return []
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """What a run prints first, and a notebook shows; without more the first rows."""
+        """Findings that a run prints first and a notebook shows; by default the first rows."""
         from squealstudy.screen import grid
 
         table = results.table(self.tables[0]).head(N_RANKING_ROWS)
@@ -96,12 +96,12 @@ class KindScreen:
         ]
 
     def verdict(self, results: ResultTables) -> str:
-        """What a study came to, in a sentence: by default the first words of its findings."""
+        """Verdict of a study in a sentence: by default the first words of its findings."""
         first_text = next((part for part in self.findings(results) if isinstance(part, str)), "")
         return first_text or f"{plural(results.n_points, self.row_word)}."
 
     def counted(self, results: ResultTables, words: Sequence[str]) -> str:
-        """What became of the design points, a word each: by ranges of the parameter that varies.
+        """Outcome of the design points, a word each: by ranges of the parameter that varies.
 
         Of more parameters, or of many ranges, how often each word stands.
         """
@@ -132,7 +132,7 @@ class KindScreen:
         return letter_map(names, values, words, letters)
 
     def next_steps(self, results: ResultTables) -> Rows:
-        """What leads on from these findings, each with its command or key."""
+        """Next steps after these findings, each with its command or key."""
         return []
 
     def facts(self, results: ResultTables) -> Rows:

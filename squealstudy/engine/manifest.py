@@ -91,12 +91,12 @@ def versions() -> dict[str, str]:
 
 @cache
 def _installed() -> dict[str, str]:
-    """Of packages, whose metadata are read once a process."""
+    """Versions of packages, whose metadata are read once a process."""
     return {name: version(name) for name in PACKAGES}
 
 
 def model_facts(plan: Plan) -> dict[str, Any]:
-    """What a manifest says of a study of a model: its parameters, design and structures."""
+    """Facts of a study's model in the manifest: its parameters, design and structures."""
     study, parameters = plan.study, plan.study.shown_parameters
     followed = [t.name for t in study.model.tables]
     units = {p.name: p.unit for p in study.model.parameters}
@@ -123,7 +123,7 @@ def model_facts(plan: Plan) -> dict[str, Any]:
 
 
 def _matrices(study: ResolvedStudy) -> dict[str, Any]:
-    """Of own matrices the folder in which their files are: the results may be elsewhere."""
+    """Folder of the files of a matrix family: the results may be elsewhere."""
     if not isinstance(study.model, FamilyDefinition):
         return {}
     folder = data_folder(study.definition.model, study.source.path)
@@ -131,7 +131,7 @@ def _matrices(study: ResolvedStudy) -> dict[str, Any]:
 
 
 def _rotation(plan: Plan) -> dict[str, Any]:
-    """Of a model that turns, at the nominal values: radius [m] of the sliding speed, rad/s."""
+    """Radius [m] of the sliding speed and rotation [rad/s] of a model that turns, nominal."""
     values = plan.nominal_values
     radius = plan.study.model.effective_radius(plan.study.options, values)
     if radius is None:
@@ -141,7 +141,7 @@ def _rotation(plan: Plan) -> dict[str, Any]:
 
 
 def _model_file(study: ResolvedStudy) -> dict[str, Any]:
-    """Of a model of a file what the catalogue says of others."""
+    """Description of a model file, as the catalogue has it of its models."""
     model = study.model
     if not isinstance(model, FileDefinition):
         return {}

@@ -57,7 +57,7 @@ class ModelFileFacts(FactGroup):
 
 
 class RotationFacts(FactGroup):
-    """Of a model that turns."""
+    """Facts of a model that turns."""
 
     effective_radius: Finite
     rotation_speed: Finite
@@ -107,7 +107,7 @@ class FidelityAudit(FactGroup):
 
 
 class FidelityFacts(FactGroup):
-    """What [fidelity] chose, and what stands beside it."""
+    """The settings that [fidelity] chose, and their neighbours."""
 
     chosen: ChosenSetting
     cheaper: Setting
@@ -124,7 +124,7 @@ class Timings(FactGroup):
 
 
 class Facts(FactGroup):
-    """Those of every kind of study."""
+    """The facts that every kind of study has."""
 
     name: Name
     kind: Name

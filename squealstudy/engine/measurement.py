@@ -12,7 +12,7 @@ from squealstudy.motion.integrator import Integrator
 
 @dataclass(frozen=True)
 class Measurement:
-    """What one method did at the measured points, in one round; by default nothing at all.
+    """Measurement of one method at the measured points, in one round; empty by default.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class MeasurementRequest:
-    """What is measured beside the design points themselves.
+    """Quantities that are measured beside the design points themselves.
 
     Attributes
     ----------

@@ -39,12 +39,12 @@ class RungChoice(NamedTuple):
 
     @property
     def largest_error(self) -> float:
-        """What a point's roots may be wrong by and count as solved, relative to their moduli."""
+        """Relative error of a point's roots up to which it counts as solved."""
         return self.tolerance if self.rung.keeps_tolerance else np.inf
 
     @property
     def identity(self) -> list[object]:
-        """What results depend on beside the model: nothing where the reduced model is exact."""
+        """All that results depend on beside the model: nothing where the reduced model is exact."""
         rung = self.rung
         outside = [rung.source_hash] if rung.source_hash else []
         if rung.exact:

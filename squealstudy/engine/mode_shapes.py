@@ -56,7 +56,7 @@ EXPANSION = "expansion"  # folder beside a prepared model
 def shape(
     results: ResultTables, point: str | int | None, mode: int | None, track: int | None
 ) -> Shape:
-    """As `Results.shape`."""
+    """The shape, as `Results.shape` gives it."""
     row, numbers = chosen_modes(results, point, mode, track)
     return point_shapes(results, row).shape(numbers[0])
 
@@ -150,7 +150,7 @@ def point_shapes(results: ResultTables, row: int) -> PointShapes:
 
 
 class PointShapes:
-    """What the shapes of one design point share.
+    """Parts that the shapes of one design point share.
 
     Attributes
     ----------

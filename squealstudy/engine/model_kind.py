@@ -33,7 +33,7 @@ Columns = dict[str, float | np.ndarray]  # values of parameters at all design po
 
 @dataclass(frozen=True)
 class Solves:
-    """What a study costs, in design points as they are timed: alone, by the exact method.
+    """Cost of a study, in solves of one design point by itself with the exact method.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class ModelKind(Kind):
         return resolve_study(source, tables)
 
     def plan(self, study: ResolvedStudy) -> Plan:
-        """Its design points."""
+        """The plan's design points."""
         return Plan(study)
 
     def owner(self, study: ResolvedStudy) -> tuple[str, str, str]:
@@ -127,18 +127,18 @@ class ModelKind(Kind):
         _check_limit(plan.study, len(plan.swept), yes)
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
-        """What fills in values of design points that follow from the whole study.
+        """Function that fills in values of design points which follow from the whole study.
 
         It is given values by the names of parameters: numbers, or arrays over design points.
         """
         return lambda values: values
 
     def identity(self, plan: Plan) -> list[Any]:
-        """What a design point's row depends on beside its structure and values."""
+        """All that a design point's row depends on beside its structure and values."""
         return []
 
     def table_identity(self, plan: Plan) -> list[Any]:
-        """What the tables depend on beside the rows."""
+        """All that the tables depend on beside the rows."""
         return []
 
     # -- a run -----------------------------------------------------------------------------------
@@ -192,7 +192,7 @@ class ModelKind(Kind):
     def unsolvable(
         self, plan: Plan, points: DesignPoints, failures: Mapping[str, str]
     ) -> dict[str, str]:
-        """Those whose structure could not be made."""
+        """Design points whose structure could not be made."""
         return {
             name: failures[key]
             for key, rows in (points.of_structures() if failures else ())
@@ -209,7 +209,7 @@ class ModelKind(Kind):
         return []
 
     def solves(self, plan: Plan) -> Solves:
-        """What design points cost beside those that are timed."""
+        """Solves in addition to the design points that are timed."""
         return Solves()
 
     def may_end_early(self, plan: Plan) -> bool:

@@ -1,4 +1,4 @@
-"""What a study asks for: its designs, their identities and the structures they need."""
+"""Plan of a study: its design points, their identities and the structures they need."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Plan:
 
     @property
     def kind(self) -> ModelStudyKind:
-        """What the study computes."""
+        """The kind of the study."""
         return self.study.kind
 
     @property
@@ -107,7 +107,7 @@ class Plan:
 
     @cached_property
     def identity(self) -> list[Any]:
-        """What a design point's row depends on, by its kind, beside its parameters."""
+        """All that a design point's row depends on beside its parameters, by the kind of study."""
         return self.kind.identity(self)
 
     @property
@@ -272,7 +272,7 @@ class Plan:
         return DesignPoints(self._values, PlannedNames(self._values, key_of, self._model_hash))
 
     def _stacked_key(self, design: DesignPoint) -> str:
-        """What stands for all structures of a batch: no prepared model has this key."""
+        """Key that stands for all structures of a batch: no prepared model has it."""
         fixed = dict.fromkeys(design.structural_values(), 0.0)
         return content_hash(["stacked", self._structure(fixed, None), self.study.model.added])
 
@@ -300,7 +300,7 @@ class Plan:
 
     @cached_property
     def structures(self) -> dict[str, DesignPoint]:
-        """By key of each prepared model the first design point that asks for it, in order."""
+        """First design point of each structure, by the key of the prepared model, in order."""
         return {key: self.tasks[int(rows[0])] for key, rows in self.tasks.of_structures()}
 
     @cached_property

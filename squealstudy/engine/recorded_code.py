@@ -22,7 +22,7 @@ ENTRY_FILE = "entry.json"  # in that: path and name of the file
 
 
 def recorded_extensions(hashes: Sequence[str]) -> list[dict[str, Any]]:
-    """What a manifest keeps of extensions of a study, by their hashes: names and texts."""
+    """Extensions of a study as a manifest keeps them: names and texts, by their hashes."""
     files = {source_hash: path for path, source_hash in executed_files().items()}
     return [
         {

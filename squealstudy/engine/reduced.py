@@ -100,7 +100,7 @@ class BuildTask:
     def record(
         self, assembly: AnyAssembly, modes: Mapping[str, ComponentModes], top_hz: float
     ) -> ReductionRecord:
-        """What its prepared model was made from."""
+        """Record of what the prepared model was made from."""
         return ReductionRecord(
             assembly,
             modes,

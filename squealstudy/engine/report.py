@@ -116,7 +116,7 @@ def _whose(results: Results) -> tuple[str, str, str]:
 
 
 def _said_first(results: Results) -> str:
-    """What makes the answers of a study doubtful, in sentences."""
+    """Doubts about the answers of a study, in sentences."""
     return said_first(results.points) if "points" in results.tables else ""
 
 

@@ -83,7 +83,7 @@ def _of_cycle(results: ResultTables) -> tuple[pd.Series, float, float, float] | 
 
 
 def _name(modes: ResultTables, motions: ResultTables, row: pd.Series, hertz: float) -> str:
-    """What complex modes of the same model call the root at a design point; empty of others."""
+    """Name that complex modes of the same model give a root at a design point, or nothing."""
     if modes.kind != "complex_modes" or modes.manifest["model"] != motions.manifest["model"]:
         return ""
     points, is_same_point = modes.points, np.ones(len(modes.points), dtype=bool)

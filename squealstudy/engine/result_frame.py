@@ -18,7 +18,7 @@ class ResultFrame(pd.DataFrame):
         return pd.DataFrame
 
     def __getitem__(self, key: Any) -> Any:
-        """As of a DataFrame; UnknownColumnError, a KeyError, for a name that is no column."""
+        """Column of a DataFrame; UnknownColumnError, a KeyError, for an unknown name."""
         try:
             return super().__getitem__(key)
         except KeyError:

@@ -1,4 +1,4 @@
-"""What the files of a results directory may be called, and whether a path stays inside it.
+"""Allowed names of the files of a results directory; whether a path stays inside it.
 
 A directory may come from anybody: a name in its journal or manifest is used only where a run would
 have written it, and where no link on the way leads out of the directory.

@@ -24,7 +24,7 @@ class RankedResults(ResultTables):
 
     @cached_property
     def screen(self) -> KindScreen:
-        """What is shown of results of this kind; ResultsError of a kind that there is not."""
+        """The screen of results of this kind; ResultsError for an unknown kind."""
         return cast("KindScreen", super().screen)
 
     def rank(
@@ -109,7 +109,7 @@ class RankedResults(ResultTables):
         return table
 
     def compare(self, other: ResultTables) -> pd.DataFrame:
-        """What a change does, or what is predicted beside what happens in time.
+        """Effect of a change, or predictions beside what happens in time.
 
         Of two studies of complex modes these are before and `other` after a change
         (tables.before_after.paired). Else one study predicts and one is in time, in any order: of

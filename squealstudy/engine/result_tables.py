@@ -69,7 +69,7 @@ class ResultTables(NamedTables):
 
     @cached_property
     def screen(self) -> ScreenFacts:
-        """What there is of results of this kind; ResultsError of a kind that there is not."""
+        """The screen of results of this kind; ResultsError for an unknown kind."""
         try:
             return screen_of(self.kind)
         except KeyError:
@@ -91,7 +91,7 @@ class ResultTables(NamedTables):
 
     @cached_property
     def store(self) -> Store:
-        """Its files, held against what the run wrote."""
+        """The files of the results, compared with what the run wrote."""
         return Store(self.directory)
 
     def fact(self, key: str) -> Any:

@@ -91,7 +91,7 @@ class Results(RankedResults):
         object.__setattr__(self, "plot", Plots(self))  # no property: editors complete its names
 
     def __dir__(self) -> list[str]:
-        """What is for users, and of it what these results have."""
+        """The public names that these results have."""
         tables_there = (name for name in self.tables if hasattr(type(self), name))
         random = self.design in RANDOM_DESIGNS and "onsets" in self.tables
         has_onsets, has_runs = "onsets" in self.tables, "growth" in self.tables
@@ -129,7 +129,7 @@ class Results(RankedResults):
         return f"<Results {str(self.directory)!r}: {text}>"
 
     def _repr_html_(self) -> str:
-        """What a run prints first, and the first picture, for a notebook."""
+        """Findings that a run prints first, and the first picture, for a notebook."""
         shown = (
             f"<p>{escape(repr(self)[1:-1])}</p><pre>{escape(as_text(self.screen.findings(self)))}"
         )

@@ -54,7 +54,7 @@ def failed_row(
 
 
 def _missing_values(schema: pa.Schema) -> tuple[dict[str, Any], list[str]]:
-    """What stands for a missing cell, by column, and the columns of lists."""
+    """Values in place of missing cells by column, and the columns that hold lists."""
     lists = [field.name for field in schema if pa.types.is_list(field.type)]
     others = {f.name: _missing_value(f.type) for f in schema if f.name not in lists}
     return others, lists
@@ -83,7 +83,7 @@ def planned_rows(plan: Plan, store: Store, schema: pa.Schema) -> list[dict[str, 
 
 
 def planned_table(plan: Plan, store: Store, schema: pa.Schema) -> pa.Table:
-    """The same as one table: `planned_rows` of many points without an object a cell.
+    """The rows of `planned_rows` as one table, without an object for each cell.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def nested(rows: Sequence[Mapping[str, Any]], name: str, fields: Fields) -> pa.T
 
 
 def items(rows: pa.Table, name: str, fields: Fields) -> pa.Table:
-    """As `nested` of chunk rows as a table."""
+    """Rows of `nested` in a column of chunk rows, as a table."""
     column = rows[name].combine_chunks()
     owners = rows["point_id"].take(pc.list_parent_indices(column))
     schema = pa.schema([("point_id", TEXT), *fields])

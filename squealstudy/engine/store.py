@@ -100,7 +100,7 @@ class Store:
 
     @cached_property
     def journal(self) -> Journal:
-        """As it was when first asked for, and what this store has written since."""
+        """The journal as it was when first read, and what this store has written since."""
         return Journal(self.directory)
 
     # -- writing; one process at a time (`manifest.locked`) ------------------------------------
@@ -169,7 +169,7 @@ class Store:
     def write_chunk(
         self, rows: pa.Table, files: Mapping[str, pa.Table | Mapping[str, Any]] | None = None
     ) -> None:
-        """What workers found: the files beside the tables first, then rows as one chunk file."""
+        """Write what workers return: files beside the tables first, then rows as one chunk file."""
         self._write({**(files or {}), **_chunk_by_name(rows)})
 
     def _write(self, contents: Mapping[str, pa.Table | str | Mapping[str, Any]]) -> None:
@@ -279,7 +279,7 @@ class Store:
         return [n for n in names if n in self.journal.entries or not self.journal.begun]
 
     def fault(self, name: str, thoroughly: bool = True) -> str:
-        """What is wrong with a file (`Journal.fault`); of older versions only whether it is there.
+        """Fault of a file (`Journal.fault`); files of older versions are only looked for.
 
         By its size alone where not `thoroughly`.
         """

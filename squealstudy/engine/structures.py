@@ -83,7 +83,7 @@ def _make_shared(tasks: Sequence[BuildTask | FamilyTask], workers: Workers) -> d
 
 
 def with_files(plan: Plan, workers: Workers) -> Workers:
-    """Those of the workers that have the files which a plan's model reads."""
+    """The workers that have the files which a plan's model reads."""
     of_files = isinstance(plan.study.model, FamilyDefinition | FileDefinition)
     return workers.at_home if of_files else workers
 
@@ -115,7 +115,7 @@ def check_model_file(plan: Plan) -> list[str]:
 
 
 def check_shapes(plan: Plan) -> str:
-    """What of the geometry vanishes in some structures of a plan, to warn of; nothing is built.
+    """Parts of the geometry that vanish in some structures of a plan, to warn of; nothing is built.
 
     Raises StudyFileError where it does in all of them.
     """
@@ -143,7 +143,7 @@ class FamilyTask:
 
 
 def build_task(plan: Plan, point: DesignPoint, threads: int) -> BuildTask | FamilyTask:
-    """What has to be done for the structure of a design point."""
+    """Task that builds the structure of a design point."""
     if isinstance(point.model, FamilyDefinition):
         return FamilyTask(point, plan.study.source, plan.band_hz, threads)
     return BuildTask(

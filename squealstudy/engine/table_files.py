@@ -68,7 +68,7 @@ def _of_few_texts(file: pq.ParquetFile) -> list[str]:
 
 
 def _dictionary_bytes(part: pq.ColumnChunkMetaData) -> float:
-    """Of a dictionary as it stands in the file; infinity where a part has none."""
+    """Bytes of a dictionary as stored in the file; infinity where a part has none."""
     if not part.has_dictionary_page or part.dictionary_page_offset is None:
         return math.inf
     return part.data_page_offset - part.dictionary_page_offset

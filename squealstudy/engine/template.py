@@ -57,7 +57,7 @@ SCHEMA_FILE = "squealstudy.schema.json"
 
 @dataclass(frozen=True)
 class Begun:
-    """What a study to start from is made of.
+    """Parts of a study to start from.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ def _known_model(model: str | None) -> ModelDefinition:
 
 
 def _begun(name: str, kind: str, model: ModelDefinition, whole: bool) -> Begun:
-    """What such a study says: of the model, of the kind, and what is swept."""
+    """Sections of such a study: the model, the kind, and what is swept."""
     study_kind = model_kind(OF_ROBUST if kind == ROBUST else kind)
     defaults = {p.name: p.default for p in model.parameters}
     mine, theirs = dict(model.start), dict(study_kind.start)
@@ -235,7 +235,7 @@ def _about(parameter: Parameter) -> tuple[float, float]:
 
 
 def _scatter(swept: Mapping[str, Any], defaults: Mapping[str, float]) -> dict[str, Any]:
-    """What is swept otherwise, scattered over its range, beside damping where there is some."""
+    """Sweeps scattered over their ranges instead, and of damping where there is some."""
     low, high = swept["start"], swept["stop"]
     ends = {"start": low, "stop": high}
     mean, std = (float(f"{v:.6g}") for v in ((low + high) / 2, (high - low) / SIGMAS_IN_SWEEP))

@@ -32,7 +32,7 @@ def keep_track_names(store: Store, table: pd.DataFrame) -> None:
 
 
 class KeptNames(BaseModel):
-    """What the file of names holds, whoever wrote it."""
+    """Content of the file of names, whoever wrote it."""
 
     modes: list[str]
     tracks: dict[int, tuple[str, bool]]

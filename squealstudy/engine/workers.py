@@ -266,7 +266,7 @@ atexit.register(_executor.cache_clear)  # while modules are there, which it look
 
 @lru_cache(maxsize=1)
 def _thread_pools(_modules: frozenset[str]) -> ThreadpoolController:
-    """Those of this process; looked for in all that is loaded, so only where that changed."""
+    """Thread pools of this process; looked up again only where loaded libraries changed."""
     return ThreadpoolController()
 
 
@@ -294,7 +294,7 @@ def _on_one_thread(function: Callable[[TaskT], ResultT], task: TaskT) -> ResultT
 
 @dataclass(frozen=True)
 class Solved:
-    """What a kind of study found at some design points.
+    """Rows and files that a kind of study returns for some design points.
 
     Attributes
     ----------

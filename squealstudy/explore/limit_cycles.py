@@ -1,4 +1,4 @@
-"""What a page holds of limit cycles: a verdict a mode, the cycles, and the branches."""
+"""Limit cycles on a page: a verdict a mode, the cycles, and the branches."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
 
 
 def of_friction(unit: str) -> str:
-    """What the columns ``torque_*`` are of a model: a torque, or of lumped ones a force."""
+    """Meaning of the columns ``torque_*`` of a model: a torque, or a force of a lumped model."""
     return "torque" if unit == "N m" else "friction force"
 
 

@@ -43,7 +43,7 @@ Contents = Callable[["Results", pd.DataFrame], tuple[Content, list[Content]]]
 
 @dataclass(frozen=True)
 class KindPage:
-    """What a page of a kind has: its content, and the script that shows it."""
+    """Parts of a page of one kind: its content, and the script that shows it."""
 
     name: str
     table: str  # whose rows a selection is of
@@ -123,7 +123,7 @@ def _shades(name: str) -> list[str]:
 
 
 def _notes(results: Results, points: pd.DataFrame, content: Content) -> Iterator[str]:
-    """What the page leaves out, and how far its numbers are rounded."""
+    """Notes on what the page leaves out, and on how its numbers are rounded."""
     if len(points) < len(results.points):
         yield f"{len(points)} of {plural(len(results.points), 'design point')} are on this page."
     if "frequency_hz" in content:

@@ -1,4 +1,4 @@
-"""What a page holds of the design points: values, status, and what a map can be coloured by."""
+"""Design points on a page: values, status, and quantities that colour a map."""
 
 from __future__ import annotations
 

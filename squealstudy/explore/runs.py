@@ -1,4 +1,4 @@
-"""What a page holds of runs in time: levels, classes, and each history by its extremes."""
+"""Runs in time on a page: levels, classes, and each history by its extremes."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ Neighbour = Combination | UntriedSetting
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen, and its neighbours on the front of error against cost.
+    """The chosen settings, and their neighbours on the front of error against cost.
 
     Attributes
     ----------
@@ -91,11 +91,11 @@ class Choice:
     reason: str
 
     def with_changes(self, always: Mapping[str, Any]) -> Choice:
-        """The same with settings that all combinations have."""
+        """The choice with settings added that all combinations have."""
         return replace(self, chosen=replace(self.chosen, changes={**always, **self.chosen.changes}))
 
     def with_untried(self, ladder: Sequence[Setting], tried: Collection[str]) -> Choice:
-        """The same with the rungs beyond those tried of a ladder, where no neighbour is known."""
+        """The choice with untried rungs of a ladder as neighbours, where no neighbour was tried."""
         labels = [rung.label for rung in ladder]
         positions = [labels.index(label) for label in tried]
         below, above = min(positions) - 1, max(positions) + 1
@@ -188,7 +188,7 @@ def _combinations(
 
 
 def _front(combinations: Sequence[Combination]) -> list[Combination]:
-    """Those that no other beats in both, cheapest first."""
+    """Combinations that no other one beats in both error and cost, the cheapest first."""
     front: list[Combination] = []
     for candidate in sorted(combinations, key=lambda c: (c.cost, c.error)):
         if not front or candidate.error < front[-1].error:

@@ -158,7 +158,7 @@ class ModeSearch:
     def _truth(
         self, finding: Mapping[str, Any], plan: Plan, point: int
     ) -> tuple[Mapping[str, Any], float]:
-        """What a pilot is held against, and the safety on the distance to it.
+        """Reference of a pilot, and the safety factor on the distance to it.
 
         The finer model where the structure could be made and has one.
         """
@@ -169,7 +169,7 @@ class ModeSearch:
 
     @property
     def share(self) -> float:
-        """Of the tolerance, what the reduction may take."""
+        """Share of the tolerance that the reduction may take."""
         return REDUCTION_TOLERANCE_SHARE * self.fidelity.tolerance
 
     def climb(self, rungs: tuple[Setting, ...]) -> None:
@@ -199,7 +199,7 @@ class ModeSearch:
 
 
 def exact_method(study: ResolvedStudy) -> str:
-    """What others are held against: full order, of a model without a reduction its own modes."""
+    """Exact method as the reference: full order, or the modes of a model without a reduction."""
     small = not has_mesh(study) and not isinstance(study.model, FamilyDefinition)
     return (exact_rung(reduced=True) if small else full_order_rung()).name
 

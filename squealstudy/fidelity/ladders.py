@@ -1,4 +1,4 @@
-"""What may be chosen: ladders of settings, from the cheapest rung to the dearest."""
+"""Ladders of settings to choose from, from the cheapest rung to the dearest."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _reductions() -> Ladder:
 
 
 def _time_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
-    """Of a minimal model step and slope; a continued run keeps the contact points it has."""
+    """Ladders of step and slope for a minimal model; a continued run keeps its contact points."""
     section = study.section
     steps = tuple(Setting(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
     ladders = {STEP: steps} if len(steps) > 1 else {}
@@ -88,7 +88,7 @@ def _time_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
 
 
 def _usable_steps(study: ResolvedStudy) -> list[float]:
-    """Those that the duration has enough of, s."""
+    """Steps of which the duration has enough, s."""
     unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
     duration = study.section.duration
     return [n * unit for n in STEP_CANDIDATES if LEAST_STEPS * n * unit <= duration]

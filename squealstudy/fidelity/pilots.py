@@ -118,7 +118,7 @@ class FidelityStudy:
     def _measured(
         self, plan: Plan, points: Sequence[int], failures: Mapping[str, str]
     ) -> Measurement:
-        """Of the points whose structure could be made; the others have failed."""
+        """Pilots whose structure could be made; the others have failed."""
         reasons = [failures.get(plan.tasks[i].structure, "") for i in points]
         built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
         if not built:
@@ -178,7 +178,7 @@ class FidelityStudy:
         return max(self.point_error(f, truth.findings[p]) for p, f in measurement.findings.items())
 
     def point_error(self, finding: Mapping[str, Any], truth: Mapping[str, Any]) -> float:
-        """The same of one design point; MISCOUNT_ERROR too where either of them failed."""
+        """Error at one design point; MISCOUNT_ERROR too where either result has failed."""
         if finding["status"] != "ok" or truth["status"] != "ok":
             return MISCOUNT_ERROR
         judged = IN_TIME if self.in_time else IN_FREQUENCY

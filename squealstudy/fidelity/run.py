@@ -221,7 +221,7 @@ def audit(
 def _own_findings(
     fidelity: FidelityStudy, plan: Plan, directory: Path, points: Sequence[int]
 ) -> dict[int, dict[str, Any]]:
-    """What the finished study says of some of its points."""
+    """Findings of the finished study at some of its points."""
     ids = {i: plan.tasks[i].point_id for i in points}
     schema = plan.kind.schema
     rows = Store(directory).rows(ids.values(), schema)

@@ -171,7 +171,7 @@ class RunSearch:
         self.now |= best.changes
 
     def given_error(self) -> float:
-        """What explicit settings add: of a step against half of it, of a basis against all modes.
+        """Error of explicit settings: of a step against half of it, of a basis against all modes.
 
         And how well levels are known where runs end. Contact points and mesh that the file gives
         are the model, not an approximation of one.

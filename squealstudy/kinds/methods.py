@@ -1,4 +1,4 @@
-"""What kinds of study that measure methods have in common: their file and whose results it is."""
+"""Common parts of the kinds that measure methods: their file, and whose results it is."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Definition = TypeVar("Definition", bound=BaseModel)
 
 
 class MethodsStudySection(NamedSection):
-    """What a study of methods is."""
+    """Section [study] of a study of methods."""
 
     kind: str = Field(description="error against time of methods, or where a method fails")
 
@@ -40,7 +40,7 @@ class MethodsFile(Generic[Definition]):
 
 @dataclass(frozen=True)
 class Run:
-    """What stands for a design point: a cell of a map, or a measurement."""
+    """Stand-in for a design point: a cell of a map, or a measurement."""
 
     point_id: str
     content: Any
@@ -84,7 +84,7 @@ class MethodsPlan:
 
     @property
     def kind(self) -> Kind:
-        """What is measured."""
+        """The kind of study."""
         return self.study.kind
 
     @property

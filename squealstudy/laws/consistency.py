@@ -59,12 +59,12 @@ class Tried:
             raise self.error(f"expected to take ({', '.join(names)})") from None
 
     def error(self, text: str, of: type[ModelError] = ModelError) -> ModelError:
-        """What is wrong, with file, function and law."""
+        """Error with file, function and law."""
         path = Path(inspect.getfile(inspect.unwrap(self._function))).name
         return of(f"{path}: {self._function.__name__} of law '{self._law}': {text}")
 
     def __call__(self, *arguments: float) -> tuple[float, ...]:
-        """Its results as finite floats."""
+        """Results of the function as finite floats."""
         try:
             found = self._function(*arguments)
             values = tuple(map(float, found if isinstance(found, tuple | list) else (found,)))

@@ -1,4 +1,4 @@
-"""What laws of every sort have in common: their definitions, registers, and values of parameters.
+"""Common parts of all laws: definitions, registers, and values of parameters.
 
 A study may name what is registered, and nothing else.
 """
@@ -53,7 +53,7 @@ class LawDefinition:
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
-        """Those that kernels compile, by their fields; what is None is left out."""
+        """Functions that kernels compile, by their fields; those that are None are left out."""
         found = {name: getattr(self, name) for name in self.compiled}
         return {name: function for name, function in found.items() if function is not None}
 
@@ -233,13 +233,13 @@ class Law(Generic[D]):
 
     @property
     def definition(self) -> D:
-        """Its functions."""
+        """Functions of the law."""
         found: D = self.registry[self.kind]
         return found
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its parameters, as in study files."""
+        """Names of its parameters, as in study files."""
         return tuple(p.name for p in self.definition.parameters)
 
     def value(self, name: str) -> float:

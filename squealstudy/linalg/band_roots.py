@@ -115,7 +115,7 @@ def judged_roots(
     psi: np.ndarray,
     band: tuple[float, float],
 ) -> tuple[BandRoots, float]:
-    """Those of all roots up to the top of a band that lie in it, and what casts doubt on them.
+    """Roots of a band, out of all up to its top, and doubts about them.
 
     The latter is `RootErrors.doubt`: where it is above 1 another attempt may be better.
     """

@@ -104,7 +104,7 @@ def drowned(lam: np.ndarray, limit: float) -> bool:
 def pairs_up_to(
     C: np.ndarray, K: np.ndarray, limit: float, M: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `right_pairs`; where roots up to `limit` [rad/s] would drown, those of the inverse form.
+    """Pairs of `right_pairs`; where roots up to `limit` [rad/s] would drown, of the inverse form.
 
     About zero, or, where roots far below the limit drown those in turn, about a positive shift.
 

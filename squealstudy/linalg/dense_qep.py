@@ -328,7 +328,7 @@ def dense_roots(
 def companion_roots(
     C: np.ndarray, K: np.ndarray, band: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same out of all 2n roots; ConvergenceError where these drown those of the band."""
+    """Roots of the band out of all 2n; ConvergenceError where the others drown them."""
     return one_of_each_pair(*pairs_up_to(C, K, band[1]), band)
 
 

@@ -125,7 +125,7 @@ def factorise(
 
 
 def automatic_backend(n: int, definite: bool) -> str:
-    """What ``auto`` is for a sparse matrix of n rows."""
+    """Backend that ``auto`` chooses for a sparse matrix of n rows."""
     preferred = {"pardiso": True, "cholmod": definite and n >= CHOLMOD_MIN_ROWS}
     installed = (name for name, use in preferred.items() if use and find_spec(MODULES[name]))
     return next(installed, "superlu")

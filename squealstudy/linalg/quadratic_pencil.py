@@ -213,7 +213,7 @@ def nearest_roots(
 def nearest_two_sided(
     pencil: QuadraticPencil, factor: ShiftedFactor, sigma: complex, count: int
 ) -> Eigenpairs:
-    """The same with the left vectors, y^H Q(lambda) = 0, of unit norm, paired by their roots."""
+    """Nearest roots with right and left vectors (y^H Q(lambda) = 0) of unit norm, paired."""
     lam, X = nearest_roots(pencil, factor, sigma, count)
     mu, Y = nearest_left(pencil, factor, sigma, None, count)
     # equal multisets up to round-off; the last ones may differ where the count cuts a pair
@@ -230,7 +230,7 @@ def nearest_left(
     start: np.ndarray | None,
     count: int = 1,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `nearest_roots`, with the left vectors alone, y^H Q(lambda) = 0."""
+    """Nearest roots with the left vectors alone, y^H Q(lambda) = 0."""
     mu, Y = _nearest(pencil.adjoint(), factor.solve_adjoint, np.conj(sigma), count, start)
     return mu.conj(), Y
 

@@ -47,7 +47,7 @@ class LowRankSum:
 
     @property
     def T(self) -> LowRankSum:
-        """Its transpose."""
+        """The transpose."""
         return LowRankSum(self.sparse.T, self.U, self.d)
 
 

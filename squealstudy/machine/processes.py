@@ -32,7 +32,7 @@ def is_running(process: int) -> bool:
 
 
 class InterruptedRun(BaseException):
-    """What a signal raises in `interruptible`; `exit_code` is that which shells expect."""
+    """Raised by a signal in `interruptible`; `exit_code` is the one that shells expect."""
 
     def __init__(self, number: int) -> None:
         self.exit_code = SIGNAL_EXIT_CODE_OFFSET + number
@@ -100,7 +100,7 @@ def end_with(lifeline: Connection) -> None:
 
 
 def end_with_input() -> None:
-    """The same for a process whose standard input is a pipe that its parent holds open."""
+    """End this process when its parent closes the pipe that is its standard input."""
     _end_when(lambda: os.read(0, 1))
 
 

@@ -33,7 +33,7 @@ def reduction_settings(
     tolerance: float,
     enrichment: bool,
 ) -> ReductionSettings:
-    """What a basis keeps for a band up to `top_hz` [Hz]; all of a model that is not `meshed`."""
+    """Settings of a basis for a band up to `top_hz` [Hz]; of all modes where it is not `meshed`."""
     if not meshed:
         return ReductionSettings(SMALL_MODEL, SMALL_MODEL, 0.0, tolerance)
     loads = LOAD_FACTOR * top_hz if enrichment else 0.0
@@ -82,12 +82,12 @@ class Basis:
 
     @classmethod
     def of_modes(cls, model: ModelDefinition) -> Basis:
-        """As of studies of complex modes by default."""
+        """Settings that studies of complex modes have by default."""
         return cls(band_of(model.name))
 
     @classmethod
     def in_time(cls, model: ModelDefinition) -> Basis:
-        """As of studies in time and of limit cycles by default."""
+        """Settings that studies in time and of limit cycles have by default."""
         return cls(
             band_of(model.name),
             tolerance=TRANSIENT_BASIS["tolerance"],
@@ -109,7 +109,7 @@ class Basis:
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What decides a basis, hashable."""
+        """Hashable identity of a basis."""
         ranges = tuple(sorted(self.ranges.items()))
         numbers = (self.component_cutoff_factor, self.assembly_cutoff_factor, self.tolerance)
         flags = (self.enrichment, self.residual_responses, self.tells_error)

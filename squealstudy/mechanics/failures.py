@@ -1,4 +1,4 @@
-"""What makes a design point a failed one."""
+"""Failures that make a design point a failed one."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ ResultT = TypeVar("ResultT")
 def _each(
     values: Values, solve: Callable[[ModelPoint], ResultT], single: bool
 ) -> list[ResultT | Exception]:
-    """What `solve` finds at each design point, or why it fails; a `single` failure is raised."""
+    """Results of `solve` at each design point, or its error; a `single` failure is raised."""
     results: list[ResultT | Exception] = []
     for number in range(values.count):
         try:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LimitCycles:
-    """What was found of the mode families of a design point.
+    """The mode families of a design point and their limit cycles.
 
     Attributes
     ----------

@@ -101,16 +101,16 @@ class Runs:
 
     @property
     def time(self) -> np.ndarray:
-        """Of the saved rows (rows,), s."""
+        """Times of the saved rows (rows,), s."""
         return self.history("time")
 
     @property
     def torque(self) -> np.ndarray:
-        """Of friction at the saved rows (rows,), positive where it brakes, N m; of a belt N."""
+        """Friction torque at the saved rows (rows,), positive where it brakes, N m; of a belt N."""
         return self.history("torque")
 
     def summary(self) -> pd.DataFrame:
-        """What each run came to, a row a design point: class, levels, growth.
+        """Outcome of each run, a row a design point: class, levels, growth.
 
         ``invalid_reason`` tells what the run breaks of what its numbers need, such as a step too
         long for friction that sticks, and the step to take; empty of a sound run. Bounds of levels

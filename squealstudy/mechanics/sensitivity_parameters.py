@@ -48,7 +48,7 @@ class RequestedParameter:
 
 
 def requested(name: str, design: ModelPoint) -> RequestedParameter:
-    """What a name of a parameter, or of those of all modes ``disc.modes[*].``, asks for.
+    """Parameters that a name stands for: one, or those of all modes ``disc.modes[*].``.
 
     Raises
     ------

@@ -27,7 +27,7 @@ Solve = Callable[[ModelPoint, Reduction], ResultT]
 
 
 def each(structures: Structures, solve: Solve[ResultT], single: bool) -> list[ResultT | Exception]:
-    """What `solve` finds at each design point, in order, or why it fails.
+    """Results of `solve` at each design point, in order, or its error.
 
     Raises
     ------

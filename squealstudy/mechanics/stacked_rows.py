@@ -20,7 +20,7 @@ def statuses(findings: Sequence[object]) -> np.ndarray:
 
 
 def messages(findings: Sequence[object]) -> np.ndarray:
-    """What is to be said of each failure: (m,) of str, empty where there is none."""
+    """Message of each failure: (m,) of str, empty where there is none."""
     return np.array([reason(x)[1] if isinstance(x, Exception) else "" for x in findings], object)
 
 

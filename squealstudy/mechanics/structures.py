@@ -66,7 +66,7 @@ class Structures:
     _sliding: list[ModelPoint] = field(default_factory=list, repr=False)
 
     def reduction(self, first: ModelPoint, point_numbers: np.ndarray) -> Reduction:
-        """That of a structure, by its first design point and the numbers of its design points.
+        """Reduction of a structure, by its first design point and the numbers of its design points.
 
         Raises
         ------
@@ -105,7 +105,7 @@ class Structures:
         return self.sliding.operating_point()
 
     def _small(self, first: ModelPoint) -> Reduction:
-        """Of a model without a mesh, whose basis is complete: that of one structure is kept."""
+        """Reduction of a model without a mesh, with a complete basis; the last one is kept."""
         varied = self.values.varied.keys() & first.structural_values().keys()
         key = () if varied else self._identity(first)
         if key not in _small_reductions:
@@ -169,7 +169,7 @@ class Structures:
         return self.basis.tells_error or self.basis.residual_responses
 
     def _identity(self, first: ModelPoint) -> tuple[Hashable, ...]:
-        """What decides a reduction; of a model file its content."""
+        """All that decides a reduction; for a model file its content."""
         model = first.model
         files = (model.files, model.added) if isinstance(model, FileDefinition) else id(model)
         options = {k: v for k, v in first.options.items() if k not in LAW_OPTIONS}

@@ -369,7 +369,7 @@ class System(Design):
         return self._structures(basis)
 
     def _linear_of(self, basis: Basis) -> Callable[[int], LinearSystem]:
-        """What gives the linearised system of a design point in a basis."""
+        """Function that gives the linearised system of a design point in a basis."""
         with_basis = replace(self, basis=basis, _known={})
         return lambda number: (with_basis if with_basis.single else with_basis[number]).linear
 
@@ -395,5 +395,5 @@ class System(Design):
 
 
 def _may_be_wrong(error: float) -> str:
-    """What is said of a point whose worst root has that relative error."""
+    """Message for a point whose worst root has this relative error."""
     return f"a mode may be wrong by {error:.1e} of its frequency"

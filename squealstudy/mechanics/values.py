@@ -137,7 +137,7 @@ class Values:
         common: Mapping[str, float],
         columns: Mapping[str, Column],
     ) -> Values:
-        """Those of `columns`, the others as in `common`; what has a table follows it."""
+        """Values of `columns`, the others from `common`; parameters with a table follow it."""
         length = common_length(columns)
         spread = {
             name: np.broadcast_to(x, length or 1) if isinstance(x, np.ndarray) else x

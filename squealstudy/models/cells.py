@@ -32,7 +32,7 @@ class CellBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class ComponentCells:
-    """What is drawn and written of a component's mesh; its degrees of freedom need none of it.
+    """Cells and nodes of a component's mesh, for pictures and files; its matrices need none of it.
 
     Attributes
     ----------

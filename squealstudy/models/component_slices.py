@@ -15,11 +15,11 @@ if TYPE_CHECKING:  # scikit-fem is slow to load
 
 
 class Sized(Protocol):
-    """What has a name and so many degrees of freedom."""
+    """An object with a name and a number of degrees of freedom."""
 
     @property
     def name(self) -> str:
-        """Of the component."""
+        """Name of the component."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""What friction needs of contact points."""
+"""Fields of contact points that friction needs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all tables of model files share: strictness, names, vectors, errors at a key."""
+"""Common parts of all tables of model files: strictness, names, vectors, errors at a key."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 
 class PlacedError(ModelError):
-    """What is wrong at a key of the model file.
+    """An error at a key of the model file.
 
     `word` is the one at fault and `known` are those that there are, for a proposal.
     """

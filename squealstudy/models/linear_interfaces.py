@@ -1,4 +1,4 @@
-"""What is linear between and in components: springs, layers, dampers, stiffness of stresses."""
+"""Linear interfaces: springs, layers, dampers, stiffness of stresses."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class DamperInterface:
 
 @dataclass(frozen=True)
 class StressStiffness:
-    """What the stresses of a loaded state add to the stiffness of its vibration.
+    """Stiffness that the stresses of a loaded state add to its vibration.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the minimal models share: a point mass and bilateral contact points of given stiffness."""
+"""Common parts of minimal models: a point mass and bilateral contact points of given stiffness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the mechanics sees of a design point: operating point and design state.
+"""The design point as the mechanics sees it: operating point and design state.
 
 And the parameters of the working point, as study files name them: they enter through the contact
 points, never through the components.
@@ -264,14 +264,14 @@ class OperatingPoint:
 
     @property
     def sliding_friction(self) -> tuple[float | str, ...]:
-        """What steady sliding knows of friction: equal for equal working points."""
+        """All that steady sliding depends on of friction: equal for equal working points."""
         if self.curve.constant:
             return (self.direction * self.friction,)
         return (self.curve.kind, *self.curve.parameters, self.friction, self.sliding_speed)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its parameters, as in study files; one that both laws have stands once."""
+        """Names of parameters as in study files; one that both laws have is listed once."""
         return tuple(dict.fromkeys([*_FIELD_OF_PARAMETER, *self.curve.names, *self.law.names]))
 
     def value(self, name: str) -> float:

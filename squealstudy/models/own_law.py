@@ -17,7 +17,7 @@ OF_CONTACT = "friction_law"  # the key of a contact that has its own
 
 
 def law_keys() -> dict[str, list[str]]:
-    """What `friction_law` of a contact may name, and which friction laws have it."""
+    """Keys that `friction_law` of a contact may have, and which friction laws have them."""
     keys: dict[str, list[str]] = {}
     for law in FRICTION_CURVES:
         for key in parameters_of(law):

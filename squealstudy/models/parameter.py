@@ -1,4 +1,4 @@
-"""What a model can be asked to vary: names, units, defaults and bounds."""
+"""Parameters of a model: names, units, defaults and bounds."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ModelOption:
 
 @dataclass(frozen=True)
 class Assumption:
-    """What a model takes for granted, as a bound on a dimensionless group of its parameters.
+    """An assumption of a model, as a bound on a dimensionless group of its parameters.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class ModelChange:
 
 
 def nothing_vanishes(values: Mapping[str, float]) -> None:  # noqa: ARG001
-    """That of a model whose parts all stay, whatever the values."""
+    """Result for a model none of whose parts vanishes, whatever the values."""
     return
 
 
@@ -263,7 +263,7 @@ class ModelDefinition:
 
     @property
     def energy_parts(self) -> tuple[str, ...]:
-        """What elastic energy is divided over: components and interfaces; nothing without them."""
+        """Parts over which elastic energy is divided: components and interfaces; may be empty."""
         return (*self.components, "interfaces") if self.components else ()
 
     def parameter(self, name: str) -> Parameter:

@@ -68,7 +68,7 @@ class StackedAssembly:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """Its arrays with a row a structure, by name."""
+        """The arrays with a row a structure, by name."""
         named = {f.name: getattr(self, f.name) for f in fields(self)}
         return {
             name: array

@@ -25,7 +25,7 @@ NEGLIGIBLE_ROW = 1e-6  # of the largest entry of all: what lies on the axis
 
 @dataclass(frozen=True)
 class Rotors:
-    """What turns, and about which axis.
+    """The turning components and their axis.
 
     Attributes
     ----------

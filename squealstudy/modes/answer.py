@@ -1,4 +1,4 @@
-"""What a rung from outside yields, held against what it is to yield, before anyone reads it."""
+"""Checks of the modes that a rung from outside yields, before anyone reads them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def checked(
 
 
 def _fault(modes: PointModes, problem: Problem) -> str:
-    """What is wrong with modes, and what was expected; '' of what may stand in tables."""
+    """Fault of the modes, and what was expected; '' where they may stand in tables."""
     m = np.size(modes.lam)
     model, width = problem.prepared.model, problem.prepared.shape_rows.shape[0]
     components = len(model.offsets) if isinstance(model, ReducedModel) else 0

@@ -1,4 +1,4 @@
-"""What roots within their errors say of stability, and which errors count."""
+"""Stability by roots within their errors, and which errors count."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class Point(Protocol):
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Of every parameter, SI units."""
+        """Value of every parameter, SI units."""
         ...
 
 
@@ -98,12 +98,12 @@ class Problem:
 
     @cached_property
     def full_reader(self) -> Reader:
-        """Of vectors in full coordinates."""
+        """Reader of energies and shapes of vectors in full coordinates."""
         return Reader(self.prepared, None)
 
     @cached_property
     def basis_reader(self) -> Reader:
-        """Of vectors in those of the sweep basis."""
+        """Reader of energies and shapes of vectors in coordinates of the sweep basis."""
         return Reader(self.prepared, self.basis.V)
 
     def modes(self, outcome: Outcome) -> PointModes | ConvergenceError:

@@ -1,4 +1,4 @@
-"""What a rung is: a way from design points of one structure to their complex modes, with errors."""
+"""A rung: a way from design points of one structure to their complex modes, with errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from squealstudy.modes.tracking.refinement import Modes
 
 
 class Scope(NamedTuple):
-    """What a study asks of a rung, known before anything is made.
+    """Properties of a study by which a rung is chosen, known before anything is made.
 
     Attributes
     ----------
@@ -200,7 +200,7 @@ LEFT_OVER = ConvergenceError("left_over", "not yielded")
 def answers(
     rung: Rung, problem: Problem, points: Sequence[Point], box: Box
 ) -> Iterator[PointAnswer]:
-    """What a rung yields for design points; what comes from outside the package is checked.
+    """Modes that a rung yields for design points; those from outside the package are checked.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What gyroscopic terms of a turning disc do to the modes of a design point."""
+"""Effect of the gyroscopic terms of a turning disc on the modes of a design point."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from squealstudy.system.modal_damping import modal_damping
 
 @dataclass(frozen=True)
 class AssemblyDamping:
-    """What the damping of design points is made of: all modes of the reference.
+    """Parts of the damping of design points: all modes of the reference.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class AssemblyDamping:
         return self.own is not None and is_skew(self.own)
 
     def on(self, basis: np.ndarray, n_exact: int) -> AssemblyDamping:
-        """The same in coordinates of orthonormal columns (n, r) of all modes."""
+        """The damping in coordinates of orthonormal columns (n, r) of all modes."""
         return replace(self, basis=basis, n_exact=n_exact)
 
     def turning_at(self, state: DesignState) -> np.ndarray | None:

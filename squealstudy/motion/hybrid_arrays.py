@@ -1,4 +1,4 @@
-"""What the hybrid kernels work with: arrays of model, design point and state; the step's factor.
+"""Arrays of the hybrid kernels: model, design point and state; the factor of the step.
 
 The fixed Jacobian of the hybrid Newmark scheme is factored once a size of step, condensed once.
 """

@@ -192,7 +192,7 @@ class _Run:
         return self._solvers[self._level]
 
     def motion(self) -> HybridMotion:
-        """What the run did."""
+        """The motion of the run."""
         settings, recorder = self._settings, self._recorder
         steps = max(self._step, 1)
         time = (self._step + self._position / (1 << self._max_halvings)) * settings.step

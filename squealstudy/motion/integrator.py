@@ -1,4 +1,4 @@
-"""What an integrator is, and the catalogue of all there are.
+"""Integrators, and the catalogue of them.
 
 An integrator is a class whose fields are its options. It is known by being in a folder that the
 catalogue reads, or by `register_integrator`. Those that the batched kernel runs

@@ -1,4 +1,4 @@
-"""Of the rows of a run every so many, with what happened since the one before."""
+"""Thinning of the rows of a run: one of so many is kept, with what happened since the last."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def kept_rows(history: Mapping[str, np.ndarray], every: int) -> dict[str, np.nda
 
 
 def row_variances(history: Mapping[str, np.ndarray], every: int) -> np.ndarray:
-    """Of the torque since the row before: mean of the variances, and what the means differ by."""
+    """Variance of the torque since the last kept row: mean of the variances, and of the means."""
     spread = joined(history["torque_mean"], every, np.var)
     within = joined(history["torque_variance"], every, np.mean)
     return within + spread

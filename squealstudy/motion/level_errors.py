@@ -1,4 +1,4 @@
-"""What may be wrong with levels of a run that came to its end, and by how much."""
+"""Doubts about the levels of a run that came to its end, and their errors."""
 
 from __future__ import annotations
 

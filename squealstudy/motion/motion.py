@@ -1,4 +1,4 @@
-"""What one design point did in time."""
+"""Motion of one design point in time."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Motion:
 
     @property
     def times(self) -> np.ndarray:
-        """Of the saved rows (rows,), s."""
+        """Times of the saved rows (rows,), s."""
         return self.history["time"]
 
     @property

@@ -179,7 +179,7 @@ def watched_point(
 def unwatched_point(
     reference: SharedModes, point: WorkingPoint, state: DesignState, friction: FrictionLaw
 ) -> MotionPoint:
-    """The same without complex modes to watch its run through."""
+    """The motion point without complex modes to watch its run through."""
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
     c, between = reference.damping.at(state, system.area * point.tangent, s)

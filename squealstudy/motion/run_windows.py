@@ -1,4 +1,4 @@
-"""What a run whose speed or pressure changes does, by windows of equal length: level, line, class.
+"""Windows of equal length of a run whose speed or pressure changes: level, line, class.
 
 Nothing of such a run is steady: levels are those of the window, about a straight line through it,
 and none of them says what would last at one speed.
@@ -128,7 +128,7 @@ def _motion(run: Motion, window: slice) -> dict[str, Any]:
 
 
 def _class(run: Motion, window: slice, row: dict[str, Any]) -> str:
-    """What the torque does in a window: quiet, stick_slip, vibrates."""
+    """Behaviour of the torque in a window: quiet, stick_slip, vibrates."""
     schedule, sums = run.point.schedule, TorqueSums.of(run.history, window)
     assert schedule is not None
     pressure = float(np.mean(schedule.pressure_at(run.times[window])))

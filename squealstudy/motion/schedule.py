@@ -11,7 +11,7 @@ from squealstudy.errors import ModelError
 
 @dataclass(frozen=True)
 class Schedule:
-    """What is imposed over time: straight lines between points, constant before and behind them.
+    """A quantity imposed over time: straight between points, constant before and after them.
 
     Attributes
     ----------

@@ -121,7 +121,7 @@ def _copied(array: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class KernelRun:
-    """What a kernel gets for some design points, and what came of it.
+    """Arrays of a kernel for some design points, and the result.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ class KernelRun:
     def motion(
         self, k: int, take: Callable[[np.ndarray], np.ndarray] = _copied, stopped: str = ""
     ) -> Motion:
-        """What design k has done so far; `take` copies arrays or leaves them where they are.
+        """Motion of design point k so far; `take` copies arrays or leaves them where they are.
 
         `stopped` is why it has been stopped, where it has.
         """
@@ -265,7 +265,7 @@ def _judged(system: ModalSystem, motion: Motion) -> Motion:
 
 
 def failing_contact(system: ModalSystem, motion: Motion) -> str:
-    """What the contact of a motion that failed was like at its end; empty where it was closed.
+    """State of the contact at the end of a failed motion, in words; empty where it was closed.
 
     Beyond where the tangent of a softening spring changes sign nothing holds a motion: it runs
     away.

@@ -1,4 +1,4 @@
-"""What the step of a run does to its levels, by runs with another one.
+"""Errors of the levels of a run by its step, from runs with another step.
 
 Steps of models with few contact points are cut at the corners of their laws, and levels converge by
 second order or nearly so: the whole run once more with half the step differs by three quarters of
@@ -178,7 +178,7 @@ def _parts(
 
 
 def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) -> StepParts:
-    """Of 20 periods from the state in which the run ended."""
+    """Error from 20 periods that begin at the state in which the run ended."""
     torque = run.history["torque"]
     window = judged_window(run)
     frequency = torque_levels(run.times[window], torque[window]).frequency_hz
@@ -234,7 +234,7 @@ def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:
 
 
 def _total_difference_ratio(first: float, second: float, ratio: float) -> float:
-    """What the difference of two levels comes to, over that in the second half.
+    """Difference of two levels over the whole of their runs, over that in the second half.
 
     A level that answers slowly to another step has gone part of the way in 20 periods. One that
     is not seen to come to rest has moved at that speed for no longer than the whole run, `ratio`

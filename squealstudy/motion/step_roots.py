@@ -128,7 +128,7 @@ class _Steps:
     guess: Guess
 
     def at(self, rows: np.ndarray) -> _Steps:
-        """Those of some modes."""
+        """The roots of some modes."""
         return _Steps(self.table[rows], self.K[rows], self.C[rows], self.guess)
 
     def answers(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

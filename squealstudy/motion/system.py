@@ -48,7 +48,7 @@ CLOSING_LIMIT = 3.0  # closing number from which on small models halve steps; th
 
 @dataclass(frozen=True)
 class ModalSystem:
-    """What the design points share; arrays are checked once.
+    """The modal system that design points share; arrays are checked once.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class ModalSystem:
 
     @cached_property
     def structure(self) -> ContactStructure:
-        """As what it is linearised: one of all design points, whose weights alone differ."""
+        """The linearised structure: one of all design points, whose weights alone differ."""
         return ContactStructure(
             mass=None,
             elastic=None,
@@ -155,7 +155,7 @@ class ModalSystem:
 
     @property
     def frequencies(self) -> np.ndarray:
-        """Of the modes (n,), rad/s; 0 where the stiffness is negative."""
+        """Frequencies of the modes (n,), rad/s; 0 where the stiffness is negative."""
         omega: np.ndarray = np.sqrt(np.maximum(self.omega2, 0.0))
         return omega
 

@@ -193,7 +193,7 @@ class _Crossings:
         return stable / (stable - unstable)
 
     def _highest_damping(self, edge: StabilityEdge) -> float:
-        """Of the stable points on the edge's line; without one there may be none up to a lock-in.
+        """Highest damping of stable points on the edge's line; before a lock-in there may be none.
 
         -inf where none of them has an oscillating mode.
         """

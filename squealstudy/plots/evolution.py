@@ -339,7 +339,7 @@ class StudyLine:
         return [int(track) for track in self.worst["track"]]
 
     def colour(self, track: int) -> str:
-        """Its own colour for each of the worst tracks, dark for other unstable ones, else grey."""
+        """Colour of a track: one for each of the worst, dark for other unstable ones, else grey."""
         tracks = self.unstable_tracks
         if track not in tracks:
             return GREY

@@ -157,7 +157,7 @@ def sweep_line(
 
 
 def design_names(points: pd.DataFrame, units: Mapping[str, str]) -> list[str]:
-    """What each design point changes of the first, a line a parameter."""
+    """Changes of each design point against the first, a line a parameter."""
     names, first = transient_parameters(points, varied=True), points.iloc[0]
     texts = []
     for _, row in points.iterrows():

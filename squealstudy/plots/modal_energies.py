@@ -151,7 +151,7 @@ def _name(modes: pd.DataFrame, mode: int) -> str:
 
 
 def _note(modes: pd.DataFrame, rest: int) -> str:
-    """What lines and figures mean."""
+    """Meaning of lines and figures."""
     parts = ["lines: means, bands: extremes"]
     parts += [f"grey: {plural(rest, 'other mode')} that held 1 % at some time"] if rest else []
     parts += ["percent: share over the last window"] if len(modes) else []

@@ -72,7 +72,7 @@ def operating_matrix(results: Results) -> Figure:
 
 
 def chosen_word(facts: Mapping[str, Any]) -> str:
-    """What the design is called that a study ends with."""
+    """Word for the design that a study ends with."""
     if facts.get("failure"):  # of operating points without which nothing can be chosen
         return "not judged"
     return CALLED.get(facts["outcome"], "chosen")

@@ -1,4 +1,4 @@
-"""What pictures over time share: long signals, labels at line ends, what a design point is."""
+"""Common parts of pictures over time: long signals, labels at line ends, the design point."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def run_of(results: Results, point: str | int) -> Run:
 
 
 def friction_label(units: Mapping[str, str]) -> tuple[str, str]:
-    """What the columns ``torque_*`` are, and their unit: a braking torque, or a friction force."""
+    """Meaning of the columns ``torque_*`` and their unit: a braking torque, or a friction force."""
     unit = units.get(TORQUE, "N m")
     return ("torque" if unit == "N m" else "friction force"), unit
 
@@ -201,7 +201,7 @@ def binned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndar
 
 
 def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str]) -> str:
-    """What a design point is, with units, in lines that fit over a picture.
+    """Values of a design point with units, in lines that fit over a picture.
 
     One or two varied parameters with their values; of more, those that differ from the first
     point's; all parameters where none is varied.

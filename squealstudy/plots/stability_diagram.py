@@ -171,7 +171,7 @@ def _all_points(
 
 
 def _last_of_each_cell(x: np.ndarray, y: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Of dots that would cover one another the one on top, where there are very many."""
+    """The topmost of dots that would cover one another, where there are very many."""
     if len(chosen) <= N_CELLS[0] * N_CELLS[1]:
         return chosen
     cells = np.zeros(len(chosen), dtype=np.int64)
@@ -221,7 +221,7 @@ def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[
 
 
 def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
-    """What is in the picture and what is not."""
+    """Number of modes in the picture, and of those that are not."""
     drawn = oscillating(modes)
     unstable = drawn[drawn["unstable"].to_numpy(bool)]
     if len(points) == 1:
@@ -336,7 +336,7 @@ def _box(
 def _cost(
     box: np.ndarray, taken: Sequence[np.ndarray], dots: np.ndarray, frame: np.ndarray
 ) -> float:
-    """What a label at `box` covers, and how far it leaves the frame."""
+    """Cost of a label at `box`: what it covers, and how far it leaves the frame."""
     others = np.array(taken)
     width = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     height = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])

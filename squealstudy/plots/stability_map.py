@@ -144,7 +144,7 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
 
 
 def _gathered(plane: StudyPlane) -> str:
-    """What a cell shows where points outnumber what can be told apart, in words."""
+    """Meaning of a cell where points outnumber what can be told apart, in words."""
     if plane.gridded:
         across, up = plane.merged
         return f"a cell: the largest of {across} x {up} points" if across * up > 1 else ""

@@ -1,4 +1,4 @@
-"""What all pictures share: colours, axes with units, limits, notes."""
+"""Common parts of all pictures: colours, axes with units, limits, notes."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Quantity:
         return positions
 
     def uneven(self, positions: np.ndarray) -> np.ndarray:
-        """What `even` has made even, as drawn again."""
+        """Values that `even` has made evenly spaced, as they are drawn."""
         return np.exp(positions) if self.log else positions
 
     def edges(self, drawn: np.ndarray) -> np.ndarray:
@@ -179,7 +179,7 @@ def legend_of(figure: Figure, ax: Axes | None, handles: Sequence[Artist], ncols:
 
 
 def labelled(axes: Axes) -> list[Artist]:
-    """What is drawn in the axes under a label, for a legend."""
+    """Artists in the axes with a label, for a legend."""
     return list(axes.get_legend_handles_labels()[0])
 
 

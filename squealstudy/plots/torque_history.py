@@ -141,7 +141,7 @@ def _last_periods(run: Run) -> Run:
 
 
 def _frequency(run: Run) -> float:
-    """Of the motion itself; where it does not repeat, of the strongest line of the torque."""
+    """Frequency of the motion; where it does not repeat, of the strongest line of the torque."""
     motion_hz = run.number("frequency_hz")
     return motion_hz if np.isfinite(motion_hz) else run.number("torque_line_hz")
 

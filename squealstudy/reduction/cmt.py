@@ -43,7 +43,7 @@ class ComponentModes:
 
 @dataclass(frozen=True)
 class ReductionSettings:
-    """What a basis keeps.
+    """Settings of a reduction basis.
 
     Attributes
     ----------

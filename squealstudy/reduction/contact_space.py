@@ -184,7 +184,7 @@ class ContactRows:
 
     @staticmethod
     def of(contact: ContactInterface) -> ContactRows:
-        """Of a contact over the degrees of freedom of meshes."""
+        """Rows of a contact over the degrees of freedom of meshes."""
         normal, independent, Z = independent_columns(contact.N)
         sliding = np.unique(contact.T.indices)
         S_N, S_T = contact.N[:, normal[independent]], contact.T[:, sliding]

@@ -1,4 +1,4 @@
-"""What joins component modes beside traces of modes: responses to loads (THEORY.md (26))."""
+"""Vectors beside component modes and traces: responses to loads (THEORY.md (26))."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class ProjectedComponent:
 
 @dataclass(frozen=True, eq=False)
 class ProjectedAssembly:
-    """What reductions ask of an `Assembly`, in coordinates of a basis (THEORY.md eq. (28a)).
+    """An `Assembly` in coordinates of a basis, as reductions need it (THEORY.md eq. (28a)).
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class ProjectedAssembly:
         return K
 
     def sparse(self) -> Assembly:
-        """The same as an assembly, for what solves unreduced ones; it has no nodes."""
+        """The assembly as sparse matrices, for unreduced solvers; it has no nodes."""
         both, rest = self.springs
         return Assembly(
             components=tuple(

@@ -24,7 +24,7 @@ LEAST_PRESSURE = 1.0  # Pa, where next to nothing presses
 
 @dataclass(frozen=True)
 class Wear:
-    """What has slid over the contact.
+    """Sliding that has worn the contact.
 
     Attributes
     ----------

@@ -170,7 +170,7 @@ def no_sliding_text(friction: float, pressure: float | None) -> str:
 def with_less_friction(
     find: Callable[[OperatingPoint], AtSteadySliding], operating: OperatingPoint
 ) -> AtSteadySliding:
-    """What is found at an operating point; without steady sliding there, at less friction.
+    """Result of `find` at an operating point; without steady sliding there, at less friction.
 
     Design points bring their own friction. What they share, a basis, is to be there for them even
     where the model as it is does not slide.

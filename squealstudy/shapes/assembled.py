@@ -23,7 +23,7 @@ GAP_OVER_DIAGONAL = 0.35  # of the assembly's diagonal, between neighbours
 
 @dataclass(frozen=True)
 class Body:
-    """What is drawn of a component.
+    """Drawing of a component.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What engineers call a mode: nodal diameters of the disc, component modes, rigid pads."""
+"""Names of modes as engineers use them: nodal diameters, component modes, rigid pads."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def name_of(shape: Shape) -> Name:
 
 
 def figures_of(shape: Shape) -> str:
-    """What the name rests on: kinetic energy by component, and the waves of the ring."""
+    """Figures that the name rests on: kinetic energy by component, and the waves of the ring."""
     energy = ", ".join(
         f"{name.replace('_', ' ')} {100 * share:.0f} %" for name, share in shape.kinetic.items()
     )

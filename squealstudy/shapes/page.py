@@ -146,7 +146,7 @@ def _middle(positions: np.ndarray) -> np.ndarray:
 
 
 def _mode(shape: Shape, surface: _SurfacePoints) -> dict[str, Any]:
-    """What the page holds of one mode."""
+    """Entry of one mode on the page."""
     label, u = shape.label, surface.of(shape.displacement)
     low, high = density_range(shape)
     density = surface.of(np.nan_to_num(shape.density) * PERCENT_PER_CM3, smooth=False)

@@ -63,14 +63,14 @@ class Label:
 
     @property
     def number(self) -> str:
-        """What the mode is called wherever it is shown."""
+        """Number of the mode, wherever it is shown."""
         if self.motion:
             return self.motion
         return f"mode {self.mode}" if self.track is None else track_number(self.track)
 
     @property
     def file_name(self) -> str:
-        """Of its files: number, frequency where it grows fastest, and the id of the point."""
+        """Name of its files: number, frequency where it grows fastest, and the id of the point."""
         hertz = (
             "" if self.fastest_hz is None else f"_{in_digits(self.fastest_hz)}_hz".replace(".", "_")
         )

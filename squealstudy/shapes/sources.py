@@ -83,7 +83,7 @@ class Balance:
 def point_growth(
     model: ReducedModel, system: LinearisedModel, balance: Balance, x: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """What friction at each contact point adds to the growth rate [1/s], (nc,) of each kind."""
+    """Part of friction at each contact point in the growth rate [1/s], (nc,) of each kind."""
     weights = system.weights
     opening, along, across = (rows @ x for rows in (model.N, model.T, model.T_perp))
     return {

@@ -123,7 +123,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Image:
-    """What is seen: values and light of each pixel, NaN where there is nothing.
+    """Pixels of a view: values and light, NaN where there is nothing.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ def stacked_growing_modes(
     band_hz: tuple[float, float],
     tolerance: float,
 ) -> list[GrowingModes]:
-    """What `growing_modes` has of each of m design points.
+    """`growing_modes` of each of m design points.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class _Watched:
         right_vectors: np.ndarray,
         left_vectors: np.ndarray,
     ) -> _Watched:
-        """Of modes of design points with damping C (N, n, n)."""
+        """Watched modes of design points with damping C (N, n, n)."""
         n = len(omega2)
         y, root = left_vectors.conj(), lam[:, None]
         z = root * y + np.einsum("Ni,Nij->Nj", y, C)

@@ -90,7 +90,7 @@ def friction_by_pressure(
     speed_factor: np.ndarray,
     own_friction: np.ndarray = NO_OWN_FRICTION,
 ) -> np.ndarray:
-    """The same by the pressure of each point itself."""
+    """Derivatives (3, m, c) of mu, dmu/ds and dmu/dp by the pressure of each point itself."""
     if has_own(own_friction):
         slopes = _own_slope(operating, 1, p, speed_factor, own_friction)
     else:
@@ -105,7 +105,7 @@ def _own_slope(
     speed_factor: np.ndarray,
     own_friction: np.ndarray,
 ) -> np.ndarray:
-    """By one argument, of points of which some have friction of their own."""
+    """Derivatives by one argument, where some points have friction of their own."""
     speeds = np.abs(operating.sliding_speed)[:, None] * speed_factor
     values = (operating.friction[:, None], operating.curve_values)
     slopes = own_slopes(operating.curve, values, own_friction, np.broadcast_to(speeds, p.shape), p)
@@ -115,7 +115,7 @@ def _own_slope(
 def _curve_slope(
     operating: StackedOperating, number: int, p: np.ndarray, speed_factor: np.ndarray
 ) -> np.ndarray:
-    """By one argument of the curve: speed, pressure, friction, its parameters."""
+    """Derivatives by one argument of the curve: speed, pressure, friction, its parameters."""
     curve = operating.curve
     speeds = np.abs(operating.sliding_speed)[:, None] * speed_factor
     pressures = p if curve.pressure_dependent else np.zeros((len(p), 1))
@@ -141,7 +141,7 @@ def _signed(
     p: np.ndarray,
     speed_factor: np.ndarray,
 ) -> np.ndarray:
-    """As `OperatingPoint.friction_slopes`: by the imposed speed, none where contact pulls."""
+    """Slopes signed by the imposed speed, 0 where contact pulls."""
     if number == 0:
         slopes = slopes * speed_factor
     slopes = np.where(p < 0.0, 0.0, slopes)

@@ -64,7 +64,7 @@ class SlidingSlopes:
 
     @cached_property
     def by_law(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """As `point_slopes` at the gaps."""
+        """Derivatives as of `point_slopes`, at the gaps."""
         system = self._system
         springs = system.structures.spring_points
         return point_slopes(system.operating, system.sliding.gap, springs)
@@ -90,7 +90,7 @@ class SlidingSlopes:
         return self.gaps(np.einsum("mic,mi->mc", self._normal, unbalanced))
 
     def gaps_by_opening(self, opening: np.ndarray) -> np.ndarray:
-        """By a change (m, c) of the gaps without load."""
+        """Derivatives by a change (m, c) of the gaps without load."""
         if not opening.any():
             return np.zeros(opening.shape)
         e = self._equations
@@ -98,12 +98,12 @@ class SlidingSlopes:
         return self.gaps(pushed - opening)
 
     def gaps_by_friction(self, mu: np.ndarray) -> np.ndarray:
-        """By a change (m, c) of the coefficients."""
+        """Derivatives by a change (m, c) of the coefficients."""
         drag = self.area * self.frictional * self._system.sliding.pressure * mu
         return self.gaps(np.einsum("mij,mj->mi", self._equations.by_sliding, drag))
 
     def gaps_by_law(self, dp: np.ndarray) -> np.ndarray:
-        """By a change (m, c) of the pressures at fixed gaps."""
+        """Derivatives by a change (m, c) of the pressures at fixed gaps."""
         e, p = self._equations, self._system.sliding.pressure
         force = self.area * dp
         grip = self.friction.following(p) * self.frictional
@@ -188,7 +188,7 @@ class ModalSlopes:
         return damping_factors(self._real[0], self._system.damping.damping_ratio)
 
     def by_ratios(self, ratios: np.ndarray) -> MatrixSlope:
-        """By damping ratios of real modes, with weights (n,)."""
+        """Derivatives by damping ratios of real modes, with weights (n,)."""
         w2, phi = self._real
         weighted = phi * (2.0 * np.sqrt(np.maximum(w2, 0.0)) * ratios)[:, None, :]
         C = weighted @ phi.swapaxes(1, 2)

@@ -63,7 +63,7 @@ class StackedOperating:
     def of(
         law: str, curve: str, values: Mapping[str, np.ndarray | float], count: int
     ) -> StackedOperating:
-        """Of values of parameters by name, numbers or arrays (count,)."""
+        """Operating points of values by name, numbers or arrays (count,)."""
 
         def column(name: str, default: float) -> np.ndarray:
             return np.broadcast_to(np.asarray(values.get(name, default), dtype=float), count)

@@ -185,7 +185,7 @@ def _gram(
 
 
 def _backward_errors(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
-    """As `dense_qep.backward_error`; 0 beyond the count."""
+    """Backward errors as of `dense_qep.backward_error`; 0 beyond the count."""
     R = psi * (lam**2)[:, None, :] + (C @ psi) * lam[:, None, :] + K @ psi
     size = np.abs(lam)
     sizes = (np.linalg.norm(A, axis=(1, 2))[:, None] for A in (C, K))

@@ -37,7 +37,7 @@ Changed = Callable[[], tuple[StackedSystem, np.ndarray | None]]
 
 @dataclass(frozen=True)
 class RequestedSensitivities:
-    """What is asked of every design point of a batch.
+    """Sensitivities that are requested for every design point of a batch.
 
     Attributes
     ----------
@@ -261,7 +261,7 @@ class _SensitivityBatch:
         rows: np.ndarray,
         is_left: np.ndarray,
     ) -> StackedSensitivities:
-        """What was found, of those that are not left; `rows` are its design points in `system`."""
+        """Results at the points that are not left; `rows` are their design points in `system`."""
         modes, shape = self._modes, (len(self._modes.owner), len(names))
         is_served = ~self._left[modes.owner]
         is_left = is_left.copy()
@@ -317,7 +317,7 @@ PER_PARAMETER: Mapping[str, type] = {
 def _slope_and_validity(
     modes: StackedFamilies, column: np.ndarray, row: np.ndarray, mass: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `slope_and_validity` (THEORY.md eq. (59)), of each mode (N,)."""
+    """Slope and validity (THEORY.md eq. (59)) of each mode (N,), as in `slope_and_validity`."""
     norm, lam = modes.norm, modes.lam
     first = norm[:, 0]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -91,7 +91,7 @@ class GapEquations:
         return slice(self.area.shape[1] - self.springs.shape[1])
 
     def at(self, rows: np.ndarray) -> GapEquations:
-        """Those of some design points; the structures stay whole."""
+        """The equations of some design points; the structures stay as they are."""
         return GapEquations(
             structures=self.structures,
             operating=self.operating.at(rows),
@@ -351,7 +351,7 @@ def _damping(
 
 
 def _open_share(area: np.ndarray, p: np.ndarray, loaded: np.ndarray) -> np.ndarray:
-    """As `working_point.open_share`, a row a design point."""
+    """Open share of `working_point.open_share`, a row a design point."""
     total = area.sum(axis=1)
     mean = (area * p).sum(axis=1) / total
     below = (area * (p < OPEN * mean[:, None])).sum(axis=1) / total

@@ -143,7 +143,7 @@ class _InPlace:
 
 
 def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
-    """What a model file was understood as, and its geometry; StudyFileError about what is wrong.
+    """Inspection of a model file, and its geometry; StudyFileError about what is wrong.
 
     Of one without contact or load that of its components, as far as they can be used.
     """
@@ -186,7 +186,7 @@ def free_motions(model: FileDefinition) -> list[str]:
 def inspected_part(
     path: Path, units: str, part: str | None, pass_over: Sequence[str]
 ) -> tuple[Inspection, Geometry | None]:
-    """What a mesh alone was understood as; ModelError about what is wrong."""
+    """Inspection of a mesh alone; ModelError about what is wrong."""
     from squealstudy.models.components.part_inspection import inspect_parts, part_alone
 
     if units not in UNITS:

@@ -97,7 +97,7 @@ class ResolvedStudy:
 
     @property
     def doubts(self) -> list[str]:
-        """What to warn of: values, swept ones too, that may be in other units than they should."""
+        """Warnings about values, swept ones too, that may be in another unit than they should."""
         ends: dict[str, tuple[float, ...]] = {
             name: (number,) for name, number in self.values.items()
         }

@@ -1,4 +1,4 @@
-"""What study files, plans and tables need to know of a kind of study.
+"""Protocols of a kind of study, for study files, plans and tables.
 
 `engine.kind.Kind` and `engine.model_kind.ModelKind`, which kinds derive from, say more: how their
 design points are solved and shown.
@@ -28,12 +28,12 @@ class ScreenFacts(Protocol):
 
     @property
     def added_tables(self) -> tuple[str, ...]:
-        """Those of them that results of earlier versions have none of."""
+        """Tables of the kind that results of earlier versions do not have."""
         ...
 
     @property
     def row_word(self) -> str:
-        """What a row of the first table is, in the singular."""
+        """Word for a row of the first table, in the singular."""
         ...
 
     @property
@@ -52,7 +52,7 @@ class StudyKind(Protocol):
 
     @property
     def name(self) -> str:
-        """As study files and manifests spell it."""
+        """Name as study files and manifests spell it."""
         ...
 
     @property
@@ -62,7 +62,7 @@ class StudyKind(Protocol):
 
     @property
     def section(self) -> str:
-        """Its own table of the study file; empty where it has none."""
+        """Name of its own table in study files; empty where it has none."""
         ...
 
     @property
@@ -77,17 +77,17 @@ class StudyKind(Protocol):
 
     @property
     def schema(self) -> pa.Schema:
-        """Of its chunk files."""
+        """Schema of its chunk files."""
         ...
 
     @property
     def columns(self) -> Tables:
-        """What the numbers of its tables mean."""
+        """Definitions of the columns of its tables."""
         ...
 
     @property
     def row_word(self) -> str:
-        """What a row is, in the singular."""
+        """Word for a row, in the singular."""
         ...
 
     @property
@@ -97,7 +97,7 @@ class StudyKind(Protocol):
 
     @property
     def screen(self) -> ScreenFacts:
-        """What is shown of its results."""
+        """The screen of its results."""
         ...
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> Any:
@@ -125,7 +125,7 @@ class ModelStudyKind(StudyKind, Protocol):
 
     @property
     def start(self) -> Mapping[str, Any]:
-        """What else a study to start from says, by section."""
+        """Further sections of a study to start from."""
         ...
 
     @property
@@ -154,15 +154,15 @@ class ModelStudyKind(StudyKind, Protocol):
         ...
 
     def resolver(self, study: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
-        """What fills in values of design points that follow from the whole study."""
+        """Function that fills in values of design points which follow from the whole study."""
         ...
 
     def identity(self, plan: Any) -> list[Any]:
-        """What a design point's row depends on beside its structure and values."""
+        """All that a design point's row depends on beside its structure and values."""
         ...
 
     def table_identity(self, plan: Any) -> list[Any]:
-        """What the tables depend on beside the rows."""
+        """All that the tables depend on beside the rows."""
         ...
 
     def stacks(self, plan: Any) -> bool:

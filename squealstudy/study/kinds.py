@@ -72,7 +72,7 @@ def kind_named(name: str) -> StudyKind:
 
 
 def definition_of(name: str) -> type[BaseModel]:
-    """What the files of a kind may say, without what solves its design points; KeyError."""
+    """Sections of a kind's study files, without its solver; KeyError for an unknown kind."""
     if name not in _folders():
         return kind_named(name).definition
     section = file_of_kind(name, "section")
@@ -80,7 +80,7 @@ def definition_of(name: str) -> type[BaseModel]:
 
 
 def facts_of(name: str) -> type[BaseModel] | None:
-    """What the facts of a manifest of a kind must be; None of kinds that have not said."""
+    """Type of the facts in a manifest of a kind; None of kinds that have not said."""
     facts = file_of_kind(name, "facts")
     return None if facts is None else facts.FACTS
 
@@ -123,7 +123,7 @@ def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> StudyKind | N
 
 
 def screen_of(name: str) -> ScreenFacts:
-    """What is shown of results of a kind; KeyError for another.
+    """Screen of results of a kind; KeyError for an unknown one.
 
     It is imported without what solves the kind's design points.
     """

@@ -67,7 +67,7 @@ class OwnFriction:
     law: Mapping[str, NumberOrParameter]
 
     def at(self, values: Mapping[str, Any]) -> Any:
-        """Its static friction at values of all parameters, numbers or arrays (m,)."""
+        """Static friction at values of all parameters, numbers or arrays (m,)."""
         of_study = self.coefficient is None
         friction = values[FRICTION.name] if of_study else _of_parameter(self.coefficient, values)
         law = {name: _of_parameter(number, values) for name, number in self.law.items()}
@@ -111,7 +111,7 @@ def _of_parameter(number: NumberOrParameter | None, values: Mapping[str, Any]) -
 def largest_friction(
     file: ModelFile, keys_of: Mapping[str, tuple[KeyPath, ...]], factors_over: FactorsOver
 ) -> LargestFriction:
-    """Of a model file whose parameters stand at `keys_of`."""
+    """Largest static friction of a model file whose parameters stand at `keys_of`."""
     parameter_at = {keys: name for name, of_name in keys_of.items() for keys in of_name}
     numbers = Numbers(file, {})
 

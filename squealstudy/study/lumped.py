@@ -72,7 +72,7 @@ def read_lumped(path: Path) -> LumpedDefinition:
 
 
 def lumped_of(source: SourceText) -> LumpedDefinition:
-    """As `read_lumped`, of a text that has been read."""
+    """The model of a text that has been read, as by `read_lumped`."""
     if all(name in source.tables for name in TABLES_OF_FILE):
         text = "expected either [[mass]] or [[term]], whose matrices hold all masses: not both"
         raise source.error(("term",), text)
@@ -155,7 +155,7 @@ def _idle(rubbing: Sequence[ContactNumbers], law: FrictionCurveDefinition) -> di
 
 
 def _own_static(table: ContactNumbers) -> tuple[Number, dict[str, Number]]:
-    """What the static friction of a contact with numbers of its own is made of."""
+    """Parts of the static friction of a contact with numbers of its own."""
     coefficient = table.own_coefficient
     law: dict[str, Number] = {f"{LAW_PREFIX}{key}": x for key, x in table.friction_law.items()}
     if table.state is not None:  # it has its coefficient at all speeds

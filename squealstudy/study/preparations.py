@@ -1,4 +1,4 @@
-"""What a model file has beside its parts, in words: what is done to it before anything vibrates."""
+"""Preparations of a model file, in words: what is done to it before anything vibrates."""
 
 from __future__ import annotations
 

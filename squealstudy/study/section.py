@@ -1,4 +1,4 @@
-"""What all sections of a study file share: strictness, and types of values."""
+"""Common parts of all sections of a study file: strictness, and types of values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from squealstudy.wording import shown
 
 
 def flatten(tables: object) -> object:
-    """As `flat_keys`, of tables; anything else as it is."""
+    """Tables with flat keys, as of `flat_keys`; anything else unchanged."""
     return flat_keys(tables) if isinstance(tables, dict) else tables
 
 
@@ -65,7 +65,7 @@ class Section(BaseModel):
 
 
 class NamedSection(Section):
-    """What a study of any kind is: its name, its kind, and words about it."""
+    """Section [study] of any kind: its name, its kind, and words about it."""
 
     name: str = Field(
         pattern=r"^[A-Za-z0-9_-]+$",

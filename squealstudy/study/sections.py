@@ -307,7 +307,7 @@ class StudyDefinition(Section):
     )
 
     def added_parts(self, source: SourceText) -> tuple[AddedPart, ...]:
-        """What the study adds to its model: masses whose parameters it names."""
+        """Masses that the study adds to its model, by the parameters that it names."""
         named: dict[str, KeyPath] = {name: ("parameters", name) for name in self.parameters}
         named |= {s.parameter: ("sweep", i, "parameter") for i, s in enumerate(self.sweep)}
         masses = {name: place for name, place in named.items() if name.startswith(ADDED_MASS)}

@@ -41,7 +41,7 @@ class SourceText:
 
     @cached_property
     def tables(self) -> dict[str, Any]:
-        """What it says, as nested dicts; StudyFileError with the line where it is not TOML."""
+        """The tables as nested dicts; StudyFileError with the line where it is not TOML."""
         return _parsed(self.path, self.text)
 
     @cached_property
@@ -96,7 +96,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
 
 
 def _mended(lines: list[str], column: int) -> str:
-    """What to write instead, for what is written in a hurry: .5, 5., 1,5, True, hoffmann."""
+    """Proposal for numbers and names written in a hurry: .5, 5., 1,5, True, hoffmann."""
     line = lines[0] if lines else ""
     before = re.search(r"[-+]?\d+$", line[:column])
     after = re.match(r"[^\s,\]}#]+", line[column:])
@@ -217,7 +217,7 @@ def _key_path(data: Any, loc: KeyPath) -> KeyPath:
 
 
 def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
-    """What one pydantic error means, for somebody who wrote the file."""
+    """Meaning of one pydantic error, for somebody who wrote the file."""
     loc, written, context = problem["loc"], problem["input"], problem.get("ctx", {})
     if problem["type"] == "value_error":
         return str(context["error"])
@@ -247,7 +247,7 @@ def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
 
 
 def _too_few(kind: type[BaseModel], loc: KeyPath, entry: object) -> str:
-    """Of a list of fixed length whose value of a number, the last of `loc`, is not there."""
+    """Message about a list of fixed length with too few values; `loc` ends at the missing one."""
     section = _section(kind, loc[:-2]) or kind
     parts = list(_annotation_parts(section.model_fields[str(loc[-2])].annotation))
     count = next(len(get_args(p)) for p in parts if get_origin(p) is tuple)

@@ -1,4 +1,4 @@
-"""What steady sliding has done to the model of a file: stresses that stiffen it, worn faces."""
+"""Effects of steady sliding on the model of a file: stresses that stiffen it, worn faces."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def with_worn_gaps(
 
 
 def _without_laws(assembly: Assembly) -> Assembly:
-    """Its contacts with coefficients of their own alone: the friction of a table is of no law."""
+    """Contacts with coefficients of their own alone: the friction of a table is of no law."""
     contact = assembly.contact
     own = coefficients_alone(contact.own_friction)
     return replace(assembly, contact=replace(contact, own_friction=own))

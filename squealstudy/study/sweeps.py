@@ -1,4 +1,4 @@
-"""What a study varies: each sweep with its levels or its range, and what a design asks of them."""
+"""Sweeps of a study, each with its levels or its range, and the design over them."""
 
 from __future__ import annotations
 
@@ -247,7 +247,7 @@ class _SweepReader:
 
 
 def beyond_range_text(distribution: Distribution, message: str) -> str:
-    """What to say where a distribution has values that the parameter cannot take."""
+    """Message about a distribution with values that the parameter cannot take."""
     advice = (
         "" if distribution.bounded else "; distribution = 'truncated_normal' has start and stop"
     )

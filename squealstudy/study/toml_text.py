@@ -98,7 +98,7 @@ class KeyLines:
         return self._tables(len(self._lines))
 
     def _tables(self, count: int) -> dict[str, Any]:
-        """What the first lines of the text say, as far as they can be understood."""
+        """Tables that the first lines of the text name, as far as they can be read."""
         if count not in self._read:
             head = "\n".join(self._lines[:count])
             for closing in CLOSINGS:

@@ -1,4 +1,4 @@
-"""What contact and friction add to a system linearised about steady sliding, and its derivative.
+"""Weights of contact and friction in a system linearised about steady sliding; derivatives.
 
 At a contact point of area A, pressure p and tangent kappa = -dp/dg, which slides at speed s with
 the friction coefficient mu(s, p), the forces A p and mu A p change with gap and sliding by
@@ -114,7 +114,7 @@ def changed_weights(
     speed: np.ndarray,
     by: ContactChange,
 ) -> ContactWeights:
-    """The same of arrays (nc,), or (m, nc) with a row a design point.
+    """Changed weights from arrays (nc,), or (m, nc) with a row a design point.
 
     Parameters
     ----------

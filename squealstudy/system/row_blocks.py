@@ -74,7 +74,7 @@ class BlockRows(NamedTuple):
 
     @classmethod
     def of(cls, matrices: Sequence[np.ndarray]) -> BlockRows:
-        """Of matrices (m, n); without blocks where they do not pay."""
+        """Blocks of matrices (m, n); none where they do not pay."""
         blocks = blocks_of(matrices)
         entries = {
             id(A): [np.hstack([A[b.rows, columns] for _, columns in b.runs]) for b in blocks]

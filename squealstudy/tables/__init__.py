@@ -1,1 +1,1 @@
-"""What the tables of a study say: rankings, crossings, maps, comparisons. Tables in, tables out."""
+"""Tables computed from tables: rankings, crossings, maps, comparisons."""

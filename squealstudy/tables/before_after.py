@@ -66,7 +66,7 @@ def unstable_modes(
     lines: np.ndarray,
     common: np.ndarray,
 ) -> UnstableModes:
-    """What is unstable of a study at some of its points, and from where on along its lines.
+    """Unstable modes of a study at some of its points, and their onsets along its lines.
 
     Tracks that are one mode, whose number changes, are one row.
 

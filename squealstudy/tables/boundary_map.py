@@ -56,7 +56,7 @@ def full_points(
 def full_tables(
     points: pd.DataFrame, modes: pd.DataFrame, axes: Mapping[str, Sequence[float]], levels: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Both tables on the full grid, for a ranking: ids are unique, stable tracks are left out.
+    """Tables of points and modes on the full grid, for a ranking: ids are unique, no stable tracks.
 
     Modes that may be unstable are not. The column ROW of modes tells their nodes.
     """

@@ -226,7 +226,7 @@ def _compared(left_operand: Any, op: ast.cmpop, right_operand: Any) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """What can be computed with, or is true or false; TypeError for text and lists."""
+    """The value, where it can be computed with; TypeError for text and lists."""
     if isinstance(value, list) or _is_text(value):
         raise TypeError("text and lists have no arithmetic")
     return value

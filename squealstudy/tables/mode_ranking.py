@@ -204,7 +204,7 @@ def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
 
 
 def group_kind(group: int) -> str:
-    """What a number of `unstable_groups` stands for."""
+    """Meaning of a number of `unstable_groups`."""
     if group > 0:
         return "mode"
     return "non-oscillating" if group == OVERDAMPED_GROUP else "untracked"

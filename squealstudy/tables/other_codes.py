@@ -32,7 +32,7 @@ def roots_of(modes: pd.DataFrame) -> np.ndarray:
 
 
 def other_codes(modes: pd.DataFrame) -> pd.DataFrame:
-    """What other codes print of complex modes, row by row: ``modes.join(other_codes(modes))``.
+    """Numbers as other codes print them, row by row: ``modes.join(other_codes(modes))``.
 
     With lambda = sigma + i omega in rad/s, the frequency of this table being abs(lambda) / 2 pi.
 

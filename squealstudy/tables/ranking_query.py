@@ -22,7 +22,7 @@ def selection(
 def rows_that_count(
     points: pd.DataFrame, modes: pd.DataFrame, code: np.ndarray, where: str | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `selection`, failed points too."""
+    """Rows of `selection`, failed points too."""
     of_points, modes_selected = set(points.columns), np.ones(len(modes), dtype=bool)
     parts = query(where, points.columns, modes.columns)
     for condition in (

@@ -1,4 +1,4 @@
-"""What a mode is within its error, and where tracks turn unstable between the points of lines."""
+"""Stability of modes within their errors, and crossings of tracks between points of lines."""
 
 from __future__ import annotations
 

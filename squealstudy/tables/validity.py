@@ -40,7 +40,7 @@ def rule_counts(reasons: Iterable[str]) -> list[tuple[str, int]]:
 
 
 def broken_rules(rules: Iterable[tuple[str, int]]) -> str:
-    """What should hold, and how many design points break it."""
+    """Rules that design points break, and how many do."""
     return "; ".join(f"{count} break '{rule}'" for rule, count in rules)
 
 
@@ -99,7 +99,7 @@ def pulling_contact(points: pd.DataFrame) -> str:
 
 
 def said_first(points: pd.DataFrame) -> str:
-    """What makes all other answers doubtful, in sentences; empty where nothing does."""
+    """Sentences about what makes all other answers doubtful; empty where nothing does."""
     return " ".join(filter(None, (untouched_contact(points), pulling_contact(points))))
 
 

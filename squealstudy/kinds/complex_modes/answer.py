@@ -1,4 +1,4 @@
-"""What was found of complex modes, in sentences."""
+"""Answers of complex modes, in sentences."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def how_many(results: ResultTables, table: pd.DataFrame) -> str:
 def answer(
     results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]
 ) -> list[RenderableType]:
-    """What was found, in a sentence; nothing where the ranking alone tells it."""
+    """Answer in a sentence; empty where the ranking alone says it."""
     if results.design in RANDOM_DESIGNS and len(table):
         outside = grows_outside(results.manifest, results.units)
         return [*(f"{text}{outside}" for text in random_answer(results)), ""]
@@ -73,7 +73,7 @@ def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
 
 
 def over_designs(lines: list[DesignLine]) -> str:
-    """What a sentence on all designs begins with; empty of one design."""
+    """Beginning of a sentence about all designs; empty for one design."""
     return f"Over all {len(lines)} designs " if lines else ""
 
 

@@ -87,7 +87,7 @@ def _alone(design: DesignPoint) -> StackedSystem:
 
 
 def seconds_a_point(plan: Plan) -> float | None:
-    """Of a batch of design points, as they are timed for a forecast; None where none is solved."""
+    """Seconds a design point of a batch, as timed for a forecast; None where none is solved."""
     points = plan.tasks.at(slice(0, MIN_BATCH_POINTS))
     started = time.perf_counter()
     try:

@@ -161,7 +161,7 @@ MIDDLE_OUTSIDE = (-0.125, 0.75, 0.375)  # parabola through places -1, 0 and 1, t
 
 
 class CellRule:
-    """What is known at the nodes, and what it says of a cell.
+    """Results at the nodes, and the rule by which they decide a cell.
 
     A cell is to be halved where
 

@@ -38,7 +38,7 @@ Row = Mapping[Hashable, Any]
 
 
 class DesignLine(NamedTuple):
-    """What is found along the parameter of the onsets at one choice of the others.
+    """Onsets along their parameter at one choice of the other parameters.
 
     Attributes
     ----------

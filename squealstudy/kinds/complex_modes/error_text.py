@@ -1,4 +1,4 @@
-"""What screens say of methods and errors of complex modes."""
+"""Texts of screens on methods and errors of complex modes."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
 
 
 def turning_rows(manifest: Mapping[str, Any]) -> Rows:
-    """That gyroscopic terms which are left out decide whether a mode grows; else nothing."""
+    """Row that left-out gyroscopic terms decide whether a mode grows; else nothing."""
     facts = manifest.get("turning")
     if not facts or not facts["decided_points"]:
         return []
@@ -129,7 +129,7 @@ def _missed(modes: int) -> str:
 
 
 def unseen_text(results: ResultTables) -> str:
-    """That checked points are such where the method hardly errs, as nodes of an interpolation."""
+    """Text that the method hardly errs at the checked points, as at nodes of an interpolation."""
     checked = [c["point_id"] for c in results.manifest.get("reference", []) if "roots" in c]
     if not checked or "error_rung" not in results.columns("modes"):
         return ""

@@ -52,7 +52,7 @@ class Errors(FactGroup):
 
 
 class Gyroscopic(FactGroup):
-    """What gyroscopic terms do to lightly damped modes; of results of before."""
+    """Effect of gyroscopic terms on lightly damped modes, in results of earlier versions."""
 
     growth: Finite
     frequency: Finite
@@ -61,7 +61,7 @@ class Gyroscopic(FactGroup):
 
 
 class Turning(FactGroup):
-    """What the gyroscopic terms that a study leaves out would decide."""
+    """Decisions that the left-out gyroscopic terms would change."""
 
     looked: Count
     decided_points: Count
@@ -96,7 +96,7 @@ class Check(FactGroup):
 
 
 class Side(FactGroup):
-    """What grows fastest below or above the band."""
+    """The fastest growth below or above the band."""
 
     count: Count
     frequency_hz: float
@@ -105,7 +105,7 @@ class Side(FactGroup):
 
 
 class OutsideBand(FactGroup):
-    """What grows outside the band, and where it was looked."""
+    """Modes that grow outside the band, and the range that was searched."""
 
     looked: Count
     reach_hz: Finite | None
@@ -114,7 +114,7 @@ class OutsideBand(FactGroup):
 
 
 class Refined(FactGroup):
-    """What refinement left."""
+    """Facts of the refinement of onsets and tracks."""
 
     left: Count = 0
 

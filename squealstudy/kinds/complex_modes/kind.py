@@ -254,7 +254,7 @@ class ComplexModes(ModelKind):
         return [("method", f"{plan.method.name}{tolerance_text}: {plan.method.reason}")]
 
     def solves(self, plan: Plan) -> Solves:
-        """By the method of the study."""
+        """Solves by the method of the study."""
         return mode_solves(plan)
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:

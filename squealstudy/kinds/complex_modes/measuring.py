@@ -133,14 +133,14 @@ def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list
 
 
 def reduction_seconds(plan: Plan) -> float:
-    """What the structures of a study took when they were made, or will by those that are."""
+    """Seconds that making the structures of a study took, or will take by those made."""
     made_keys = [key for key in plan.structures if is_prepared(key)]
     spent = sum(sum(load_any(key).timings.values()) for key in made_keys)
     return float(spent) * len(plan.structures) / max(len(made_keys), 1)
 
 
 def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
-    """What the finer model of its structure finds at a point; None where there is no finer model.
+    """Finding of the finer model of its structure at a point; None where there is none.
 
     The distance of a reduced model's roots to these is its error but for a factor SAFETY
     (complex_modes/reduction.py).
@@ -161,7 +161,7 @@ def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
 
 
 def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
-    """What errors are measured on, from a chunk row of a complex-mode study."""
+    """Modes on which errors are measured, from a chunk row of a complex-mode study."""
     oscillates = ~np.array(row["overdamped"], dtype=bool)
     roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[oscillates]
     estimates = np.array(row["error_rung"], dtype=float)[oscillates]

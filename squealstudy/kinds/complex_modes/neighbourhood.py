@@ -33,7 +33,7 @@ from squealstudy.system.linearise import linearise
 
 @cache
 def _threads() -> ThreadpoolController:
-    """Of the libraries of this process: looking for them takes as long as a small solve."""
+    """Thread pools of this process: looking them up takes as long as a small solve."""
     return ThreadpoolController()
 
 
@@ -146,7 +146,7 @@ class PointNeighbourhood:
             return ModalMatrices(X.T @ system.C @ X, X.T @ system.K @ X, prepared.sensor_shapes)
 
     def way_to(self, other: PointNeighbourhood) -> InterpolatedModes:
-        """What lies between this point and one of another structure.
+        """Steps from this point to one of another structure.
 
         Raises
         ------

@@ -71,7 +71,7 @@ class FinishedNodes:
         return self._columns.oscillating().counts
 
     def _coordinates(self, key: str) -> tuple[np.ndarray, np.ndarray]:
-        """What leads from a structure's shapes to those of NodeModes, (k, k) and (k, s)."""
+        """Matrices from a structure's shapes to those of NodeModes, (k, k) and (k, s)."""
         if self._plan.stacked:
             identity = np.eye(self._plan.first.assembly().n_dof)
             return identity, identity

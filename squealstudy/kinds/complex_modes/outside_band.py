@@ -68,7 +68,7 @@ class OutsideTask:
 
 @dataclass(frozen=True)
 class Outside:
-    """What grows outside the band at one design point.
+    """Growing roots outside the band at one design point.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Outside:
 
 
 def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Outside]:
-    """What grows outside the band at chosen points; failed ones are left out.
+    """Growing roots outside the band at chosen points; failed points are left out.
 
     None of a model that could be reduced and is solved unreduced, where each would take as long
     again.
@@ -169,7 +169,7 @@ def _outside(
     tolerance: float,
     neutral: float,
 ) -> Outside:
-    """Of roots (k,) and their errors those that grow outside a band."""
+    """Growing ones of roots (k,) with errors, outside a band."""
     lam = settled(lam, error, tolerance)
     lam = lam[damping_ratios(lam) < -neutral]
     hz = np.abs(lam) / (2 * np.pi)
@@ -177,7 +177,7 @@ def _outside(
 
 
 def _outside_of_batch(plan: Plan, rows: list[int], wide_hz: tuple[float, float]) -> list[Outside]:
-    """What grows outside the band at some points of a batch."""
+    """Growing roots outside the band at some points of a batch."""
     if not rows:
         return []
     roots_of_points = wider_roots(plan.tasks.at(np.array(rows)), wide_hz)
@@ -199,7 +199,7 @@ def _wider_modes(task: OutsideTask) -> PointModes:
 
 
 def outside_facts(plan: Plan, looked: Sequence[Outside], started: float) -> dict[str, Any]:
-    """What the manifest says of it: how far and at how many points it was looked, and the worst."""
+    """Facts for the manifest: the searched range, the number of points, and the worst."""
     return {
         "reach_hz": None if is_small(plan) else SEARCHED_BAND_FACTOR * plan.band_hz[1],
         "looked": len(looked),

@@ -1,4 +1,4 @@
-"""What screens and reports say of modes that grow outside a study's band."""
+"""Texts of screens and reports on modes that grow outside a study's band."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def grows_outside(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
 def _growing(
     facts: Mapping[str, Any], band_hz: tuple[float, float], units: Mapping[str, str]
 ) -> list[str]:
-    """What grows below and above the band, each in words."""
+    """Texts on modes that grow below and above the band."""
     low, high = band_hz
     sides = [
         ("below", f"below {low:g} Hz"),
@@ -52,7 +52,7 @@ def _above(facts: Mapping[str, Any], high: float) -> str:
 
 
 def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """Of one side: how many modes grow, and the fastest."""
+    """Text for one side of the band: how many modes grow, and the fastest."""
     settings = ", ".join(f"{n} {amount(v, units.get(n, ''))}" for n, v in worst["at"].items())
     setting_text = f" at {settings}" if settings else ""
     grow = "grow" if worst["count"] > 1 else "grows"

@@ -1,4 +1,4 @@
-"""What is shown of complex modes of random designs: probabilities, and Sobol indices."""
+"""Screen of complex modes of random designs: probabilities, and Sobol indices."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _number(row: Row) -> str:
 
 
 def _numbering(table: pd.DataFrame) -> list[str]:
-    """What is said of tracks that are one mode, and of those that may be two."""
+    """Text on tracks that are one mode, and on those that may be two."""
     rows = table[table["quantity"] == "track"].drop_duplicates("track")
     listed = [
         " and ".join(map(track_number, tracks.split(", ")))
@@ -98,7 +98,7 @@ def _numbering(table: pd.DataFrame) -> list[str]:
 
 
 def families_in_words(table: pd.DataFrame) -> list[str]:
-    """What is said of tracks of a ranking that are one mode."""
+    """Text on tracks of a ranking that are one mode."""
     sentences = []
     for _, family_tracks in table[(table["track"] > 0).to_numpy(bool)].groupby(
         "family", sort=False
@@ -175,7 +175,7 @@ def _unstable_percent(row: Row) -> str:
 
 
 def _scatter(table: pd.DataFrame) -> list[str]:
-    """What the fastest growth depends on most, by total Sobol indices with 95 % intervals."""
+    """Parameters that move the fastest growth most: total Sobol indices, 95 % intervals."""
     rows = table[(table["quantity"] == "largest") & (table["total_high"] >= LEAST_SHOWN)]
     largest = rows.sort_values("total", ascending=False)[:MOST_NAMED].to_dict("records")
     listed = [
@@ -187,7 +187,7 @@ def _scatter(table: pd.DataFrame) -> list[str]:
 
 
 def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
-    """What the columns mean, and what is left out."""
+    """Meaning of the columns, and what is left out."""
     first = table.iloc[0]
     drawn = "points of the two independent samples" if sampled else "points"
     failed = int(first["failed_points"])

@@ -44,7 +44,7 @@ class RefinementBudget:
     def of(
         cls, section: ModesSection, points: int, batch: bool = False, small: bool = False
     ) -> RefinementBudget:
-        """Of a study of so many design points; onsets of a `batch` cost next to nothing.
+        """Budget of a study with this number of design points; onsets of a `batch` cost little.
 
         `small`: of a model of few coordinates.
         """

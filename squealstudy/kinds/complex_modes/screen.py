@@ -1,4 +1,4 @@
-"""What is shown of complex modes: the ranking of unstable ones, and errors."""
+"""Screen of complex modes: the ranking of unstable ones, and errors."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ class ComplexModesScreen(KindScreen):
 
 
 def _unrefined(manifest: Mapping[str, Any]) -> Rows:
-    """What refinement left, for its budget was spent; nothing where it left nothing."""
+    """Text on what was left unrefined when the budget was spent; empty where nothing was."""
     steps, onsets = (manifest.get(of, {}).get("left", 0) for of in ("tracking", "onsets"))
     parts = [
         f"{plural(steps, 'step')} in which a mode's number may have jumped" if steps else "",
@@ -258,7 +258,7 @@ def _counted_points(results: ResultTables, where: str | None) -> int:
 
 
 def _counted(results: ResultTables, where: str | None) -> str:
-    """What a ranking is over, in words."""
+    """Points that a ranking is over, in words."""
     count = _counted_points(results, where)
     if results.boundary is not None:
         solved = int((results.points["status"] == "ok").sum())
@@ -285,7 +285,7 @@ def _doubt(results: ResultTables, where: str | None) -> str:
 
 
 def _left_out(results: ResultTables) -> str:
-    """What does not count, in words; empty where every point is ok."""
+    """Points that do not count, in words; empty where every point is ok."""
     lost = int((results.points["status"] != "ok").sum())
     verb = "is not ok and counts" if lost == 1 else "are not ok and count"
     counts = failure_counts(results.points["status"])
@@ -293,7 +293,7 @@ def _left_out(results: ResultTables) -> str:
 
 
 def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> list[str]:
-    """What the columns of the ranking mean."""
+    """Meaning of the columns of the ranking."""
     query = " within the query" if where else ""
     counted = _counted(results, where)
     unstable_text = "the mode was found unstable"
@@ -326,7 +326,7 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
 
 
 def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str]:
-    """What is before an onset, or in its place."""
+    """Marks before an onset, or in its place."""
     drawn = results.design in RANDOM_DESIGNS
     texts = ONSETS | ({FIRST_SEEN: FIRST_SEEN_NOTE, BRACKETED: FIRST_SEEN_NOTE} if drawn else {})
     texts[BELOW_RANGE] += query

@@ -182,7 +182,7 @@ def _findings(
 
 
 def _outside_columns(looked: Sequence[Outside], count: int) -> dict[str, pa.Array]:
-    """What grows outside the band at the points that were looked at; missing at others."""
+    """Columns of modes that grow outside the band; missing at points where none were sought."""
     values = np.full((4, count), np.nan)
     for point in looked:
         lam = np.concatenate([point.below, point.above])

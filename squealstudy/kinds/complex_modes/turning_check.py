@@ -1,4 +1,4 @@
-"""What the gyroscopic terms of a disc would do that a study leaves out.
+"""Effect of the gyroscopic terms of a disc that a study leaves out.
 
 Looked for where it matters: at design points where a mode is nearest to neither growing nor
 decaying, spread over them, by the exact method on the reduced model.
@@ -40,7 +40,7 @@ class TurningTask:
 
 
 def turning_facts(plan: Plan, columns: ModeColumns, workers: Workers) -> dict[str, Any] | None:
-    """What the manifest says of it; None where no disc turns, and where the terms are swept.
+    """Facts for the manifest; None where no disc turns, and where the terms are swept.
 
     Of all points looked at: how many there are, at how many of them some mode grows with the terms
     alone or without them alone, and by how much its growth rate changes at most.
@@ -73,7 +73,7 @@ def _turns(plan: Plan) -> bool:
 
 
 def effect_of_turning(task: TurningTask) -> TurningEffect | None:
-    """What the terms do at a point, in a worker; None where it has them, and where that fails."""
+    """Effect of the terms at a point, in a worker; None where it has them, or where this fails."""
     state = task.point.state()
     if state.operating.gyroscopic:
         return None

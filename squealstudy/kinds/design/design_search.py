@@ -131,7 +131,7 @@ class DesignSearch(EvaluatedDesigns):
         return cost < (1.0 - MIN_REL_COST_SAVING) * before
 
     def _proven(self, design: np.ndarray) -> str:
-        """What the proof of a design comes to."""
+        """Outcome of the proof of a design."""
         state = self.state
         if not Proof(self).passed(design):
             return UNPROVEN

@@ -1,4 +1,4 @@
-"""What the finished rows of a design study say of designs at operating points."""
+"""Finished rows of a design study: designs at operating points."""
 
 from __future__ import annotations
 

@@ -6,13 +6,13 @@ from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
 class Change(FactGroup):
-    """Of one variable, what the chosen design changes."""
+    """Change of one variable in the chosen design."""
 
     parameter: Name
 
 
 class Verdict(FactGroup):
-    """What the search came to."""
+    """Outcome of the search."""
 
     verdict: Text
     outcome: Name

@@ -85,7 +85,7 @@ def runs_in_time(
 def _runs(
     contact: ContactOscillator, starts: Sequence[tuple[str, MotionPoint]], request: CyclesRequest
 ) -> list[tuple[Ended, Motion]]:
-    """What starts, by their names, come to."""
+    """Outcomes of runs from starts, by their names."""
     names = [name for name, _ in starts]
     motions = run_on(contact, [start for _, start in starts], request.band)
     # a start whose displacement presses more than can be integrated: its velocity alone

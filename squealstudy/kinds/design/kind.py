@@ -83,7 +83,7 @@ MAX_MODES_IN_WARNING = 3  # modes named in a warning
 
 
 class Design(ModelKind):
-    """What squeals over a matrix of operation, why, and the least change that silences it."""
+    """Squeal over a matrix of operation, its causes, and the least change that silences it."""
 
     name = "design"
     description = "which modes squeal, why, and the least change that silences them"
@@ -121,7 +121,7 @@ class Design(ModelKind):
         return partial(with_speed, slowest=slowest_speed(operation))
 
     def identity(self, plan: Plan) -> list[Any]:
-        """What decides which modes have sensitivities, and to which parameters."""
+        """All that decides which modes have sensitivities, and to which parameters."""
         names = [p.name for p in asked_parameters(_design_plan(plan).design_study)]
         tolerance = plan.study.definition.modes.stability_tolerance
         margin = _design_plan(plan).design_study.goal.margin.damping_ratio

@@ -110,7 +110,7 @@ DIVERGENCE_DAMPING_RATIO = -1.0
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """What is asked of every design point.
+    """Request for every design point.
 
     Attributes
     ----------
@@ -309,7 +309,7 @@ def uncoupled_modes(
 def _slopes(
     point: DesignPoint, chosen: ChosenModes, request: DesignRequest
 ) -> list[list[dict[str, Any]]]:
-    """What every parameter does to each chosen mode, first order."""
+    """Slopes of each chosen mode by every parameter, first order."""
     requested, top = request.parameters, request.band_hz[1]
     parameters = state_parameters(requested, component_frequencies(chosen.prepared.model))
     modes = point_sensitivities(chosen, parameters, 1e-3, top, reanalysis=False)

@@ -1,4 +1,4 @@
-"""What is shown of a design study: the verdict, what squeals and why, the change, its proof."""
+"""Screen of a design study: the verdict, squeal and its causes, the change, its proof."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file of a design study says beside a matrix of operation: variables, scatter, the goal."""
+"""Sections of a design study beside a matrix of operation: variables, scatter, the goal."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _in(unit: str) -> BeforeValidator:
-    """Of a number, or of a text with a unit like the given one."""
+    """Number, or number of a text with a unit like the given one."""
 
     def number(value: object) -> object:
         return in_unit_of(value, unit) if isinstance(value, str) else value
@@ -63,7 +63,7 @@ class AddedMassSection(Section):
         return f"added_mass.{_sets_name((self.on,))}"
 
     def part(self, source: SourceText, number: int) -> AddedPart:
-        """What is added, by the variable of a number."""
+        """The added part, by the number of the variable."""
         from squealstudy.models.components.file_tables import PointMassTable
         from squealstudy.study.added_parts import AddedPart
 
@@ -96,7 +96,7 @@ class StiffenerSection(Section):
         return f"stiffener.{_sets_name(self.between)}"
 
     def part(self, source: SourceText, number: int) -> AddedPart:
-        """What is added, by the variable of a number."""
+        """The added part, by the number of the variable."""
         from squealstudy.models.components.file_tables import SpringTable
         from squealstudy.study.added_parts import AddedPart
 
@@ -107,7 +107,7 @@ class StiffenerSection(Section):
 
 
 class VariableSection(Section):
-    """What may be changed, how far, and what that costs: a parameter, or a part that is added."""
+    """A variable, its range and its cost: a parameter, or a part that is added."""
 
     parameter: str | None = Field(
         default=None,
@@ -159,7 +159,7 @@ class VariableSection(Section):
 
     @property
     def name(self) -> str:
-        """Of the parameter that it is."""
+        """Name of its parameter."""
         return self.parameter or (self.added.parameter if self.added else "")
 
     @property
@@ -206,7 +206,7 @@ class VariantSection(Section):
 
 
 class MarginSection(Section):
-    """What counts as silent."""
+    """Margin from which on a mode counts as silent."""
 
     damping_ratio: float = Field(
         default=0.0,

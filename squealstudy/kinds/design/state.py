@@ -1,4 +1,4 @@
-"""What the search and its proof know, and what they have come to."""
+"""State of the search and of its proof."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class Check:
 
 @dataclass
 class State:
-    """What the search has come to.
+    """State of the search.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class ModeDamping:
 def mode_damping_of(
     row: Mapping[str, Any], study: DesignStudy, ranges: np.ndarray, sigmas: Mapping[str, float]
 ) -> ModeDamping:
-    """What a row holds of them; steady sliding that diverges stands as a mode of 0 Hz."""
+    """Damping ratios of a row; steady sliding that diverges stands as a mode of 0 Hz."""
     zeta, hz, scatter, slopes = [], [], [], []
     for mode in row["modes"]:
         slope_of = {s["parameter"]: s["d_damping_ratio"] for s in mode["slopes"]}
@@ -228,7 +228,7 @@ def modes_moved_out(
 
 @dataclass(frozen=True)
 class SearchCache:
-    """What a search that starts over with more rows need not compute again."""
+    """Results that a search which starts over with more rows need not compute again."""
 
     damping_of: dict[Evaluation, ModeDamping] = field(default_factory=dict)
     steps: Steps = field(default_factory=dict)

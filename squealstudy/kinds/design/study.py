@@ -42,7 +42,7 @@ SCATTERS = DesignSection(type="sobol", samples=1)  # what is read as the sweeps 
 
 @dataclass(frozen=True)
 class Variable:
-    """What may be changed.
+    """A quantity that may be changed.
 
     Attributes
     ----------
@@ -301,7 +301,7 @@ def one_sigma(sweep: Sweep) -> tuple[float, float]:
 
 
 def _check_scatter(study: DesignStudy) -> None:
-    """What scatters does so about its value in [parameters], where the search has it."""
+    """Check that each scattered parameter scatters about its value in [parameters]."""
     for number, (sweep, nominal) in enumerate(
         zip(study.uncertain, study.uncertain_nominal, strict=True)
     ):

@@ -20,7 +20,7 @@ from squealstudy.kinds.design.search import Box
 
 @dataclass(frozen=True, eq=False)
 class Realisation:
-    """What targets alone come to, and where the search over changes begins.
+    """Outcome of targets alone, and where the search over changes begins.
 
     Attributes
     ----------

@@ -49,7 +49,7 @@ OF_FACTS = (  # that the facts of a study have under the same names
 
 
 def plans(plan: DesignPlan) -> dict[str, DesignPlan]:
-    """What is solved for each variant, by the folder of its results."""
+    """Plan of each variant, by the folder of its results."""
     return {
         f"{FOLDER}/{alternative.name}": first_plan(alternative.study)
         for alternative in plan.design_study.alternatives
@@ -112,7 +112,7 @@ def _row(
 
 
 def cheapest(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    """Of those whose proof succeeded the one of least cost, the first where several have it."""
+    """Cheapest variant whose proof succeeded, the first of several."""
     proven = [r for r in rows if r["outcome"] in PROVEN]
     return min(proven, key=lambda r: r["cost"], default=None)
 

@@ -86,7 +86,7 @@ def _counts_outside_band(search: DesignSearch, design: np.ndarray | None) -> lis
 
 
 def _targets(search: DesignSearch) -> dict[str, Any] | None:
-    """What targets alone come to, and the nearest changes; None where they were not searched."""
+    """Outcome of targets alone, and the nearest changes; None where they were not searched."""
     realisation = search.state.realisation
     if realisation is None:
         return None
@@ -100,7 +100,7 @@ def _targets(search: DesignSearch) -> dict[str, Any] | None:
 
 
 def _target_text(search: DesignSearch) -> str:
-    """The same in words, with a space before them; empty where there are none."""
+    """The targets in words, with a space before them; empty where there are none."""
     facts = _targets(search)
     if facts is None:
         return ""
@@ -165,7 +165,7 @@ def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
 
 
 def beyond_validity(points: pd.DataFrame, design: int | None) -> str:
-    """What the operating points of a design break, as the verdict's last sentence; or nothing.
+    """Assumptions that operating points of a design break, in a sentence; empty for none.
 
     `points` is the table with its validity; None of design is today's.
     """

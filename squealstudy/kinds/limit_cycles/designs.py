@@ -28,7 +28,7 @@ DESIGN_CACHE_SIZE = 8  # designs on a way
 
 @dataclass(frozen=True)
 class CyclesRequest:
-    """What is asked of every design point.
+    """Request for every design point.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class CyclesRequest:
         return angular_band(self.band_hz)
 
     def search(self, contact: ContactOscillator) -> Search:
-        """What is looked for at a design point."""
+        """Settings of the search at a design point."""
         section = self.section
         return Search(
             None if section.harmonics == AUTO else int(section.harmonics),
@@ -80,7 +80,7 @@ class CyclesRequest:
     def contact_near(
         self, point: DesignPoint, gap: np.ndarray | None
     ) -> tuple[WorkingPoint, ContactOscillator]:
-        """The same of a design on a curve, from gaps (nc,) of its neighbour; not cached."""
+        """Contact of a design on a curve, from gaps (nc,) of its neighbour; not cached."""
         reference, prepared = self.reference(point.structure), prepared_model(point.structure)
         friction = self.section.friction
         steady, motion_start = motion_at(
@@ -90,7 +90,7 @@ class CyclesRequest:
 
 
 def request(plan: Plan) -> CyclesRequest:
-    """What the study asks of every design point."""
+    """The study's request for every design point."""
     return CyclesRequest(
         section=plan.study.section,
         operating=plan.nominal,
@@ -144,5 +144,5 @@ class DesignLine:
         return self._known[value]
 
     def oscillator(self, value: float) -> Oscillator:
-        """Its equation of motion."""
+        """Equation of motion at a value of the parameter."""
         return self.contact(value).oscillator

@@ -125,13 +125,13 @@ class LimitCycles(ModelKind):
         return partial(with_speed, slowest=slowest_speed(study))
 
     def identity(self, plan: Plan) -> list[Any]:
-        """What is looked for at a design point by itself."""
+        """Settings of the search at a design point by itself."""
         tolerance = plan.study.definition.modes.stability_tolerance
         section = plan.study.section.model_dump(mode="json", exclude=set(CONTINUED))
         return [section, tolerance, list(plan.band_hz), source_hash(SOURCES)]
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
-        """What is looked for; the unit of torques."""
+        """Settings of the search, and the unit of torques."""
         facts = super().manifest(plan)
         facts["units"] |= {"torque": plan.study.model.torque_unit}
         return facts | {"limit_cycles": plan.study.section.model_dump(mode="json")}
@@ -228,7 +228,7 @@ def by_nearness(points: DesignPoints) -> np.ndarray:
 
 
 def _lines(plan: Plan, *along: str | None) -> np.ndarray:
-    """What is constant on each line or plane of design points along these parameters (n, ..)."""
+    """Values that are constant on each line or plane of design points along these parameters."""
     columns = [k for k, sweep in enumerate(plan.study.sweeps) if sweep.name not in along]
     constant = np.column_stack([plan.swept[:, columns], plan.tasks.structure_index])
     distinct: np.ndarray = np.unique(constant, axis=0)

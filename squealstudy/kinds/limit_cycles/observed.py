@@ -37,7 +37,7 @@ VELOCITY_FIELDS = (
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """What is seen of the motions of a structure.
+    """Observer of the motions of a structure.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Observer:
         radiating: Sequence[str],
         points: Sequence[NamedPoint],
     ) -> Observer:
-        """Of an assembly and the way from its reduced model to all nodes."""
+        """Observer of an assembly, by the way from its reduced model to all nodes."""
         model = way.model
         components = {c.name: (k, c) for k, c in enumerate(assembly.components)}
         form = np.zeros((model.n, model.n)) if radiating else None

@@ -1,4 +1,4 @@
-"""What is shown of studies of limit cycles: verdicts first, then levels."""
+"""Screen of studies of limit cycles: verdicts first, then levels."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ class LimitCyclesScreen(KindScreen):
 
 
 def _served(results: ResultTables) -> str:
-    """Of how many families the curve is that of a design nearby; empty where of none."""
+    """Number of families whose curve is that of a design nearby, in words; empty for none."""
     named = results.table("verdicts").get("curve_of")  # results of before have none
     served = 0 if named is None else int((named != "").sum())
     return (
@@ -284,7 +284,7 @@ def _reason(row: Mapping[Hashable, Any]) -> str:
 
 
 def merged_reasons(reasons: list[str]) -> dict[str, str]:
-    """What is said for each reason: those that differ by numbers alone as one, with their ranges.
+    """Texts of reasons: those that differ only by numbers are one, with their ranges.
 
     Numbers of modes stay: what is said of two modes is no range.
     """
@@ -304,7 +304,7 @@ def merged_reasons(reasons: list[str]) -> dict[str, str]:
 
 
 def footnotes(reasons: list[str]) -> dict[str, str]:
-    """What stands in the table for each reason: a letter, where some of them are there twice."""
+    """Mark in the table for each reason: a letter, where some reason is there twice."""
     distinct_reasons = list(dict.fromkeys(reasons))
     repeated = len(distinct_reasons) < len([r for r in reasons if r]) and len(
         distinct_reasons

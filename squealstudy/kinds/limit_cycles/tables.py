@@ -194,7 +194,7 @@ def summary(
     left_out: int,
     unstable_outside: bool,
 ) -> dict[str, Any]:
-    """What the families of a design come to; of levels the loudest stable cycle's."""
+    """Summary of the families of a design; its levels are those of the loudest stable cycle."""
     beyond = f"; {plural(left_out, 'mode')} not followed" if left_out else ""
     beyond += "; a mode outside the band is unstable" if unstable_outside else ""
     facts = {"n_left_out": left_out, "unstable_outside": unstable_outside}

@@ -108,7 +108,7 @@ class MethodStability(Kind):
         return [LineTask(case.name, knobs, tuple(cells)) for _, cells in lines]
 
     def points_of(self, task: LineTask) -> Sequence[Run]:
-        """Its cells."""
+        """The study's cells."""
         return task.cells
 
     def single_tasks(self, task: LineTask) -> list[LineTask]:

@@ -73,7 +73,7 @@ def _alone(point: DesignPoint, request: SensitivityRequest) -> dict[str, Any]:
 
 
 def seconds_a_point(plan: Plan, request: SensitivityRequest) -> float | None:
-    """Of a batch of design points, as they are timed for a forecast; None where none is solved."""
+    """Seconds a design point of a batch, as timed for a forecast; None where none is solved."""
     points = plan.tasks.at(slice(0, MIN_BATCH_POINTS))
     started, failed = time.perf_counter(), 0
     try:

@@ -6,7 +6,7 @@ from squealstudy.engine.fact_types import Count, FactGroup, Finite, Text
 
 
 class ParameterFacts(FactGroup):
-    """Of which modes derivatives are."""
+    """Modes that the derivatives belong to."""
 
     modes: Text | Count | list[Finite]
 

@@ -63,7 +63,7 @@ class Sensitivities(ModelKind):
     short: Mapping[str, Sequence[str]] = {**OFTEN_CHANGED, "sensitivity": ("modes", "parameters")}
 
     def identity(self, plan: Plan) -> list[Any]:
-        """What is asked; StudyFileError for a name unknown."""
+        """Requested modes and parameters; StudyFileError for an unknown name."""
         parameters = asked_parameters(plan.study, plan.first)
         section = plan.study.section.model_dump(mode="json", exclude={"parameters"})
         tolerance = plan.study.definition.modes.stability_tolerance
@@ -155,7 +155,7 @@ def _check_state(
 
 
 def request(plan: Plan) -> SensitivityRequest:
-    """What the study asks of every design point."""
+    """The study's request for every design point."""
     definition = plan.study.definition
     return SensitivityRequest(
         asked_parameters(plan.study, plan.first),

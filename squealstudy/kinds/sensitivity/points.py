@@ -37,7 +37,7 @@ N_TIMED_PARAMETERS = 3  # parameters that stand for all in a forecast
 
 @dataclass(frozen=True)
 class SensitivityRequest:
-    """What is asked of every design point.
+    """Request for every design point.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class SensitivityRequest:
 
     @property
     def of_batch(self) -> Request:
-        """The same for the library, of small models."""
+        """Sensitivities of a batch of small models, for the library."""
         return Request(self.asked, self.choice, self.change, self.band_hz)
 
 

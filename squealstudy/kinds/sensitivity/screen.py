@@ -1,4 +1,4 @@
-"""What is shown of sensitivity studies: the parameters that move one mode, most first."""
+"""Screen of sensitivity studies: the parameters that move one mode, strongest first."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class SensitivityScreen(KindScreen):
         return sensitivities(results)
 
     def next_steps(self, results: ResultTables) -> Rows:
-        """The same of another mode."""
+        """The command for another mode."""
         table = results.sensitivities
         if not len(table):
             return []
@@ -103,7 +103,7 @@ def sensitivities(
 
 
 def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:
-    """What lowers and what raises growth most, by its first-order change."""
+    """Parameters that lower and raise growth most, by its first-order change."""
     texts = []
     for sign, verb in ((-1.0, "falls"), (1.0, "rises")):
         with_sign = [row for row in rows if sign * row["predicted_growth_change"] > 0.0]

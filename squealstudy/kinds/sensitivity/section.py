@@ -40,7 +40,7 @@ def _names(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class SensitivitySection(Section):
-    """Of which modes to which parameters, and the finite change beside each derivative."""
+    """Modes and parameters of the derivatives, and the finite change beside each."""
 
     modes: Annotated[
         Literal["unstable"] | int | Annotated[tuple[float, ...], Strict(False)],

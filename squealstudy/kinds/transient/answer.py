@@ -1,4 +1,4 @@
-"""What runs in time came to, in sentences: levels with their errors, frequencies, sticking."""
+"""Answers of runs in time, in sentences: levels with their errors, frequencies, sticking."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:
 
 
 def _until_its_end(row: pd.Series, quantity: str, unit: str) -> str:
-    """What an undecided run is known to have come to; empty where its level is not known."""
+    """Sentence on the end of an undecided run; empty where its level is not known."""
     if not row["torque_rms"] > 0.0:
         return ""
     level = with_error(float(row["torque_rms"]), level_error(row))

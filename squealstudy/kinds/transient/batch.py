@@ -157,7 +157,7 @@ def batch_task(
     basis: MotionBasis | None = None,
     integrator: Integrator | None = None,
 ) -> BatchTask:
-    """What a worker needs to know of a batch; basis and integrator of the study by default."""
+    """Task of a batch for a worker; basis and integrator of the study by default."""
     section = plan.study.section
     return BatchTask(
         points=points,

@@ -1,4 +1,4 @@
-"""What the step does to the runs of a batch: by other runs, made together where that can be."""
+"""Errors of the runs of a batch by the step, from other runs that are made together if possible."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from squealstudy.motion.system import ModalSystem
 
 
 class BatchSteps:
-    """What the step does to levels of the runs of a batch.
+    """Errors of the levels of a batch's runs by the step.
 
     Of few contact points each run is made again, those of one length together; of many, one of the
     batch is gone on with, the first that lasts, and the others err by the same shares of their
@@ -34,7 +34,7 @@ class BatchSteps:
         self._again: dict[int, RunsAgain] = {}  # by the identity of the run
 
     def of(self, motion: Motion, lasts: bool) -> StepParts:
-        """Of a run that lasts, or of one that passes."""
+        """Error of the step in a run that lasts, or in one that passes."""
         task = self._task
         if task.hybrid:
             if not lasts:

@@ -63,7 +63,7 @@ def measure_runs(plan: Plan, measured: Sequence[int], request: MeasurementReques
 def measure_points(
     plan: Plan, chosen: Sequence[DesignPoint], request: MeasurementRequest
 ) -> Measurement:
-    """As `measure_runs`, of design points that need not be among the plan's."""
+    """Findings at design points that need not be in the plan (as `measure_runs`)."""
     section = plan.study.section
     if section.changes:
         raise plan.study.error(
@@ -204,7 +204,7 @@ def _motion_finding(motion: Motion) -> dict[str, Any]:
 
 
 def run_finding(row: dict[str, Any]) -> dict[str, Any]:
-    """What errors are measured on, from a chunk row of a transient study."""
+    """Finding on which errors are measured, from a chunk row of a transient study."""
     if row["status"] != "ok":
         return _failed(row["status"], row["message"])
     return _finding(row, row["modes"])

@@ -1,4 +1,4 @@
-"""What a study in time depends on as a whole: earlier state, training, slowest speed.
+"""Facts of a whole study in time: earlier state, training, slowest speed.
 
 A run starts from the steady sliding state or from the final state of an earlier run. The sliding
 speed at which friction saturates in time is one for all design points of a study.
@@ -47,7 +47,7 @@ POINT_KEY = ("transient", "start_point")
 
 
 def motion_identity(plan: Plan) -> list[Any]:
-    """What a design point's motion depends on beside its parameters."""
+    """All that a design point's motion depends on beside its parameters."""
     section, start = plan.study.section, start_of(plan)
     trained = training_designs(plan) if section.pod_vectors else ()
     return [
@@ -127,7 +127,7 @@ class StartState:
     v: np.ndarray
 
     def scaled(self, factor: float) -> StartState:
-        """That many times the state."""
+        """The state times a factor."""
         return replace(self, q=factor * self.q, v=factor * self.v)
 
 

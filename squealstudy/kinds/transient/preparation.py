@@ -1,4 +1,4 @@
-"""What a transient study does before it runs: kernels, warnings, seconds a step, training runs.
+"""Preparation of a transient study: kernels, warnings, seconds a step, training runs.
 
 Training runs have all modes; POD vectors of their motion complete a truncated basis.
 """
@@ -183,7 +183,7 @@ def _closing(plan: Plan, closing: list[float]) -> list[str]:
 
 
 class TimedSteps(NamedTuple):
-    """What the first steps of a point took.
+    """Timing of the first steps of a point.
 
     Attributes
     ----------

@@ -56,7 +56,7 @@ class ParameterSchedule:
 
 @dataclass(frozen=True)
 class Schedules:
-    """What a study changes over time; None of what stays."""
+    """Parameters that a study changes over time; None for those that stay constant."""
 
     speed: ParameterSchedule | None
     pressure: ParameterSchedule | None
@@ -136,7 +136,7 @@ class Schedules:
 
 @lru_cache(maxsize=PLAN_CACHE_SIZE)
 def schedules_of(plan: Plan) -> Schedules | None:
-    """What a study changes over time; None where nothing.
+    """Schedules of a study; None where nothing changes over time.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def _read(
 
 
 def _refusal(parameter: Parameter, points: Points, labels: Sequence[str]) -> str:
-    """What is wrong with points over time, which stand at `labels`; empty where nothing is."""
+    """Fault of points over time, which stand at `labels`; empty where there is none."""
     if len(points) < 2:
         return f"expected two points or more, got {len(points)}"
     before = -np.inf

@@ -1,4 +1,4 @@
-"""What is shown of transient studies: one line a design point, and the modes' energies."""
+"""Screen of transient studies: one line a design point, and the modes' energies."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ N_FINDING_COLUMNS = 9  # columns of `_findings`
 
 
 class TransientScreen(KindScreen):
-    """What every design point comes to in time, and which assembly modes have the energy."""
+    """Outcome of every design point in time, and the assembly modes that have the energy."""
 
     tables = ("points", "modes", "growth", "windows")
     added_tables = ("windows",)
@@ -98,7 +98,7 @@ class TransientScreen(KindScreen):
         return [shown, legend]
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """What became of each design point, then the ranking."""
+        """Outcome of each design point, then the ranking."""
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
         if (results.points["class"] == CHANGING).any():
@@ -147,7 +147,7 @@ class TransientScreen(KindScreen):
         ]
 
     def facts(self, results: ResultTables) -> Rows:
-        """What ending early has saved, the slope of friction and its error, the energy balance."""
+        """Time saved by early ends, the slope of friction and its error, the energy balance."""
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
         balance = solved["energy_balance"].abs().max()
         worst = error_percent(balance)
@@ -165,7 +165,7 @@ class TransientScreen(KindScreen):
 def points(
     table: pd.DataFrame, parameters: Sequence[str], units: Mapping[str, str], unit: str
 ) -> list[RenderableType]:
-    """What became of each design point; `unit` is N m of torques, N of friction forces."""
+    """Outcome of each design point; `unit` is N m of torques, N of friction forces."""
     what = "torque" if unit == "N m" else "force"
     varied = [p for p in parameters if len(set(table[p])) > 1]
     shown_parameters = varied if len(varied) <= MOST_COLUMNS else []
@@ -257,7 +257,7 @@ def _seconds(value: float) -> str:
 
 
 def _changes(table: pd.DataFrame, varied: Sequence[str]) -> RenderableType:
-    """What each point changes of the first, a line a point."""
+    """Changes of each point against the first, a line a point."""
     first = table.iloc[0]
     rows = []
     for number, row in enumerate(table.to_dict("records")):
@@ -291,7 +291,7 @@ def _findings(row: dict[Hashable, Any]) -> list[str]:
 
 
 def _relative_error(row: Mapping[Hashable, Any]) -> float:
-    """Of the RMS level of a run; NaN where it is not known."""
+    """Relative error of the RMS level of a run; NaN where it is not known."""
     error = level_error(row)
     return error / row["torque_rms"] if row["torque_rms"] else float("nan")
 
@@ -329,7 +329,7 @@ def _ended_early(saved: Mapping[str, Any] | None) -> Rows:
 
 
 def regularisation(regularisation_facts: Mapping[str, Any] | None) -> Rows:
-    """What slopes of friction follow from, and what they err by; nothing where they are given."""
+    """Sources and error of the slopes of friction; nothing where slopes are given."""
     if regularisation_facts is None:
         return []
     low, high = regularisation_facts["speed"], regularisation_facts["speed_highest"]
@@ -347,7 +347,7 @@ def regularisation(regularisation_facts: Mapping[str, Any] | None) -> Rows:
 
 
 def _pilot(pilot: Mapping[str, Any]) -> str:
-    """What one run at twice the slope of friction told."""
+    """Result of one run at twice the slope of friction."""
     errors_of = pilot.get("errors", {})
     errors = ", ".join(
         f"{word} {_error_share_text(errors_of[name])}"

@@ -29,7 +29,7 @@ def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | 
 def set_up_all(
     task: BatchTask, points: Sequence[DesignPoint], gaps: NewGaps
 ) -> list[MotionPoint | Failure]:
-    """The same of design points of the task's structure."""
+    """Set up the design points of the task's structure."""
     resolved = [_resolved(task, point) for point in points]
     sliding = [point for point in resolved if isinstance(point, DesignPoint)]
     motions = iter(_steady_motions(task, sliding, gaps))

@@ -68,7 +68,7 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
 
 
 def in_words(results: ResultTables, unit: str) -> str:
-    """What one run whose speed or pressure changes does in turn, and where it is loudest."""
+    """Course of one run whose speed or pressure changes, and where it is loudest."""
     table = results.table("windows")
     if not len(table) or len(set(table["point_id"])) > 1:
         return ""

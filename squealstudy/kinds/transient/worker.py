@@ -1,4 +1,4 @@
-"""What a worker process does: advance a batch of design points in time, and say what they did.
+"""Worker process: advance a batch of design points in time, and return what they did.
 
 Points are set up about their steady sliding and integrated; rows, histories and final states tell.
 """

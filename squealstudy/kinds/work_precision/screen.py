@@ -1,4 +1,4 @@
-"""What is shown of work-precision studies: measurements, and the cheapest within tolerances."""
+"""Screen of work-precision studies: measurements, and the cheapest within tolerances."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class WorkPrecisionScreen(KindScreen):
         return [self.verdict(results), "", _fronts(results), "", *_measurements(results)]
 
     def verdict(self, results: ResultTables) -> str:
-        """What costs least within the middle one of the tolerances that are met."""
+        """Cheapest measurement within the middle one of the tolerances that are met."""
         met = _front(results)
         if not len(met):
             return "No method meets a tolerance of 1e-01."

@@ -30,7 +30,7 @@ TIME_QUANTITIES = (
 
 
 class WorkPrecisionSection(Section):
-    """What is solved, how often, and what errors are judged by."""
+    """What is solved, how often, and by what errors it is judged."""
 
     base: str = Field(
         min_length=1, description="study file, relative to this one, that all methods solve"

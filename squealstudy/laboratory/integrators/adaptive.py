@@ -217,7 +217,7 @@ class SolverRun:
         return due
 
     def motion(self, outcome: str, reason: str) -> Motion:
-        """What the run did, at its end, with how it ended and why."""
+        """Motion at the end of the run, with how it ended and why."""
         case, settings = self.case, self.case.settings
         counts, real = case.work.counts[0], case.work.real[0]
         stored = float(show_state(self.y, *case.arguments, False))

@@ -97,7 +97,7 @@ def generalised(rho_inf: float, gradient: bool) -> Scheme:
 
 
 def with_answers(modal: layout.ModalArrays, scheme: Scheme, h: float) -> layout.ModalArrays:
-    """The same with the answers of q_f and v_f to the pull, and the points' compliance to it."""
+    """Arrays with the answers of q_f and v_f to the pull, and the points' compliance to it."""
     share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
     steps = modal.steps.copy()
     for level, E in enumerate(steps[0]):

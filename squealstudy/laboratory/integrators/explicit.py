@@ -49,7 +49,7 @@ class ExponentialSecond(OwnKernel):
 
 
 class ExponentialThird(OwnKernel):
-    """The same with forces quadratic in time, through the step before as well."""
+    """Exponential method with forces quadratic in time, through the step before as well."""
 
     name = "exponential_3"
     label = "exponential, order 3"

@@ -1,4 +1,4 @@
-"""What the compared integrators of fixed step share: the kernels' arrays of one design point."""
+"""Common parts of the compared integrators of fixed step: kernel arrays of one design point."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Knob:
 
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """What a method did at one setting of the knobs.
+    """Result of a method at one setting of the knobs.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def failed(by: str, **numbers: float) -> CaseResult:
 
 
 def alarm(name: str, value: float, limit: float) -> str:
-    """What an estimate says: its name and value beyond its limit, else nothing."""
+    """Name and value of an estimate beyond its limit, else nothing."""
     return "" if value <= limit else f"{name} {value:.1e}"
 
 

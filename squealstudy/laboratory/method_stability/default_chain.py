@@ -99,7 +99,7 @@ def predict(state: ContactState, step: float) -> float:
 
 
 def help_needed(state: ContactState, settings: MotionSettings, result: Motion) -> str:
-    """What kept the run from failing: the last link of the chain that it needed, or nothing."""
+    """Last link of the chain that kept the run from failing, or nothing."""
     if result.newton_steps:
         return "newton"
     if result.halvings:
@@ -130,7 +130,7 @@ def deviation(state: ContactState, settings: MotionSettings, result: Motion) -> 
 
 
 def distance(state: ContactState, a: Motion, b: Motion) -> float:
-    """Of two final states in the norm of their energy, relative to b; NaN where one failed."""
+    """Distance of two final states in the norm of energy, relative to b; NaN where one failed."""
     if "ok" not in (a.outcome, b.outcome) or a.outcome != b.outcome:
         return float("nan")
     omega = state.system.frequencies

@@ -30,7 +30,7 @@ def evaluate(g: np.ndarray, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def slopes(g: np.ndarray, stiffness: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """By the gap, the stiffness."""
+    """Derivatives by the gap and the stiffness."""
     kappa = np.full_like(g, stiffness)
     return [(-kappa, np.zeros_like(g)), (-g, np.ones_like(g))]
 

@@ -69,7 +69,7 @@ def evaluate(g: np.ndarray, stiffness: float, cubic: float) -> tuple[np.ndarray,
 
 
 def slopes(g: np.ndarray, stiffness: float, cubic: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """By the gap, the stiffness, the cubic stiffness."""
+    """Derivatives by the gap, the stiffness and the cubic stiffness."""
     return [
         (-(stiffness + 3.0 * cubic * g * g), 6.0 * cubic * g),
         (-g, np.ones_like(g)),

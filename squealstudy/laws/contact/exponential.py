@@ -66,7 +66,7 @@ def evaluate(g: np.ndarray, p0: float, lam: float) -> tuple[np.ndarray, np.ndarr
 
 
 def slopes(g: np.ndarray, p0: float, lam: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """By the gap, p0, lambda."""
+    """Derivatives by the gap, p0 and lambda."""
     p, kappa = evaluate(g, p0, lam)
     return [(-kappa, -lam * kappa), (p / p0, kappa / p0), (-g * p, p - lam * g * p)]
 

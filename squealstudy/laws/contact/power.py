@@ -62,7 +62,7 @@ def evaluate(g: np.ndarray, stiffness: float, exponent: float) -> tuple[np.ndarr
 
 
 def slopes(g: np.ndarray, stiffness: float, exponent: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """By the gap, the stiffness, the exponent; 0 where a point is open."""
+    """Derivatives by the gap, the stiffness and the exponent; 0 where a point is open."""
     p, kappa = evaluate(g, stiffness, exponent)
     depth = np.where(g < 0, -g, 1.0)
     log = np.log(depth)

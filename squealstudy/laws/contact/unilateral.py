@@ -56,7 +56,7 @@ def evaluate(g: np.ndarray, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def slopes(g: np.ndarray, stiffness: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """By the gap, the stiffness."""
+    """Derivatives by the gap and the stiffness."""
     p, kappa = evaluate(g, stiffness)
     return [(-kappa, np.zeros_like(g)), (p / stiffness, kappa / stiffness)]
 

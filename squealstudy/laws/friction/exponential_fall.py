@@ -52,7 +52,7 @@ def slopes(
     static_ratio: float,
     decay_speed: float,
 ) -> list[tuple[float, float, float]]:
-    """By speed, pressure, friction, static ratio, decay speed."""
+    """Derivatives by speed, pressure, friction, static ratio and decay speed."""
     v, excess, e = decay_speed, friction * (static_ratio - 1.0), exp(-s / decay_speed)
     by_friction = 1.0 + (static_ratio - 1.0) * e
     return [

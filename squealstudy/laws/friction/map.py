@@ -89,7 +89,7 @@ def mu(s: float, p: float, friction: float, *values: float) -> tuple[float, floa
 
 
 def refusal(values: Sequence[float]) -> str:
-    """What is wrong with a map's speeds, pressures and ratios; empty for a map."""
+    """Fault of a map's speeds, pressures and ratios; empty for a valid map."""
     speeds, pressures, ratios = values[:SPEEDS], values[SPEEDS:][:PRESSURES], values[-24:]
     used = []
     for names, knots, unit in (

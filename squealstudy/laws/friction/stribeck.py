@@ -67,7 +67,7 @@ def slopes(
     exponent: float,
     viscous_rise: float,
 ) -> list[tuple[float, float, float]]:
-    """By speed, pressure, friction, static ratio, decay speed, exponent, viscous rise.
+    """Derivatives by speed, pressure, friction, static ratio, decay speed, exponent, viscous rise.
 
     At zero sliding an exponent between 1 and 2 has no second derivative: it counts as none.
     """

@@ -109,7 +109,7 @@ def mu(
 
 
 def refusal(values: Sequence[float]) -> str:
-    """What is wrong with a table's speeds and ratios, in turns; empty for a table."""
+    """Fault of a table's speeds and ratios, in turns; empty for a valid table."""
     speeds, ratios = values[::2], values[1::2]
     for number in range(1, POINTS):
         before, speed, name = speeds[number - 1], speeds[number], f"friction_law.speed_{number + 1}"

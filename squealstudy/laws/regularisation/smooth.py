@@ -23,7 +23,7 @@ def slope(k_t: float, bound: float, s: float) -> float:
 
 
 def partials(k_t: float, bound: float, s: float) -> tuple[float, float, float]:
-    """Of the tanh."""
+    """Derivatives of the tanh."""
     x = k_t * s / bound
     th = tanh(x)
     flat = 1.0 - th * th

@@ -75,7 +75,7 @@ def stack(
     options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
     values: Mapping[str, Any],
 ) -> StackedAssembly:
-    """As `build`, of values that are numbers or arrays (m,)."""
+    """`build` for values that are numbers or arrays (m,)."""
     return stacked_mass(
         values["mass"],
         *ON_BELT,

@@ -89,7 +89,7 @@ def stack(
     options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
     values: Mapping[str, Any],
 ) -> StackedAssembly:
-    """As `build`, of values that are numbers or arrays (m,)."""
+    """`build` for values that are numbers or arrays (m,)."""
     k = [values["k1"], values["k2"]]
     angles = [np.deg2rad(values["alpha1"]), np.deg2rad(values["alpha2"])]
     along, away = [np.cos(a) for a in angles], [np.sin(a) for a in angles]

@@ -103,7 +103,7 @@ def stack(
     options: Mapping[str, str | int],  # noqa: ARG001 - the signature of every model
     values: Mapping[str, Any],
 ) -> StackedAssembly:
-    """As `build`, of values that are numbers or arrays (m,)."""
+    """`build` for values that are numbers or arrays (m,)."""
     mass, load = values["mass"], -values["normal_force"]
     omega = [2 * np.pi * values[f"frequency_{i}"] for i in (1, 2)]
     return stacked_mass(mass, N, T, [mass * w**2 for w in omega], [load, load])

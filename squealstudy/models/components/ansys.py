@@ -93,7 +93,7 @@ def read_cdb(
 
 
 class _Deck:
-    """What the commands of an archive say."""
+    """Commands of an archive."""
 
     def __init__(self, path: Path, treat_as: Mapping[str, str], ignored: set[str]) -> None:
         self._path, self._treat_as, self._ignored = path, treat_as, ignored
@@ -168,7 +168,7 @@ class _Deck:
 
     # -- blocks ----------------------------------------------------------------------------------
     def _blocks(self) -> ArchiveBlocks:
-        """What `mapdl_archive` reads of the blocks, held against their headers."""
+        """Blocks as `mapdl_archive` reads them, compared with their headers."""
         for name in ("NBLOCK", "EBLOCK"):
             if name not in self._commands:
                 raise ModelError(f"{self._path} has no {name}: expected what CDWRITE writes")

@@ -26,7 +26,7 @@ MOST_SECONDS = 600.0  # an archive of 5 million elements takes about a minute
 
 
 class ArchiveBlocks(NamedTuple):
-    """What the blocks hold: numbers and places of nodes, elements as rows, components by name."""
+    """Content of the blocks: numbers and positions of nodes, elements, components by name."""
 
     nnum: np.ndarray
     nodes: np.ndarray

@@ -122,7 +122,7 @@ def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
 
 
 def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Path]:
-    """What an .inp or a .bdf includes, to any depth; its reader says what is wrong with it."""
+    """Files that an .inp or a .bdf includes, to any depth; its reader reports errors."""
     if path.suffix.lower() in NASTRAN and path.is_file():
         yield from included(path)
     if path.suffix.lower() != ".inp" or not path.is_file() or path in above:
@@ -296,7 +296,7 @@ def body_matrices(
 
 
 def own_numbers(name: str, overrides: Mapping[KeyPath, float]) -> tuple[tuple[KeyPath, float], ...]:
-    """What parameters give within one component: keys and values of `overrides`, SI units."""
+    """Values of `overrides` within one component, as pairs of keys and values, SI units."""
     return tuple((k, v) for k, v in overrides.items() if k[:2] == ("components", name))
 
 

@@ -246,7 +246,7 @@ class _Interfaces:
 
     # -- layers and springs ----------------------------------------------------------------------
     def springs(self) -> list[SpringInterface]:
-        """Of all ties, layers and springs."""
+        """Springs of all ties, layers and springs."""
         ties = [self._tie(i) for i in range(len(self._g.file.tie))]
         layers = [self._layer(i) for i in range(len(self._g.file.layer))]
         couplings = [self._coupling(i) for i in range(len(self._g.file.coupling))]

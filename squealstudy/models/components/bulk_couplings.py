@@ -35,7 +35,7 @@ class BulkCouplings:
         self._all, self._places, self._nodes = cards, places, nodes
 
     def read(self) -> Iterator[Constraint]:
-        """Those of the deck; ModelError about the card of what is wrong."""
+        """Couplings of the deck; ModelError about the card that is wrong."""
         bars = self._bar_ends()
         for card in self._all("RBE2"):
             name = f"RBE2 {card.whole(0, 'an element number')}"

@@ -69,7 +69,7 @@ class BulkDiscrete:
         return self._place(card, number)
 
     def springs_and_masses(self, weight: float) -> Iterator[Discrete]:
-        """Those of the deck, masses times `weight`; ModelError about what is wrong."""
+        """Springs and masses of the deck, masses times `weight`; ModelError about what is wrong."""
         stiffness: dict[int, tuple[BulkCard, int]] = {}
         for card in self._all("PELAS"):
             for field in (0, 4):  # two properties a card
@@ -185,7 +185,7 @@ class BulkDiscrete:
         return k
 
     def _bush_axes(self, card: BulkCard, nodes: list[int], k: np.ndarray) -> np.ndarray:
-        """Its axes as rows (3, 3): of CID, of the line of its nodes and G0 or X1 to X3."""
+        """Axes of a bush as rows (3, 3): of CID, or of the line of its nodes and G0 or X1 to X3."""
         if card.at(7):
             return self._systems.axes_at(card, 7, self._nodes[nodes[0]])
         alike = (k[:3] == k[0]).all() and (k[3:] == k[3]).all()

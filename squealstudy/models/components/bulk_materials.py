@@ -130,7 +130,7 @@ class BulkMaterials:
 
     @staticmethod
     def _numbers(table: BulkCard) -> list[float]:
-        """Those of a table, from its second line up to ENDT."""
+        """Numbers of a table, from its second line up to ENDT."""
         entries = []
         for field in range(8, len(table.fields)):
             if table.at(field).upper() in LAST:
@@ -141,7 +141,7 @@ class BulkMaterials:
 
 
 def _orthotropic(card: BulkCard, weight: float) -> Orthotropic | Unfinished:
-    """Of a MAT11: three of E, nu12 nu13 nu23, G12 G13 G23, and the density times `weight`."""
+    """Constants of a MAT11: three of E, nu12 nu13 nu23, G12 G13 G23; density times `weight`."""
     values = [card.real(k, "a modulus") for k in range(1, 10)]
     E, nu, G = (tuple(values[k : k + 3]) for k in (0, 3, 6))
     rho = card.real(10, "a density", 0.0)
@@ -176,7 +176,7 @@ def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
 
 
 def _anisotropic(card: BulkCard, weight: float) -> Anisotropic | Unfinished:
-    """Of a MAT9: 21 entries in the order xx yy zz xy yz zx, and the density times `weight`."""
+    """Constants of a MAT9: 21 entries, order xx yy zz xy yz zx; density times `weight`."""
     C = np.zeros((6, 6))
     field = 1
     for i in range(6):

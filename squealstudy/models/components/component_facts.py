@@ -1,4 +1,4 @@
-"""What a component of a model file was understood as: its mesh, mass, damping and free modes."""
+"""Inspection of a component of a model file: its mesh, mass, damping and free modes."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _rigid_turns(n: int) -> np.ndarray:
 def component_facts(
     inspection: Inspection, geometry: Geometry, body: Body, overrides: Mapping[KeyPath, float]
 ) -> None:
-    """What a component is, with values `overrides` in place of the file's, SI, by key.
+    """Describe a component, with values `overrides` in place of the file's, SI, by key.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def component_facts(
 
 
 def _passed_over(mesh: SolidMesh) -> list[str]:
-    """What is passed over or read otherwise, by reason: "of the file: *PLASTIC (line 3): ..."."""
+    """Parts passed over or read otherwise, by reason: "of the file: *PLASTIC (line 3): ..."."""
     reasons: dict[str, dict[str, int]] = {}
     for note in mesh.passed_over:
         reasons.setdefault(note.why, {}).setdefault(note.keyword, note.line)
@@ -151,7 +151,7 @@ def _passed_over(mesh: SolidMesh) -> list[str]:
 def _measured(
     inspection: Inspection, geometry: Geometry, name: str, K: sp.csr_matrix, M: sp.csr_matrix
 ) -> None:
-    """What a table imposes on free modes, and where it is far from what is computed."""
+    """Measured free modes of a table, and where they are far from computed ones."""
     table = geometry.file.components[name].measured
     if table is None:
         return

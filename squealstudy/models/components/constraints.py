@@ -1,4 +1,4 @@
-"""What ties nodes of a component to others: ties of faces, rigid and distributing couplings."""
+"""Constraints between nodes: ties of faces, rigid and distributing couplings."""
 
 from __future__ import annotations
 
@@ -64,19 +64,19 @@ class Tie:
 
     @property
     def told(self) -> str:
-        """What it does, for an inspection."""
+        """Description for an inspection."""
         return f"{self.name}: {len(self.nodes)} nodes follow {len(self.faces)} faces"
 
     def scaled(self, size: float) -> Tie:
-        """The same in another unit of length."""
+        """The tie in another unit of length."""
         return self if self.tolerance is None else replace(self, tolerance=size * self.tolerance)
 
     def moved(self, turn: np.ndarray, shift: np.ndarray) -> Tie:
-        """The same of a mesh whose points x go to turn x + shift."""
+        """The tie of a mesh whose points x are moved to turn x + shift."""
         return self
 
     def kept(self, selection: MeshSelection) -> Tie | None:
-        """The same in a part of the mesh; None where that has nothing of it."""
+        """The tie in a part of the mesh; None where the part has none of its nodes."""
         of = [*selection.nodes[self.nodes], *selection.elements[self.faces[:, 0]]]
         if not _all_or_none(self.name, of):
             return None
@@ -124,7 +124,7 @@ class Coupling:
 
     @property
     def told(self) -> str:
-        """What it does, for an inspection."""
+        """Description for an inspection."""
         how = "moves" if self.kind == "rigid" else "follows the mean motion of"
         return f"{self.name}: a reference node {how} {len(self.nodes)} nodes"
 
@@ -133,19 +133,19 @@ class Coupling:
         return (self.axes or GLOBAL).axes(points)[..., np.array(self.directions) - 1, :]
 
     def scaled(self, size: float) -> Coupling:
-        """The same in another unit of length."""
+        """The coupling in another unit of length."""
         if self.axes is None:
             return self
         return replace(self, axes=self.axes.moved(size * np.eye(3), np.zeros(3)))
 
     def moved(self, turn: np.ndarray, shift: np.ndarray) -> Coupling:
-        """The same of a mesh whose points x go to turn x + shift."""
+        """The coupling of a mesh whose points x are moved to turn x + shift."""
         if self.directions == (1, 2, 3) or (np.array_equal(turn, np.eye(3)) and self.axes is None):
             return self
         return replace(self, axes=(self.axes or GLOBAL).moved(turn, shift))
 
     def kept(self, selection: MeshSelection) -> Coupling | None:
-        """The same in a part of the mesh; None where that has nothing of it."""
+        """The coupling in a part of the mesh; None where the part has none of its nodes."""
         if not _all_or_none(self.name, selection.nodes[self.nodes]):
             return None
         return replace(
@@ -181,20 +181,20 @@ class Relation:
 
     @property
     def told(self) -> str:
-        """What it does, for an inspection."""
+        """Description for an inspection."""
         others = len(self.nodes) - 1
         return f"{self.name}: a displacement follows {others} node{'s' * (others != 1)}"
 
     def scaled(self, size: float) -> Relation:
-        """The same in another unit of length."""
+        """The relation in another unit of length."""
         return self
 
     def moved(self, turn: np.ndarray, shift: np.ndarray) -> Relation:
-        """The same of a mesh whose points x go to turn x + shift."""
+        """The relation of a mesh whose points x are moved to turn x + shift."""
         return replace(self, vectors=self.vectors @ turn.T)
 
     def kept(self, selection: MeshSelection) -> Relation | None:
-        """The same in a part of the mesh; None where that has nothing of it."""
+        """The relation in a part of the mesh; None where the part has none of its nodes."""
         if not _all_or_none(self.name, selection.nodes[self.nodes]):
             return None
         return replace(self, nodes=selection.node_at[self.nodes])

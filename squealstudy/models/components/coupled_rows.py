@@ -118,7 +118,7 @@ def mean(mesh: SolidMesh, c: Coupling) -> Followed:
 
 
 def _of_axes(node: int, A: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Followed:
-    """As of `solved`, of A that are at right angles."""
+    """Solution as of `solved`, for matrices A whose axes are at right angles."""
     equations = solved(node, A, columns, values)
     assert equations is not None
     return equations

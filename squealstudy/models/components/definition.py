@@ -32,5 +32,5 @@ class FileDefinition(ModelDefinition):
 
     @property
     def meshed(self) -> bool:
-        """It is always a finite-element model."""
+        """Always true: it is a finite-element model."""
         return True

@@ -35,7 +35,7 @@ class Discrete:
     turns: bool = False
 
     def scaled(self, stiffness: float, mass: float, length: float) -> Discrete:
-        """The same in other units, of stiffness between displacements, of mass and of length."""
+        """The element in other units, of stiffness between displacements, of mass and of length."""
         D = np.ones(len(self.K))
         if self.turns:
             D = np.tile([1.0] * 3 + [length] * 3, len(self.nodes))
@@ -44,12 +44,12 @@ class Discrete:
         )
 
     def moved(self, turn: np.ndarray) -> Discrete:
-        """The same of a turned mesh."""
+        """The element of a turned mesh."""
         T = np.kron(np.eye(len(self.K) // 3), turn)
         return replace(self, K=T @ self.K @ T.T, M=T @ self.M @ T.T)
 
     def kept(self, selection: MeshSelection) -> Discrete | None:
-        """The same in a part of the mesh; None where that has nothing of it."""
+        """The element in a part of the mesh; None where the part has none of its nodes."""
         is_selected = selection.nodes[self.nodes]
         if not is_selected.any():
             return None

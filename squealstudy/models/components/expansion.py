@@ -69,7 +69,7 @@ class Expansion:
         return one_each and self.axes is None
 
     def turned(self, axes: np.ndarray) -> Expansion:
-        """That of the component turned by a matrix (3, 3), its degrees of freedom with it."""
+        """Expansion of the component turned by a matrix (3, 3), with its degrees of freedom."""
         nodes = sp.kron(sp.identity(self.E.shape[0] // 3), axes, format="csr")
         turned = (nodes @ self.E).tocsr(), (nodes @ self.turns).tocsr()
         return replace(self, E=turned[0], turns=turned[1], axes=axes)
@@ -214,7 +214,7 @@ def _relations(
 
 
 def _equations(mesh: SolidMesh) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """What follows by relations: those of one node together, which may turn its directions."""
+    """Equations by relations; those of one node stand together, which may turn its directions."""
     of: dict[int, list[Relation]] = {}
     for c in mesh.constraints:
         if isinstance(c, Relation):

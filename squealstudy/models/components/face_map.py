@@ -1,4 +1,4 @@
-"""What was measured over a face of a contact: a table of places, brought to contact points."""
+"""Values measured over a face of a contact: a table of points, interpolated to contact points."""
 
 from __future__ import annotations
 

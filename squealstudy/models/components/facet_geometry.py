@@ -99,7 +99,7 @@ class Facets:
 
     @cached_property
     def areas(self) -> np.ndarray:
-        """Of all facets (m,), m2."""
+        """Areas of all facets (m,), m2."""
         sampled = [_sampled(self.coordinates[b], 3)[2].sum(axis=1) for b in self.blocks]
         return np.concatenate(sampled)
 

@@ -104,7 +104,7 @@ def placed_matrices(
 
 
 def _scales(M: sp.csr_matrix, displacement_dofs: np.ndarray) -> sp.dia_matrix:
-    """What turns and modal coordinates are measured in: such that they weigh as displacements do.
+    """Scales of turns and modal coordinates, so that they weigh as displacements do.
 
     A superelement's modal masses of 1 t beside nodes of some mg leave solvers few digits.
     """
@@ -152,7 +152,7 @@ def _with_rows(
 def _turning(
     name: str, turn: np.ndarray, n: int, coordinates: np.ndarray, turning: np.ndarray, count: int
 ) -> sp.csr_matrix:
-    """What turns degrees of freedom (count, count) with the part; modal coordinates stay."""
+    """Matrix (count, count) that turns degrees of freedom with the part; modal coordinates stay."""
     for places in (coordinates, turning):
         is_turning = np.zeros(n, dtype=bool)
         is_turning[places] = True

@@ -87,7 +87,7 @@ def _conditions(
     size: float,
     keys: KeyPath,
 ) -> list[tuple[str, np.ndarray, np.ndarray, str]]:
-    """What each key asks for, which faces (p,) fulfil it, how far they are off, and the unit.
+    """Conditions of each key: its name, faces (p,) that fulfil it, how far they are off, the unit.
 
     No unit: that of lengths of the model file.
     """

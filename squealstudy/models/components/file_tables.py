@@ -67,7 +67,7 @@ class FrictionTable(Table):
 
 
 def _gap(written: object) -> object:
-    """As it is, with one sentence where it is none: pydantic has one for each of a union."""
+    """The gap unchanged; one error in place of pydantic's two where it is none."""
     of_file = isinstance(written, GapTable) or (
         isinstance(written, dict)
         and written.keys() == {"file"}
@@ -85,12 +85,12 @@ def _gap(written: object) -> object:
 
 
 def _keys(written: object) -> str:
-    """What a table has, which `shown` does not say."""
+    """Keys of a table that `shown` does not list."""
     return f" of {', '.join(written) or 'nothing'}" if isinstance(written, dict) else ""
 
 
 def _number_or_file(written: object) -> object:
-    """As it is, with one sentence where it is neither: pydantic has one for each of a union."""
+    """The number or file unchanged; one error in place of pydantic's two where it is neither."""
     if isinstance(written, FrictionTable):
         return written
     if isinstance(written, dict) and written.keys() == {"std", "length"}:

@@ -177,7 +177,7 @@ class MeasuredMode:
 def measured_modes(
     path: Path, K: sp.csr_matrix, M: sp.csr_matrix, cutoff_hz: float
 ) -> list[MeasuredMode]:
-    """What a table says of the free modes of a component up to a cutoff; no more of others.
+    """Measured free modes of a component up to a cutoff, from a table.
 
     Raises
     ------
@@ -213,7 +213,7 @@ def measured_modes(
 def tabled_modes(
     brake: Brake, name: str, K: sp.csr_matrix, M: sp.csr_matrix, cutoff_hz: float
 ) -> list[MeasuredMode]:
-    """As `measured_modes`, of a component of a model file; none where it has no table.
+    """Measured modes of a component of a model file; none where it has no table of them.
 
     Raises
     ------

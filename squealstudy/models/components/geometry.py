@@ -1,4 +1,4 @@
-"""What of a model file does not depend on stiffnesses: bodies, faces, and where these meet."""
+"""Parts of a model file that no stiffness changes: bodies, faces, and where these meet."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STIFFER = 1000.0  # a tie than a layer of elements: it gives a thousandth of one
 
 
 class Geometry:
-    """What does not depend on stiffnesses: bodies, their faces, and which of these meet.
+    """Bodies, their faces, and the pairs that meet: no stiffness changes them.
 
     Parameters
     ----------
@@ -374,7 +374,7 @@ class Geometry:
 
     @property
     def rotors(self) -> Rotors | None:
-        """What turns."""
+        """The turning components."""
         if self.rotation is None:
             return None
         point = np.asarray(self.rotation.point)

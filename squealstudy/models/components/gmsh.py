@@ -114,7 +114,7 @@ def know_cells() -> None:
 
 
 def _read(path: Path) -> Any:
-    """What meshio makes of it; ModelError for whatever it runs into."""
+    """The mesh as meshio reads it; ModelError for any error of meshio."""
     import meshio
 
     know_cells()

@@ -157,7 +157,7 @@ def thermal_forces(mesh: SolidMesh, rise: np.ndarray, expansion: Mapping[str, fl
 
 
 def _expansions(brake: Brake, name: str, mesh: SolidMesh, numbers: Numbers) -> dict[str, float]:
-    """Of all materials of a hot component, 1/K; PlacedError where one is not stated."""
+    """Thermal expansions of the materials of a hot component, 1/K; PlacedError if missing."""
     strains = {}
     for label in used_materials(mesh):
         keys: KeyPath = ("components", name, "materials", label, THERMAL)
@@ -175,7 +175,7 @@ def _expansions(brake: Brake, name: str, mesh: SolidMesh, numbers: Numbers) -> d
 def hot_gaps(
     assembly: Assembly, geometry: Geometry, overrides: Mapping[KeyPath, float]
 ) -> np.ndarray:
-    """What heat adds to the gaps (nc,) of an assembly of a model file, m; zeros without heat.
+    """Change by heat of the gaps (nc,) of an assembly of a model file, m; zeros without heat.
 
     Parameters
     ----------

@@ -143,7 +143,7 @@ def _elements(path: Path, dialect: Dialect, treat_as: Mapping[str, str] | None) 
 
 
 def _text(path: Path, contents: Contents, part: str | None, elements: Mapping[str, str]) -> Text:
-    """What the component asked for is made of."""
+    """Text of the component that was asked for."""
     placed = (np.eye(3), np.zeros(3))
     if contents.parts and contents.model:
         raise contents.model[0].error(f"{contents.model[0].shown} stands outside of the parts")

@@ -70,7 +70,7 @@ class Couplings:
         self._mesh, self._places, self._nodes_of, self._note = mesh, places, nodes_of, note
 
     def read(self, scope: CardScope) -> list[Constraint]:
-        """Those of a part or of the assembly; ModelError about the line of what is wrong."""
+        """Couplings of a part or of the assembly; ModelError about the line that is wrong."""
         constraints: list[Constraint | None] = []
         cards = list(scope.cards)
         for number, card in enumerate(cards):
@@ -194,7 +194,7 @@ class Couplings:
 
     @staticmethod
     def _directions(card: Card) -> tuple[int, ...]:
-        """Those that the lines name; all where there are none."""
+        """Directions that the lines name; all where there are none."""
         named_directions: set[int] = set()
         for line in card.data:
             words = [line.whole(w, "a direction 1 to 6") for w in line.words() if w]

@@ -41,7 +41,7 @@ def orientations_of(
 
 
 def unused_distributions(cards: Sequence[Card]) -> Iterator[Card]:
-    """Those that no orientation names."""
+    """Distributions that no orientation names."""
     used = {
         card.data[0].words()[0].upper()
         for card in cards

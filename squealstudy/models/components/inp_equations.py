@@ -69,7 +69,7 @@ class Equations:
         return self._axes
 
     def read(self, cards: Sequence[Card]) -> Iterator[Relation | Coupling]:
-        """Those of a part or of the assembly; ModelError about the line of what is wrong."""
+        """Equations of a part or of the assembly; ModelError about the line that is wrong."""
         beams: dict[int, tuple[str, list[int]]] = {}
         for card in cards:
             if card.keyword == "EQUATION":

@@ -1,4 +1,4 @@
-"""What keywords of Abaqus and CalculiX are to a component: passed over, or refused with advice."""
+"""Keywords of Abaqus and CalculiX that are passed over, or refused with advice."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class Line(NamedTuple):
         return self.file.error(self.place, message)
 
     def words(self) -> list[str]:
-        """What stands between commas; of a comma at the end nothing follows."""
+        """Words between commas; a comma at the end adds none."""
         words = [w.strip() for w in self.text.split(",")]
         return words[:-1] if len(words) > 1 and not words[-1] else words
 

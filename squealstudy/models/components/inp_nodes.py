@@ -93,7 +93,7 @@ class Nodes:
         self._sets.add(*self._named[-1])
 
     def _place(self, line: Line, number: int) -> np.ndarray:
-        """Of a node that there is already."""
+        """Position of a node that has been read."""
         if self._at is None:
             self._at = {n: k for k, n in enumerate(self._numbers)}
         if number not in self._at:
@@ -240,7 +240,7 @@ def _system(card: Card) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def cartesian(system: str, x: list[float]) -> list[float]:
-    """Of rectangular, cylindrical (r, degrees, z) or spherical (r, degrees, degrees) ones."""
+    """Cartesian coordinates of rectangular, cylindrical (r, degrees, z) or spherical ones."""
     if system == "R":
         return x
     angle = np.deg2rad(x[1])

@@ -18,7 +18,7 @@ USED = re.compile(r"<\s*([A-Za-z]\w*)\s*>", re.ASCII)
 
 
 class Parameters:
-    """Those that a deck has defined so far. No code of a file runs: values are arithmetic."""
+    """Parameters that a deck has defined so far. No code of a file runs: values are arithmetic."""
 
     def __init__(self) -> None:
         self._texts: dict[str, str] = {}

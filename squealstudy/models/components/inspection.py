@@ -1,4 +1,4 @@
-"""What a model file was understood as: facts to look at before an hour is spent, and doubts."""
+"""Inspection of a model file: facts to look at before an hour is spent, and doubts."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def unheld(inspection: Inspection, geometry: Geometry, assembly: Assembly) -> No
 
 
 def _holders(file: ModelFile) -> list[str]:
-    """What holds components at rest."""
+    """Parts that hold components at rest."""
     holders = ["contact"]
     holders += ["springs"] * any(spring.in_static for spring in file.spring)
     holders += [f"{table}s" for table in ("layer", "tie", "coupling") if file.at((table,))]

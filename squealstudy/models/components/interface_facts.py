@@ -1,4 +1,4 @@
-"""What layers, springs and couplings of a model file were understood as, SI units."""
+"""Inspection of layers, springs and couplings of a model file, SI units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DIRECTIONS = {"cartesian": ("x", "y", "z"), "cylindrical": ("radial", "around", 
 
 
 def kind_of_contact(numbers: Numbers, number: int) -> str:
-    """What a contact does in its plane, in a word."""
+    """Behaviour of a contact in its plane, in a word."""
     table = numbers.file.contact[number]
     if table.state is None:
         return str(table.kind)

@@ -51,7 +51,7 @@ def jacobians(
 
 
 def volumes(mesh: SolidMesh) -> np.ndarray:
-    """Of all elements (n_elements,); ModelError about a negative Jacobian."""
+    """Volumes of all elements (n_elements,); ModelError about a negative Jacobian."""
     block_volumes = []
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         rule = integration(block.kind.mass)

@@ -76,7 +76,7 @@ class Anisotropic(Orthotropic):
 
     @classmethod
     def of_stiffness(cls, C: np.ndarray, density: float) -> Anisotropic:
-        """Of a matrix (6, 6), order 11 22 33 23 13 12, engineering shear strains."""
+        """Material of a stiffness (6, 6), order 11 22 33 23 13 12, engineering shear strains."""
         return cls(tuple(float(C[_row_and_column(entry)]) for entry in ALL_ENTRIES), density)
 
 
@@ -85,7 +85,7 @@ Elastic = Isotropic | Orthotropic
 
 @dataclass(frozen=True)
 class Unfinished:
-    """What a file states of a material that it does not state whole.
+    """A material of a file that lacks numbers.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ OF_CONTACT = "contact is stated in the model file"  # why keywords of contact ar
 
 
 class PassedOver(NamedTuple):
-    """What was read and is not in the model: keyword, file, line from 1 (0: none), and why."""
+    """A part of the file that the model leaves out: keyword, file, line from 1 (0: none), why."""
 
     keyword: str
     path: Path
@@ -211,7 +211,7 @@ class SolidMesh:
 
     @property
     def n_elements(self) -> int:
-        """Of all blocks."""
+        """Number of elements of all blocks."""
         return int(self.starts[-1])
 
     @cached_property
@@ -276,7 +276,7 @@ class SolidMesh:
         elements: str | None = None,
         orientation: tuple[str, Orientation] | None = None,
     ) -> SolidMesh:
-        """The same with a material given to an element set, by default to all elements.
+        """The mesh with a material assigned to an element set, by default to all elements.
 
         Parameters
         ----------

@@ -31,7 +31,7 @@ class MeshEnergies:
 
 @dataclass(frozen=True)
 class UnknownEnergies:
-    """Of elements of which matrices of files alone are known: NaN."""
+    """Energies of elements that only exist as matrices of files: NaN."""
 
     count: int
 

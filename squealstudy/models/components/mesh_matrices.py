@@ -21,7 +21,7 @@ SCALE = "scale"  # name of a term that all moduli of a material multiply togethe
 
 
 class StiffnessTerm(NamedTuple):
-    """What a modulus multiplies: "lining.D3333" and a symmetric matrix (3 n, 3 n).
+    """A modulus and the symmetric matrix (3 n, 3 n) that it multiplies: "lining.D3333".
 
     The name ends in ``scale`` where inner freedoms are condensed: the matrix is that of the
     mesh's material, and only a common factor of all its moduli multiplies it.
@@ -60,7 +60,7 @@ def stiffness_terms(mesh: SolidMesh, material: str) -> tuple[StiffnessTerm, ...]
 def coefficients(
     mesh: SolidMesh, material: str, changed: Elastic | None = None
 ) -> dict[str, float]:
-    """What multiplies each of `stiffness_terms`, of the mesh's material or of a changed one.
+    """Factors of `stiffness_terms`, of the mesh's material or of a changed one.
 
     Raises
     ------

@@ -208,7 +208,7 @@ class ModelFile(Table):
 
     @property
     def turning(self) -> tuple[str, ...]:
-        """What turns: the component that the file names, else the masters of sliding contacts."""
+        """The turning component: as the file names it, else the masters of sliding contacts."""
         if self.rotation is None:
             return ()
         if self.rotor is not None:
@@ -296,7 +296,7 @@ class ModelFile(Table):
 
 
 def dimension_of(keys: KeyPath) -> Dimension:
-    """Of the number at a key."""
+    """Dimension of the number at a key."""
     if OF_CONTACT in keys:
         return dimension_of_unit(law_parameter_named(str(keys[-1])).unit)
     return DIMENSIONS[kind_of(keys)]

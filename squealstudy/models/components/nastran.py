@@ -124,7 +124,7 @@ def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
 
 
 class _Deck:
-    """What the cards of a deck say."""
+    """Cards of a deck."""
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class _Deck:
         return parameter_cards
 
     def _factor(self, above: list[Line]) -> float:
-        """What the mass of elements is multiplied by."""
+        """Factor on the mass of elements."""
         by_factor = {card.real(1, "a factor"): card for card in self._parameters(above, WEIGHT)}
         for factor, card in by_factor.items():
             if not factor > 0:
@@ -252,7 +252,7 @@ class _Deck:
         self._nodes = np.array([place_of[n] for n in self._numbers])
 
     def _places(self, card: BulkCard, numbers: list[int]) -> np.ndarray:
-        """Of node numbers; ModelError about one that there is not."""
+        """Indices of node numbers; ModelError about an unknown one."""
         node_numbers = np.array(numbers, dtype=np.int64)
         indices = np.minimum(np.searchsorted(self._numbers, node_numbers), len(self._numbers) - 1)
         wrong = self._numbers[indices] != node_numbers

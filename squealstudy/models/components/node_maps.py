@@ -37,7 +37,7 @@ class FreedomsOf:
         self._order = np.argsort(mesh.numbers)
 
     def at(self, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Of nodes (m,) and directions (m,) from 1 to 6; -1 where the mesh has no such node."""
+        """Freedoms of nodes (m,) and directions (m,) from 1 to 6; -1 for an unknown node."""
         ordered = self._numbers[self._order]
         indices = np.minimum(np.searchsorted(ordered, nodes), len(ordered) - 1)
         turns, axis = np.divmod(directions - 1, 3)
@@ -47,11 +47,11 @@ class FreedomsOf:
 
     @property
     def count(self) -> int:
-        """Of the mesh's nodes; modal coordinates count from there."""
+        """Number of freedoms of the mesh's nodes; modal coordinates count from there."""
         return 6 * len(self._numbers)
 
     def unknown(self, node: int) -> str:
-        """What to say of a node that the mesh has not."""
+        """Message about a node that the mesh does not have."""
         return (
             f"{self._name} has no node {node}; its nodes are {self._numbers.min()} to "
             f"{self._numbers.max()}: is it the mesh of these matrices?"
@@ -127,7 +127,7 @@ def _lines(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
 
 
 def _equations(path: Path, lines: list[str]) -> Iterator[tuple[int, int, int, int]]:
-    """The same of lines with equation, node and name of the displacement, behind titles."""
+    """Rows of lines with equation, node and name of the displacement, below titles."""
     titles = True
     for line_number, text in enumerate(lines, start=1):
         titles = titles and not NUMBERED.match(text)

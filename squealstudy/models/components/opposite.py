@@ -51,7 +51,7 @@ class Neighbours:
     candidates: np.ndarray
 
     def of(self, facets: np.ndarray) -> Neighbours:
-        """Those of some slave facets."""
+        """The pairs of some slave facets."""
         parts = [self.candidates[self.start[i] : self.start[i + 1]] for i in facets]
         return Neighbours(np.cumsum([0, *map(len, parts)]), np.concatenate(parts))
 

@@ -1,4 +1,4 @@
-"""What an angle of the rotor may not do: part what is joined, turn what is held one way."""
+"""Checks of a rotor angle: it may not part what is joined, nor turn what is held."""
 
 from __future__ import annotations
 

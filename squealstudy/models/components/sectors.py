@@ -147,7 +147,7 @@ def _shortest_edge(mesh: SolidMesh) -> float:
 
 
 class _Copies:
-    """What a sector has, in all sectors."""
+    """Copies of a sector's parts in all sectors."""
 
     def __init__(
         self, mesh: SolidMesh, turns: list[tuple[np.ndarray, np.ndarray]], node_at: np.ndarray
@@ -224,7 +224,7 @@ class _Copies:
         return np.column_stack([self._element_at[k][faces[:, 0]], faces[:, 1]])
 
     def _surfaces(self, full_mesh: SolidMesh) -> dict[str, np.ndarray]:
-        """Those of all sectors, without faces that lie between sectors now."""
+        """Surfaces of all sectors, without faces that now lie between sectors."""
         sector_faces, full_faces = (
             {tuple(f) for f in boundary(mesh).tolist()} for mesh in (self._sector, full_mesh)
         )
@@ -293,7 +293,7 @@ class _Copies:
 
 
 def _step(numbers: np.ndarray) -> int:
-    """By how much numbers of the next sector are higher: a power of ten."""
+    """Difference of numbers from one sector to the next: a power of ten."""
     return 10 ** len(str(int(numbers.max())))
 
 

@@ -167,7 +167,7 @@ def _constant_share(areas: np.ndarray, constant: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Integrals:
-    """What `integrate_segments` leaves in its results."""
+    """Arrays that `integrate_segments` returns."""
 
     area: np.ndarray
     slave: np.ndarray

@@ -78,7 +78,7 @@ def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
 
 
 class _Reader:
-    """What the datasets of a file say."""
+    """Datasets of a file."""
 
     def __init__(self, path: Path, text: TextFile, names: Mapping[str, str]) -> None:
         self._path, self._text, self._names = path, text, names

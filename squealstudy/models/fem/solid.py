@@ -171,7 +171,7 @@ class Solid:
 
     @property
     def cells(self) -> ComponentCells:
-        """Its bricks, for pictures and files."""
+        """The bricks of the solid, for pictures and files."""
         volumes = self.basis.dx.sum(axis=1)
         return ComponentCells(
             (CellBlock("hex20", brick_nodes(self.basis)),), volumes, self.energies

@@ -61,7 +61,7 @@ class LumpedBuild:
         options: Mapping[str, str | int],
         values: Mapping[str, Any],
     ) -> StackedAssembly:
-        """As `__call__`, of values that are numbers or arrays (m,)."""
+        """`__call__` for values that are numbers or arrays (m,)."""
         return stack_of(self.space, self._parts(options, values))
 
     def _parts(self, options: Mapping[str, str | int], values: Mapping[str, Any]) -> LumpedParts:

@@ -1,4 +1,4 @@
-"""What must hold in the file of a lumped model, at its defaults: PlacedError where it does not."""
+"""Checks of the file of a lumped model, at its defaults: PlacedError where one fails."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def check_friction(contact: ContactNumbers, keys: KeyPath) -> None:
 
 
 def _check_masses(file: LumpedFile) -> None:
-    """That ends are masses of the file, or what they may be else."""
+    """Check that ends are masses of the file, or another allowed end."""
     masses = tuple(table.name for table in file.mass)
     for i, table in enumerate(file.mass):
         if table.name in (GROUND, MOVING[0]):
@@ -138,7 +138,7 @@ def _check_arms(file: AnyFile) -> None:
 
 
 def _check_loads(file: AnyFile) -> None:
-    """That there is contact, and that something presses it."""
+    """Check that there is contact, and that a load presses it."""
     if not file.contact:
         key = ("load", 0) if file.load else ()
         text = "there is no [[contact]]: expected one that the load presses"
@@ -149,7 +149,7 @@ def _check_loads(file: AnyFile) -> None:
 
 
 def _check_pressed(file: LumpedFile) -> None:
-    """That each load comes to a contact."""
+    """Check that each load leads to a contact."""
     touching = {end for table in file.contact for end in table.between}
     for i, load in enumerate(file.load):
         if not _reached(load.on, file) & touching:
@@ -169,7 +169,7 @@ def _reached(mass: str, file: LumpedFile) -> set[str]:
 
 
 def check_used(file: AnyFile, parameters: Iterable[str]) -> None:
-    """That expressions use each parameter of the file, and no others."""
+    """Check that expressions use each parameter of the file, and no others."""
     parameters, used = tuple(parameters), set[str]()
     for keys, text in texts_of(file):
         try:

@@ -20,5 +20,5 @@ class LumpedDefinition(FileDefinition):
 
     @property
     def meshed(self) -> bool:
-        """It has no mesh, and is not reduced."""
+        """Always false: it has no mesh, and is not reduced."""
         return False

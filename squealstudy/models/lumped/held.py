@@ -1,4 +1,4 @@
-"""That springs or contact hold every motion of a lumped model, and that loads press a contact."""
+"""Checks of a lumped model: springs or contact hold every motion, loads press a contact."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class MassSpace:
         )
 
     def _gyroscopic(self, values: Values) -> np.ndarray | None:
-        """What holds spins against tilts (m or 1, n, n), N m s; None where nothing turns.
+        """Gyroscopic matrix (m or 1, n, n) of spins against tilts, N m s; None where nothing turns.
 
         An angular momentum s along e changes by s w x e where its body tilts by w a second.
         """

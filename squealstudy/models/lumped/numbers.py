@@ -57,7 +57,7 @@ def _got(number: Number, number_values: np.ndarray, i: int, values: Values) -> s
 def bounded(
     number: Number, values: Values, keys: KeyPath, unit: str, *, zero: bool = False
 ) -> np.ndarray:
-    """As `value_of`, of a number above zero, or with `zero` not below it; PlacedError."""
+    """Value as of `value_of`, above zero, or with `zero` not below it; PlacedError otherwise."""
     number_values = value_of(number, values, keys)
     wrong = np.flatnonzero(number_values < 0.0 if zero else number_values <= 0.0)
     if len(wrong):

@@ -213,7 +213,7 @@ def _area(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray:
 
 
 def _loads(space: Space, values: Values) -> tuple[np.ndarray, np.ndarray]:
-    """Of a unit brake pressure, and constant (m or 1, n)."""
+    """Loads of a unit brake pressure, and constant loads (m or 1, n)."""
     loads = [np.zeros((1, space.n)), np.zeros((1, space.n))]
     for i, table in enumerate(space.file.load):
         row = space.load_row(i, values)

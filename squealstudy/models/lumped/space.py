@@ -1,4 +1,4 @@
-"""What the parts of a lumped model need of its coordinates, be they of masses or of matrices."""
+"""Coordinates of a lumped model as its parts need them, of masses or of matrices."""
 
 from __future__ import annotations
 

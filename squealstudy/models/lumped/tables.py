@@ -48,7 +48,7 @@ class MassTable(Table):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Its coordinates, as given or by default: x of a mass, rz of an inertia."""
+        """The coordinates, as given or by default: x of a mass, rz of an inertia."""
         default_axes = (("x",) if self.mass is not None else ()) + (
             ("rz",) if self.inertia is not None else ()
         )
@@ -76,7 +76,7 @@ class MassTable(Table):
 
 
 class SpringNumbers(Table):
-    """What a spring is, whatever it is between: linear, with a third power, a gap or one side."""
+    """Numbers of a spring between any two ends: linear, with a third power, a gap or one side."""
 
     name: Name | None = Field(default=None, description=CALLED)
     stiffness: Number = Field(description="N/m, or N m/rad")
@@ -109,7 +109,7 @@ class SpringTable(SpringNumbers):
 
 
 class DamperNumbers(Table):
-    """What a damper is, linear or with a third power."""
+    """Numbers of a damper, linear or with a third power."""
 
     name: Name | None = Field(default=None, description=CALLED)
     damping: Number = Field(description="N s/m, or N m s/rad")
@@ -132,7 +132,7 @@ class DamperTable(DamperNumbers):
 
 
 class ContactNumbers(Table):
-    """What a contact point is; the contact law is the study's, and friction but where it says."""
+    """Numbers of a contact point; law and friction are the study's, except where it has its own."""
 
     name: Name | None = Field(default=None, description=CALLED)
     stiffness: Number | None = Field(
@@ -173,7 +173,7 @@ class ContactNumbers(Table):
 
     @property
     def own_coefficient(self) -> Number | None:
-        """Its own coefficient; None where it has the study's, or none."""
+        """The contact's own friction coefficient; None where it has the study's, or none."""
         return None if isinstance(self.friction, bool) else self.friction
 
 
@@ -226,7 +226,7 @@ class ParameterTable(Table):
 
 
 class PartsFile(Table):
-    """What a file of masses and one of matrices share."""
+    """Tables that a file of masses and one of matrices share."""
 
     description: str = Field(default="", description="free text")
     parameters: dict[str, ParameterTable] = Field(

@@ -111,13 +111,13 @@ class Expression:
 
     @cached_property
     def _read(self) -> tuple[Evaluation, tuple[str, ...]]:
-        """What evaluates it, and the parameters that it uses."""
+        """Function that evaluates the expression, and the parameters that it uses."""
         reader = _Reader(self.text, FUNCTIONS, _OPERATORS)
         return reader.node(self._tree, 0), tuple(reader.names)
 
     @cached_property
     def _of_arrays(self) -> Evaluation:
-        """What evaluates it for arrays."""
+        """Function that evaluates the expression for arrays."""
         return _Reader(self.text, OF_ARRAYS, _OPERATORS | {ast.Pow: np.power}).node(self._tree, 0)
 
     @property

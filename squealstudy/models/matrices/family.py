@@ -106,7 +106,7 @@ class MatrixFamily:
         return np.array([term.matrix.toarray() for term in self.terms])
 
     def dense(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As `matrices` without zeros left out, for families so small that LAPACK solves them."""
+        """The matrices without zeros left out, for families so small that LAPACK solves them."""
         weights = np.array(self.weights(values))
         orders = np.array([term.order for term in self.terms])
         stiffness, damping, mass = (

@@ -104,7 +104,7 @@ def _is_matrix_market(path: Path) -> bool:
 
 
 def _guarded(path: Path, read: Callable[[], ResultT]) -> ResultT:
-    """What a reader makes of a file; ModelError for whatever it runs into."""
+    """Result of a reader of a file; ModelError for any error of the reader."""
     if not path.is_file():
         raise ModelError(f"there is no file {path}")
     try:
@@ -118,7 +118,7 @@ def _guarded(path: Path, read: Callable[[], ResultT]) -> ResultT:
 
 
 def _said(error: Exception) -> str:
-    """What went wrong, with the kind of error where its text alone says nothing."""
+    """Text of an error, with the kind of error where the text alone says nothing."""
     if isinstance(error, ValueError | OSError | zipfile.BadZipFile) and str(error):
         return str(error)
     return f"{type(error).__name__} {error}".strip()

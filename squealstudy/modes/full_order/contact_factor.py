@@ -48,7 +48,7 @@ class HeldStiffness:
 
     @staticmethod
     def of(assembly: Assembly, k_c: float | np.ndarray) -> HeldStiffness:
-        """Of an assembly with the contact stiffness per area k_c [Pa/m]; ConvergenceError."""
+        """Factor of an assembly with contact stiffness per area k_c [Pa/m]; ConvergenceError."""
         K = assembly.K_el + assembly.K_springs() + assembly.K_contact(k_c)
         factor, rows = factorise(K, definite=True), ContactRows.of(assembly.contact)
         compliances = contact_compliances(rows, factor.lean(), assembly.n_dof)

@@ -50,7 +50,7 @@ LOW_END_RATIO = 0.02  # of the band's top: below it lies motion of nearly free b
 
 @dataclass(frozen=True)
 class ReductionRecord:
-    """What a prepared model was made from.
+    """Record of what a prepared model was made from.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def with_finer_model(
 def _in_basis(
     prepared: PreparedModel, model: ReducedModel, basis: ComponentBasis, record: ReductionRecord
 ) -> PreparedModel:
-    """The same structure in another basis."""
+    """The structure in another basis."""
     phi, sensors = shape_basis(record.assembly, model, basis, prepared.nominal_tangent)
     return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None)
 

@@ -132,7 +132,7 @@ class BrakeProblem(DenseProblem):
         return axes
 
     def _has_modal_damping(self) -> bool:
-        """By the middle and the ends of each parameter: it varies along one of them, or not."""
+        """Whether there is modal damping, by the middle and the ends of each parameter."""
         middle, axes = np.zeros((1, self.dimension)), np.eye(self.dimension)
         looked_at = np.vstack([middle, axes, -axes])
         return any(self.state_at(theta).damping_ratio for theta in looked_at)

@@ -43,7 +43,7 @@ class _Residuals(NamedTuple):
 
     @classmethod
     def of(cls, problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> _Residuals:
-        """Those of some pairs in the full problem."""
+        """Residuals of some pairs in the full problem."""
         system, weights = problem.system.gathered(weights)
         lam = pairs.lam
         X, Y = Columns(pairs.X), Columns(pairs.Y)
@@ -62,7 +62,7 @@ class _Residuals(NamedTuple):
         return signed
 
     def without_cancelling(self, problem: SweptProblem) -> np.ndarray:
-        """The same (m,) where nothing cancels: energies of both static responses in its place."""
+        """Size of the error (m,) from energies of both static responses, which cannot cancel."""
         product = np.ones(len(self.lam))
         for r, response in ((self.rx, self.response), (self.ry, problem.flexibility(self.ry))):
             energy = np.abs(np.einsum("ij,ij->j", r.conj(), response))
@@ -71,7 +71,7 @@ class _Residuals(NamedTuple):
         return size
 
     def through_each_other(self, pairs: Eigenpairs) -> np.ndarray:
-        """What pairs that are no exact projection have of each other (m,), by their distance."""
+        """Error (m,) by coupling with the other pairs, where they are no exact projection."""
         through = np.abs(self.ry.conj().T @ pairs.X) * np.abs(pairs.Y.conj().T @ self.rx).T
         gap = np.abs(self.lam[:, None] - self.lam)
         np.fill_diagonal(gap, np.inf)
@@ -100,7 +100,7 @@ def next_term(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.
 
 
 def two_sided_estimate(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
-    """What roots (m,) are hardly further away from the exact ones than, rad/s.
+    """Estimated errors (m,) of roots, rad/s, which the true ones hardly ever exceed.
 
     More than the size of `two_sided_error`, parts of which may cancel by chance. How
     it held: THEORY.md, section 7.

@@ -112,7 +112,7 @@ class FamilyProblem(SweptProblem):
 
     @cached_property
     def _cholesky(self) -> SparseCholesky:
-        """Of the symmetric stiffness at the middle of the box.
+        """Cholesky factor of the symmetric stiffness at the middle of the box.
 
         Friction and follower forces are left out: their symmetric part alone makes it indefinite.
         Free bodies, and what else is not definite, get a share of the mass.

@@ -1,4 +1,4 @@
-"""What the ladder needs of a model: its system, its weights at a design point, its exact modes."""
+"""Model as the ladder needs it: its system, its weights at a design point, its exact modes."""
 
 from __future__ import annotations
 

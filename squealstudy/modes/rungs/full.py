@@ -21,7 +21,7 @@ class Full(Rung):
     unreduced = True
 
     def relative_cost(self, points: int, varied: int) -> float:
-        """Of a brake; a family of matrices has nothing cheaper to compare with."""
+        """Cost of a brake's point; a family of matrices has nothing cheaper to compare with."""
         return COST
 
     def solve(self, problem: Problem, points: Sequence[Point], box: Box) -> Iterator[PointAnswer]:

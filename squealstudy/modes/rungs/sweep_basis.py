@@ -37,7 +37,7 @@ COST = 0.55  # seconds of a point over those of an exact one, about
 
 
 class OverABasis(Rung):
-    """What rungs over a sweep basis have in common."""
+    """Common parts of rungs over a sweep basis."""
 
     over_a_basis = True
 
@@ -79,7 +79,7 @@ class SweepBasisRung(OverABasis):
             yield i, problem.modes(solver.alone(theta))
 
     def relative_cost(self, points: int, varied: int) -> float:
-        """Of a small dense problem and its estimate."""
+        """Cost of a small dense problem and its estimate."""
         return COST
 
     def offer(self, scope: Scope) -> Offer:

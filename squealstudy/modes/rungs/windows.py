@@ -287,7 +287,7 @@ def _shrunk_to_points(box: Box, theta: np.ndarray) -> Box:
 
 
 def _halves(box: Box, axis: int, theta: np.ndarray) -> list[tuple[Box, np.ndarray]]:
-    """Both halves and which points each holds; points on the cut go to the lower half."""
+    """The two halves of a box and the points in each; points on the cut go to the lower half."""
     lower, upper = box.halves(axis)
     below = theta[:, axis] <= box.middle[axis]
     return [(lower, below), (upper, ~below)]

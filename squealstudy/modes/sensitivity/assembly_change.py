@@ -1,4 +1,4 @@
-"""What a structural parameter changes in an assembly."""
+"""Change of an assembly by a structural parameter."""
 
 from __future__ import annotations
 

@@ -120,13 +120,13 @@ class ModeGradient:
 
     @cached_property
     def _by_normal(self) -> np.ndarray:
-        """Of modal damping by the normal contact weights (nc,)."""
+        """Derivatives of modal damping by the normal contact weights (nc,)."""
         assert self.damping is not None
         assert self._real is not None
         return self.damping.by_rows(self._real.contact)
 
     def _by_elastic(self, change: np.ndarray) -> complex:
-        """Of modal damping by a change of the elastic diagonal (n,), few of which move."""
+        """Derivatives of modal damping by a change of the elastic diagonal (n,), mostly zero."""
         assert self.damping is not None
         assert self._real is not None
         changed_rows = np.flatnonzero(change)
@@ -163,7 +163,7 @@ class DampingGradient:
         return complex((self._pairs * self._H * dM).sum())
 
     def by_rows(self, rows: np.ndarray) -> np.ndarray:
-        """By the weights w (r,) of a stiffness R^T diag(w) R, rows = R phi (r, m)."""
+        """Derivatives by the weights w (r,) of a stiffness R^T diag(w) R; rows = R phi (r, m)."""
         both = np.vstack([rows * self._left.real, rows * self._left.imag]) @ self._F
         real, imag = both[: len(rows)], both[len(rows) :]
         right = rows * self._right

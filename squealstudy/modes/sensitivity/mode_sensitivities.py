@@ -1,4 +1,4 @@
-"""What a sensitivity of a complex mode is: derivative, range of validity, finite change."""
+"""Sensitivity of a complex mode: derivative, range of validity, finite change."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def friction_change(
 
 
 class StateDerivatives:
-    """What the reduced system of one design point does under each of its parameters."""
+    """Derivatives of the reduced system of one design point by each of its parameters."""
 
     def __init__(self, prepared: PreparedModel, state: DesignState, point: WorkingPoint) -> None:
         self._model, self._state, self._point = prepared.model, state, point

@@ -76,7 +76,7 @@ class StructureBuilder:
     sizes: Mapping[str, float] = field(default_factory=dict)
 
     def reference(self, name: str) -> float:
-        """What a change of a parameter is small beside."""
+        """Scale against which a change of a parameter is small."""
         return max(abs(self.values[name]), self.sizes.get(name, 0.0)) or 1.0
 
     def step(self, name: str, change: float) -> Step:
@@ -236,7 +236,7 @@ def structural_products(
 def _changed_pencil(
     design: ChosenModes, structure: StructureBuilder, step: Step
 ) -> QuadraticPencil:
-    """Of the assembly built with the changed value, about its own working point."""
+    """Pencil of the assembly built with the changed value, about its own working point."""
     state, k_c = design.state, design.prepared.space.k_c
     assembly = structure.assembly({step.name: step.value + step.size})
     point = structure.working_point(assembly, state, k_c, np.asarray(design.point.gap))

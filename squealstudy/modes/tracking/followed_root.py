@@ -122,7 +122,7 @@ class FollowedEnd(NamedTuple):
 
     @property
     def lam(self) -> complex:
-        """Its root, rad/s."""
+        """The followed root, rad/s."""
         return complex(self.modes.lam[self.place])
 
     def is_this(self, shape: np.ndarray) -> bool:

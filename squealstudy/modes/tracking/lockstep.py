@@ -37,7 +37,7 @@ class ManyModes(NamedTuple):
     shapes: np.ndarray
 
     def at(self, rows: np.ndarray) -> ManyModes:
-        """Of some of the points."""
+        """The modes at some of the points."""
         return ManyModes(self.lam[rows], self.shapes[rows])
 
 

@@ -272,7 +272,7 @@ def bracketed_crossing(
 def exchanged(
     low: np.ndarray, high: np.ndarray, at_low: np.ndarray, at_high: np.ndarray
 ) -> np.ndarray:
-    """Of which pairs of places near each other a mode is one root here and another there (n,).
+    """Whether a mode is one root at the lower end of each pair (n,) and another at the upper.
 
     At both ends another root is much closer to the mode's root at the other end than its own is:
     two modes that only seem to change places. Where two modes merge both are as close.

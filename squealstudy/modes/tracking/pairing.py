@@ -165,7 +165,7 @@ def pair_many(
 
 
 def _values_in_columns(table: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Of each row of tables (n, ma, mb) the value in its column (n, ma)."""
+    """The value in its column (n, ma) of each row of tables (n, ma, mb)."""
     return np.take_along_axis(table, column[:, :, None], axis=2)[:, :, 0]
 
 

@@ -28,7 +28,7 @@ class Ragged:
 
     @classmethod
     def of(cls, rows: Iterable[np.ndarray]) -> Ragged:
-        """Of separate arrays (m,)."""
+        """Ragged array of separate arrays (m,)."""
         arrays = [np.asarray(row) for row in rows]
         flat = np.concatenate(arrays) if arrays else np.zeros(0)
         return cls(flat, np.array([len(row) for row in arrays], dtype=np.int64))

@@ -189,7 +189,7 @@ def _once(key: np.ndarray) -> np.ndarray:
 
 
 def _numbers(key: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Both points of each pair, the smaller number first."""
+    """Both points of each pair, the smaller index first."""
     return np.divmod(key, max(n, 1))
 
 

@@ -79,7 +79,7 @@ def propagator_levels(w2: np.ndarray, c: np.ndarray, h: float, halvings: int) ->
 
 
 def propagators(w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
-    """What a step does to each mode of q'' + c q' + w2 q = f, with f a polynomial in time.
+    """Matrices of a step of each mode of q'' + c q' + w2 q = f, with f a polynomial in time.
 
     Parameters
     ----------

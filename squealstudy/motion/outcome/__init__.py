@@ -1,1 +1,1 @@
-"""What a run in time came to: growth, levels, energies, class."""
+"""Outcome of a run in time: growth, levels, energies, class."""

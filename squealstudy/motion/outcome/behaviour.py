@@ -1,4 +1,4 @@
-"""What a run came to, from its motion alone: at rest, a limit cycle, growing, irregular, or open.
+"""Class of a run by its motion alone: at rest, a limit cycle, growing, irregular, or open.
 
 A decay to rest becomes linear: its pace, that of the logarithm of the level, tends to a constant.
 Towards a limit cycle the pace tends to zero. A run that is too short to tell is undecided.
@@ -135,7 +135,7 @@ def classify(
 
 
 def too_short(duration: float, rows: int) -> RunClass:
-    """Of a run whose record has too few rows to be judged: until it has enough."""
+    """Outcome of a run whose record has too few rows to judge: undecided until it has enough."""
     return RunClass(
         UNDECIDED, DURATION_FACTOR * duration * WINDOW_COUNT_RANGE[0] / max(rows - 1, 1)
     )
@@ -391,7 +391,7 @@ def _times_longer(envelope: Envelope, course: LevelTrend) -> float:
 
 
 def _fall_longer(envelope: Envelope, course: LevelTrend) -> float:
-    """The same of a fall that goes on: until it is deep, or its pace known to be constant."""
+    """Longer duration for a fall that goes on: until it is deep, or surely of constant pace."""
     pace = abs(min(course.rise, course.end)) / JUDGED_SHARE
     deep = 1 + float(np.log(max(envelope.ratio / LOWER_CYCLE_RATIO, 1.0))) / pace
     h = 2 * LOWER_CYCLE_RATIO**2  # of m = 2, where nothing has fallen yet

@@ -121,7 +121,7 @@ def growth_columns(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
 
 
 def step_error(run: Motion, k: int) -> float:
-    """By how much the followed mode `k` grows too fast at the run's step, 1/s; NaN if unknown."""
+    """Excess growth of the followed mode `k` by the run's step, 1/s; NaN if unknown."""
     balanced = run.point.growing.integrated[0]
     return float(balanced[k].real - run.point.growing.lam[k].real) if len(balanced) else np.nan
 

@@ -48,7 +48,7 @@ def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def periods_interval(
     values: np.ndarray, width: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `mean_interval` of values (..., rows) that are means between rows, over whole periods.
+    """`mean_interval` of values (..., rows) that are means between rows, over whole periods.
 
     The periods have `width` (...) rows, no whole number; they are counted from the last row
     backwards. A periodic motion has no scatter then, where blocks that cut its periods have. As the
@@ -116,7 +116,7 @@ class _Periods:
 
     @staticmethod
     def of(values: np.ndarray, width: np.ndarray, count: np.ndarray) -> _Periods:
-        """Of values, one or more."""
+        """Cumulative sums of one or more series of values."""
         summed = np.zeros((len(values), values.shape[1] + 1))
         np.cumsum(values, axis=1, out=summed[:, 1:])
         return _Periods(summed, width, count)
@@ -132,7 +132,7 @@ class _Periods:
         return blocks
 
     def mean(self) -> np.ndarray:
-        """Of all periods (m,)."""
+        """Mean over all periods (m,)."""
         return self.means(np.stack([self.count, np.zeros(len(self.count))], axis=1))[:, 0]
 
     def blocks(self, number: int) -> np.ndarray:

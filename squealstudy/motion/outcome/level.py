@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class LevelParts:
-    """What a level may err by, one part each, in its unit: half-widths about the value.
+    """Parts of a level's error in its unit: half-widths about the value.
 
     NaN is a part that cannot be told.
 

@@ -118,7 +118,7 @@ def block_mean_squares(signal: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TorqueSums:
-    """What the torque did over every step between rows, each (rows,), or (m, rows) of several runs.
+    """Sums of the torque over the steps between rows, each (rows,), or (m, rows) of several runs.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class TorqueSums:
 
     @classmethod
     def of(cls, history: Mapping[str, np.ndarray], window: slice) -> TorqueSums | None:
-        """Of the rows of a window; None where the integrator did not sum, as of old results."""
+        """Sums of a window's rows; None where the integrator did not sum, as in old results."""
         if "torque_mean" not in history:
             return None
         names = ("torque_mean", "torque_variance", "torque_min", "torque_max")
@@ -144,22 +144,22 @@ class TorqueSums:
 
     @classmethod
     def of_rows(cls, torque: np.ndarray) -> TorqueSums:
-        """Of rows alone, each taken for all of the time since the one before."""
+        """Sums of rows alone, each taken for all of the time since the one before."""
         return cls(torque, np.zeros_like(torque), torque, torque)
 
     @property
     def side_by_side(self) -> TorqueSums:
-        """Of one run as of several, (1, rows)."""
+        """The sums of one run with a first axis of 1, (1, rows)."""
         return TorqueSums(self.mean[None], self.variance[None], self.least[None], self.most[None])
 
     @classmethod
     def together(cls, sums: Sequence[TorqueSums]) -> TorqueSums:
-        """Of several runs (m, rows)."""
+        """Sums of several runs (m, rows)."""
         names = ("mean", "variance", "least", "most")
         return cls(*(np.array([getattr(part_sums, name) for part_sums in sums]) for name in names))
 
     def at(self, runs: np.ndarray) -> TorqueSums:
-        """Of some of several runs."""
+        """The sums of some of several runs."""
         return TorqueSums(self.mean[runs], self.variance[runs], self.least[runs], self.most[runs])
 
     def squares(self, mean: np.ndarray | float) -> np.ndarray:

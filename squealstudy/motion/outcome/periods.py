@@ -200,7 +200,7 @@ class _Record:
         return min(candidates, key=lambda pair: pair[1])
 
     def _between(self, k: int) -> tuple[float, float]:
-        """The same from k to k + 1 rows later, by the cubic between both."""
+        """Best period from k to k + 1 rows, by the cubic between them, and its residual."""
         count = len(self.x) - k - 1
         now, ends = self.x[:count], slice(k, k + count)
         after = slice(k + 1, k + 1 + count)
@@ -263,7 +263,7 @@ def judged_rows(run: Motion) -> slice:
 
 
 def own_frequency(run: Motion, window: slice) -> Fundamental:
-    """Of the motion of the sensed modes over a window of a run, made once for equal rows."""
+    """Frequency of the sensed modes over a window of a run, computed once for equal rows."""
     rows = window.indices(len(run.times))
     if rows not in run.windows:
         time = run.times[window]
@@ -339,7 +339,7 @@ def comes_back(run: Motion) -> bool:
 
 
 def _is_periodic(run: Motion, window: slice) -> bool:
-    """The same of a window of the run."""
+    """Whether a window of the run is periodic."""
     time, v = run.times[window], run.sensed_v[window]
     if len(time) < MIN_ROWS_PER_PERIOD:
         return False

@@ -99,7 +99,7 @@ def _slow_part(ratio: np.ndarray, width: int) -> np.ndarray | None:
 def _tilt(
     x: np.ndarray, residual: np.ndarray, curves: np.ndarray, correlation_factor: float
 ) -> float:
-    """By how much terms beside a line may have tilted it, one standard error added [1/s].
+    """Tilt of a fitted line by other terms, with one standard error added [1/s].
 
     Parameters
     ----------

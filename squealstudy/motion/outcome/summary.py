@@ -102,7 +102,7 @@ def look_ahead(runs: Iterable[Motion]) -> None:
 
 
 def _changing(run: Motion) -> Summary:
-    """Of a run whose speed or pressure changes: nothing that is of one speed, but the forecast.
+    """Summary of a run whose speed or pressure changes: only the forecast is of one speed.
 
     That is of the design point's own steady sliding. Shares of the contact are those of all of it.
     """
@@ -134,7 +134,7 @@ def _course(run: Motion) -> dict[str, Any]:
 
 
 def _forecast(run: Motion) -> dict[str, Any]:
-    """What the complex modes of the same system say."""
+    """Forecast by the complex modes of the same system."""
     modes = run.point.growing
     lam = modes.lam[0] if len(modes.lam) else complex(np.nan, np.nan)
     return {

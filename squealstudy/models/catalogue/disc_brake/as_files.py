@@ -47,7 +47,7 @@ def _faces_passing(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
 def brake_tables(
     options: Mapping[str, str | int], values: Mapping[str, float], files: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What the model file says, SI units; `files` are those of the meshes, by component.
+    """Tables of the model file, SI units; `files` are those of the meshes, by component.
 
     Contact points are Gauss points, so that the brake is the same as the generated one.
     """

@@ -75,7 +75,7 @@ class BrakeInterfaces:
         mean_radius: float | None,
         friction_factors: Mapping[str, float],
     ) -> ContactInterface:
-        """Both pad faces against the disc; the disc turns about +z.
+        """Contact of both pad faces with the disc, which turns about +z.
 
         `mean_radius` is the one that the imposed speed is of; None: all points have that speed.
         `friction_factors` are those of each pad.

@@ -14,7 +14,7 @@ from squealstudy.models.fem.solid import Solid
 
 
 def hot_gaps(mesher: BrakeMesher, solids: Mapping[str, Solid], cold: Assembly) -> np.ndarray:
-    """What heat adds to the gaps (nc,) of an assembly of the brake, m."""
+    """Change by heat of the gaps (nc,) of an assembly of the brake, m."""
     load = np.zeros(cold.n_dof)
     for name, solid in solids.items():
         rise = temperature_rise(mesher, name, solid.coordinates[:, 2])
