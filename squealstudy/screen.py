@@ -37,7 +37,7 @@ NAME_BREAKS = "_./"  # after which a name that is too long is broken
 PIECES = re.compile(r"[^\s_]+[\s_]*|[\s_]+")  # of a title: names of parameters have underscores
 MOST_ACROSS, MOST_UP = 45, 30  # points of a map of letters
 LEAST_WIDTH = 80  # characters; a narrower terminal wraps its lines, nothing is cut
-WIDTH_OF_FILES = 110  # of what is written to a file or a pipe, or stands in a page
+WIDTH_OF_FILES = 100  # of what is written to a file or a pipe, or stands in a page
 # columns of a grid: numbers and values stand right, and only texts are broken into lines
 NUMBER, VALUES, WORD, TEXT = "number", "value", "word", "text"
 GAP = 2  # characters between columns
@@ -66,18 +66,31 @@ def plain(text: str) -> str:
     return "".join(c if c == "\n" or category(c)[0] != "C" else ascii(c)[1:-1] for c in text)
 
 
-def show(*parts: RenderableType) -> None:
-    """Print to stdout."""
+def show(*parts: RenderableType, whole: bool = False) -> None:
+    """Print to stdout, sentences broken between words to the width of the screen.
+
+    `whole`: texts are paths or commands to be copied, of which each stays in one line. So does a
+    text with a word longer than a line.
+    """
     with named(STDOUT):
         for part in parts:
-            # a path longer than a line stays whole, so that it can be copied; files keep sentences
-            # in one line, terminals have them broken between words
-            is_paragraph = isinstance(part, str) and not (
-                console.is_terminal and max(map(len, part.split()), default=0) <= console.width
+            is_text = isinstance(part, str)
+            unbroken = is_text and (
+                whole or max(map(len, str(part).split()), default=0) > console.width
             )
-            overflow: OverflowMethod | None = "ignore" if is_paragraph else None
-            text_or_part = plain(part) if isinstance(part, str) else part
-            console.print(text_or_part, crop=False, overflow=overflow)
+            overflow: OverflowMethod | None = "ignore" if unbroken else None
+            text_or_part = plain(str(part)) if is_text else part
+            if console.is_terminal or console.is_jupyter:
+                console.print(text_or_part, crop=False, overflow=overflow)
+                continue
+            with console.capture() as captured:
+                console.print(text_or_part, crop=False, overflow=overflow)
+            console.file.write(_without_trailing_blanks(captured.get()))
+
+
+def _without_trailing_blanks(text: str) -> str:
+    """What files and pages hold of lines that are filled up to a width."""
+    return re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
 
 
 def write(text: str) -> None:
@@ -115,7 +128,7 @@ def as_text(parts: Iterable[RenderableType], width: int = WIDTH_OF_FILES) -> str
     with written.capture() as captured:
         for part in parts:
             written.print(part, crop=False)
-    return captured.get()
+    return _without_trailing_blanks(captured.get())
 
 
 def warning(text: str) -> None:

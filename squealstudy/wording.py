@@ -250,8 +250,8 @@ def _unit_by_name(column: str) -> str | None:
 
 def prefixed(unit: str, largest: float) -> tuple[str, float]:
     """Unit in which values up to `largest` are shown, and the factor from SI to it."""
-    fits = unit.startswith(PREFIXED)
-    fitting = ((p, f) for p, f in PREFIXES if fits and 1.0 <= largest * f < MAX_PREFIXED)
+    prefixes = PREFIXES if unit.startswith(PREFIXED) else PREFIXES[2:] if unit == "m" else ()
+    fitting = ((p, f) for p, f in prefixes if 1.0 <= largest * f < MAX_PREFIXED)
     prefix, factor = next(fitting, ("", 1.0))
     return prefix + unit, factor
 

@@ -56,8 +56,14 @@ def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
         assert (line.unstable, line.solved) == (own.groupby("point_id")["unstable"].any().sum(), 4)
     assert (lines[2].unstable, lines[2].first, lines[2].fastest) == (0, None, None)
     text = as_text(results.screen.findings(results))
-    assert text.startswith("Over all 3 designs 1 mode is unstable between 10 and 1000 Hz: T")
-    assert f"first at friction {lines[1].onset:.4g} (91 Hz there)." in " ".join(text.split())
+    told = " ".join(text.split())
+    assert told.startswith("Unstable between 10 and 1000 Hz: with frequency_2 75 Hz T")
+    for line, end in zip(lines[:2], ("; with frequency_2 80 Hz T", "(91 Hz there); "), strict=True):
+        assert f"first at friction {line.onset:.4g}{' ' * ('(' in end)}{end}" in told
+    assert "with frequency_2 60 Hz nothing. The first onset is earliest" in told
+    more = results_of(tmp_path / "more", [0.2, 0.4], [75.0, 80.0, 60.0, 70.0])
+    told = as_text(more.screen.findings(more))
+    assert told.startswith("Over all 4 designs 1 mode is unstable between 10 and 1000 Hz: T")
     assert "none up to 0.4" in text
     assert "design: frequency_2; as it is: 75 Hz" in text
 
@@ -75,7 +81,7 @@ def test_a_design_that_is_unstable_from_the_first_value_says_so(tmp_path):
     results = results_of(tmp_path / "r", [0.32, 0.4], [75.0, 60.0])
     assert [line.kind for line in design_lines(results)] == ["below range", ""]
     text = " ".join(as_text(results.screen.findings(results)).split())
-    assert "Hz already at the least friction." in text
+    assert "Hz already at the least friction; with frequency_2 60 Hz nothing." in text
     assert results.screen.verdict(results).count("already at the least friction") == 1
 
 

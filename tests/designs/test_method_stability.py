@@ -70,19 +70,23 @@ def test_cells_of_a_map(write, tmp_path):
     assert run_study(load_plan(path), tmp_path / "out", 1).n_solved == 0
 
 
-def test_the_answer_counts_right_cells_and_those_that_nothing_warns_of():
+def test_the_answer_names_the_method_and_counts_right_cells_and_warnings():
     manifest = {"counts": {"converged": 5, "slow": 2, "recovered": 1, "wrong": 3, "failed": 1}}
-    results = SimpleNamespace(manifest=manifest)
-    manifest |= {"unflagged_wrong": 0, "agreement": 0.876}
-    told = SCREEN.verdict(results)
-    assert told.startswith(
-        "The method is right in 8 of 12 cells; in 4 it is wrong or fails, and says"
+    manifest |= {"title": "roots of small matrices", "judged": 10, "unpredicted_failures": 1}
+    outcomes = ["converged"] * 5 + ["slow"] * 2 + ["recovered"] + ["wrong"] * 3 + ["failed"]
+    cells = pd.DataFrame({"outcome": outcomes, "flagged": [True] + [False] * 6 + [True] * 5})
+    results = SimpleNamespace(manifest=manifest, table=lambda _: cells)
+    manifest |= {"unflagged_wrong": 0, "agreement": 0.7}
+    assert SCREEN.verdict(results) == (
+        "Roots of small matrices: right in 8 of 12 cells, 1 of them by a help that steps in; in 4 "
+        "it is wrong or fails, and says so each time; of the right ones 1 is flagged, too. 70 % of "
+        "10 cells that are 2 % or more away from the predicted boundary are as predicted; in 2 it "
+        "is right beyond the boundary and in 1 it is not right within it."
     )
-    assert told.endswith(" so each time. 88 % of the cells off the boundary are as predicted.")
     manifest |= {"unflagged_wrong": 2, "agreement": None}
-    assert SCREEN.verdict(results).endswith("wrong or fails, 2 of these without a word.")
-    manifest["counts"] = {"converged": 1}
-    assert SCREEN.verdict(results) == "The method is right in 1 of 1 cell."
+    assert "it is wrong or fails, 2 of these without a word;" in SCREEN.verdict(results)
+    manifest["counts"], cells["flagged"] = {"converged": 1}, False
+    assert SCREEN.verdict(results) == "Roots of small matrices: right in 1 of 1 cell."
 
 
 def test_a_finer_map_keeps_the_cells_that_it_has(write, tmp_path):

@@ -515,3 +515,17 @@ def test_a_random_design_whose_every_point_failed_is_drawn(tmp_path, monkeypatch
     names = [path.stem for path in squealstudy.open_results(tmp_path / "r").draw(tmp_path)]
     assert "stability_diagram" in names
     assert "robust" not in names
+
+
+def test_modes_that_swap_numbers_are_counted_in_words():
+    table = pd.DataFrame({"track": [7, 3, 9], "family": 3, "family_points": 6, "points": 8})
+    (told,) = random_screen.families_in_words(table.assign(family_modes=2))
+    assert told == (
+        "T3, T7 and T9 stand for 2 modes that swap numbers between design points, so that a line "
+        "may be of both: at least one is unstable at 75.0 % of them"
+    )
+    (told,) = random_screen.families_in_words(table[:2].assign(family_modes=1))
+    assert told == (
+        "T3 and T7 are one unstable mode, which changes its number between design points: it is "
+        "unstable at 75.0 % of them"
+    )

@@ -180,3 +180,23 @@ def test_a_prefix_leaves_a_number_that_can_be_read():
     assert amount(1.2e6, "Pa") == "1.2 MPa"
     assert amount(5e11, "Pa/m") == "500 GPa/m"
     assert amount(-5.4e17, "Pa/m3") == "-5.4e+17 Pa/m3"
+
+
+def test_sentences_in_a_pipe_have_short_lines_and_paths_stay_whole(capsys):
+    sentence = "Over both designs two modes are unstable and grow faster with friction. " * 3
+    path = "/results/with blanks/" + "a folder " * 12
+    screen.show(sentence, screen.facts([("name", "value")]))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 3
+    assert max(map(len, lines)) <= screen.WIDTH_OF_FILES == 100
+    assert not any(line.endswith(" ") for line in lines)
+    assert " ".join(lines[:-1]).split() == sentence.split()
+    screen.show(path.strip(), "x" * 150 + " y", whole=True)
+    assert capsys.readouterr().out.splitlines() == [path.strip(), "x" * 150 + " y"]
+    screen.show("x" * 150 + " y")
+    assert capsys.readouterr().out == "x" * 150 + " y\n"
+
+
+def test_a_distance_has_its_prefix():
+    assert amount(10e3, "m") == "10 km"
+    assert (amount(0.15, "m"), amount(0.0, "m"), amount(20.0, "m/s")) == ("0.15 m", "0 m", "20 m/s")

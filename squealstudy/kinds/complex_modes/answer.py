@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import pandas as pd
 from rich.console import RenderableType
 
 from squealstudy.kinds.complex_modes.design_lines import (
+    MOST_MODES,
     DesignLine,
+    Row,
+    by_mode,
     extremes_in_words,
     first_at,
     first_onset,
+    modes_of_several_numbers,
     onsets_in_words,
+    other_frequency,
 )
 from squealstudy.kinds.complex_modes.outside_text import grows_outside
 from squealstudy.kinds.complex_modes.random_screen import random_answer
@@ -23,6 +30,7 @@ from squealstudy.tables.stability import BELOW_RANGE
 from squealstudy.wording import amount, band_text, in_digits, plural, track_number
 
 OPEN, LARGEST_PRESSURE = "open_share", "contact_pressure_max"  # columns of points
+MOST_TOLD_DESIGNS = 3  # in the answer, each with its modes
 LEAST_CONTACT_CHANGE = 0.1  # percent: less is no news
 
 if TYPE_CHECKING:
@@ -54,7 +62,7 @@ def answer(
         return [f"{how_many(results, table)}: {_over_the_map(results, table)}.{outside}", ""]
     if not len(table) or not onsets_in_words(results, table):
         return []
-    text = f"{over_designs(lines)}{how_many(results, table)}."
+    text = f"{what_is_unstable(results, table, lines)}."
     text += extremes_in_words(results, lines) or _growth_in_words(results, lines)
     return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
 
@@ -72,9 +80,55 @@ def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
     return f"{text}, {fastest}"
 
 
-def over_designs(lines: list[DesignLine]) -> str:
-    """Beginning of a sentence about all designs; empty for one design."""
-    return f"Over all {len(lines)} designs " if lines else ""
+def what_is_unstable(results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]) -> str:
+    """Which modes are unstable, of few designs those of each, without a full stop."""
+    return _of_each_design(results, table, lines) or (
+        f"{f'Over all {len(lines)} designs ' if lines else ''}{how_many(results, table)}"
+    )
+
+
+def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]) -> str:
+    """The modes of each of few designs in the order of their onsets.
+
+    Empty where designs are many, or where modes without a number are unstable too.
+    """
+    along, onsets = results.along or "", results.onsets
+    if not 2 <= len(lines) <= MOST_TOLD_DESIGNS or (table["kind"] != group_kind(1)).any():
+        return ""
+    families, texts = modes_of_several_numbers(table), []
+    at_once = table.set_index("track")[["family", "family_modes"]]
+    for line in lines:
+        rows = list(by_mode(line.modes, families).items())
+        rows.sort(key=lambda item: _first_value(item[1]))
+        told: list[str] = []
+        told_of: Counter[int] = Counter()  # of tracks that swap numbers so many as there are modes
+        for track, row in rows:
+            family, most = map(int, at_once.loc[track])
+            told_of[family] += 1
+            if told_of[family] <= most:
+                name = str(row.get("name", track_number(track))).replace(", ", "/")
+                hz, unit = frequency_text(row), results.units.get(along, "")
+                told.append(
+                    f"{name}{f' at {hz} Hz' if hz else ''}{first_at(row, along, unit)}"
+                    f"{other_frequency(row, onsets)}"
+                )
+        design = ", ".join(
+            f"{name} {amount(value, results.units.get(name, ''))}"
+            for name, value in line.design.items()
+        )
+        named = ", ".join(told[:MOST_MODES])
+        more = f" and {plural(len(told) - MOST_MODES, 'other')}" if len(told) > MOST_MODES else ""
+        nothing = "nothing" if line.sure and line.solved else "nothing that is known"
+        texts.append(f"with {design} {named or nothing}{more}")
+    return f"Unstable {band_text(results.fact('band_hz'))}: {'; '.join(texts)}"
+
+
+def _first_value(row: Row) -> float:
+    """Where a mode turns unstable, to sort by; last where that is not known."""
+    if row["threshold_kind"] == BELOW_RANGE:
+        return -math.inf
+    onset = float(row["threshold"])
+    return math.inf if math.isnan(onset) else onset
 
 
 def row_text(row: pd.Series) -> str:

@@ -288,18 +288,18 @@ def design_table(
             f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
             "all; Hz: where the mode grows fastest; unstable: share of its solved points\n",
         ),
-        *_onsets_by_mode(designs, lines, _of_one_mode(table), units.get(along, "")),
+        *_onsets_by_mode(designs, lines, modes_of_several_numbers(table), units.get(along, "")),
     ]
 
 
-def _of_one_mode(table: pd.DataFrame) -> dict[int, list[int]]:
+def modes_of_several_numbers(table: pd.DataFrame) -> dict[int, list[int]]:
     """Tracks of each mode whose number changes, by the least of them."""
     single_modes = table[((table["track"] > 0) & (table["family_modes"] == 1)).to_numpy(bool)]
     families = {int(str(n)): sorted(rows["track"]) for n, rows in single_modes.groupby("family")}
     return {number: tracks for number, tracks in families.items() if len(tracks) > 1}
 
 
-def _together(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> dict[int, Row]:
+def by_mode(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> dict[int, Row]:
     """Rows of a design by mode: of tracks that are one the first onset, and the fastest growth."""
     rows = dict(modes)
     for number, tracks in families.items():
@@ -323,7 +323,7 @@ def _onsets_by_mode(
     A mode may turn unstable later than another by a change that leaves the first onset alone. Of
     many modes the fastest has a column, then those that some design silences.
     """
-    by_line = [_together(line.modes, families or {}) for line in lines]
+    by_line = [by_mode(line.modes, families or {}) for line in lines]
     fastest: dict[int, Row] = {}
     for track, row in ((t, row) for modes in by_line for t, row in modes.items()):
         if track not in fastest or row["max_growth_rate"] > fastest[track]["max_growth_rate"]:

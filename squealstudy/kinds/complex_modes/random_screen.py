@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,7 +87,7 @@ def _numbering(table: pd.DataFrame) -> list[str]:
     """Text on tracks that are one mode, and on those that may be two."""
     rows = table[table["quantity"] == "track"].drop_duplicates("track")
     listed = [
-        " and ".join(map(track_number, tracks.split(", ")))
+        _in_words(map(track_number, tracks.split(", ")))
         for tracks in rows["tracks"]
         if ", " in tracks
     ]
@@ -97,6 +97,12 @@ def _numbering(table: pd.DataFrame) -> list[str]:
     return texts
 
 
+def _in_words(names: Iterable[str]) -> str:
+    """All names as a sentence has them: ``T1, T2 and T3``."""
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
+
+
 def families_in_words(table: pd.DataFrame) -> list[str]:
     """Text on tracks of a ranking that are one mode."""
     sentences = []
@@ -104,19 +110,20 @@ def families_in_words(table: pd.DataFrame) -> list[str]:
         "family", sort=False
     ):
         if len(family_tracks) > 1:
-            names = " and ".join(map(track_number, sorted(family_tracks["track"].tolist())))
-            most, share = (
-                int(family_tracks["family_modes"].iloc[0]),
-                family_tracks["family_points"] / family_tracks["points"],
-            )
-            text = (
-                "are one unstable mode, which changes its number"
-                if most == 1
-                else (f"are {plural(most, 'unstable mode')}, which change their numbers")
+            first = family_tracks.iloc[0]
+            most, percentage = (
+                int(first["family_modes"]),
+                in_digits(100 * first["family_points"] / first["points"], 1),
             )
             sentences.append(
-                f"{names} {text} between design points: one or another of these is unstable at "
-                f"{in_digits(100 * share.iloc[0], 1)} % of them"
+                f"{_in_words(map(track_number, sorted(family_tracks['track'].tolist())))} "
+                + (
+                    "are one unstable mode, which changes its number between design points: it is "
+                    f"unstable at {percentage} % of them"
+                    if most == 1
+                    else f"stand for {most} modes that swap numbers between design points, so that "
+                    f"a line may be of both: at least one is unstable at {percentage} % of them"
+                )
             )
     return sentences
 

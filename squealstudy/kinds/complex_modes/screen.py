@@ -13,9 +13,8 @@ from squealstudy.engine.table_rows import ranked_modes
 from squealstudy.kinds.complex_modes.answer import (
     answer,
     contact_rows,
-    how_many,
-    over_designs,
     row_text,
+    what_is_unstable,
 )
 from squealstudy.kinds.complex_modes.design_lines import design_lines, design_table
 from squealstudy.kinds.complex_modes.error_text import (
@@ -181,7 +180,7 @@ class ComplexModesScreen(KindScreen):
             return _no_mode(results, None) + but
         wide = table.iloc[int(table["family_points"].to_numpy().argmax())]
         fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
-        text = over_designs(design_lines(results)) + how_many(results, table)
+        text = what_is_unstable(results, table, design_lines(results))
         text += "".join(f"; {family}" for family in families_in_words(table)) + ". "
         share = in_digits(100 * wide["family_points"] / wide["points"])
         text += f"Most widespread: {row_text(wide)}, at {share} % of {_counted(results, None)}. "

@@ -19,6 +19,7 @@ class MethodStabilityFacts(FactGroup):
     agreement: Finite | None = None
     judged: Count = 0
     unflagged_wrong: Count = 0
+    unpredicted_failures: Count = 0
     counts: dict[str, Count] = Field(default_factory=dict)
 
 
