@@ -8,6 +8,9 @@ import numpy as np
 
 LIGHT_DAMPING = 0.05  # zeta below: the modes that errors are stated for, growing ones among them
 MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which a full-order root has a partner
+# of a full-order root to the edge of a band, over the largest distance of a pair, within which its
+# partner may be outside; in any case relative
+EDGE_TO_DISTANCE, MOST_EDGE_REL_DISTANCE = 3.0, 1e-3
 MIN_DISTANCE_TO_ERROR = 100.0  # errors of the full-order root above which a distance says something
 
 
@@ -140,19 +143,28 @@ class FullOrderPairs(NamedTuple):
 
 
 def paired_with_full_order(
-    lam: np.ndarray, full: np.ndarray, error: np.ndarray | float = 0.0
+    lam: np.ndarray,
+    full: np.ndarray,
+    error: np.ndarray | float = 0.0,
+    band_hz: tuple[float, float] = (0.0, np.inf),
 ) -> FullOrderPairs:
     """Pair the roots lam (m,) of a point with full-order roots (n,), all rad/s.
 
-    `error` (n,) is that of the full-order roots themselves.
+    `error` (n,) is that of the full-order roots themselves. A root at an edge of the band is not
+    missed where the distances of pairs explain that its partner lies beyond.
     """
     judged = (np.abs(full.real) < LIGHT_DAMPING * np.abs(full)) | (full.real > 0)
     full, errors = full[judged], np.broadcast_to(error, judged.shape)[judged]
     distance = np.abs(full[:, None] - lam[None, :])
     partner = partners(distance / np.abs(full)[:, None], MAX_PAIR_REL_DISTANCE)
     is_paired = partner >= 0
+    alone = full[~is_paired]
     row, full, errors = partner[is_paired], full[is_paired], errors[is_paired]
     resolved = np.abs(full - lam[row]) > MIN_DISTANCE_TO_ERROR * errors
+    apart = float((np.abs(full - lam[row]) / np.abs(full)).max(initial=0.0))
+    beyond = min(EDGE_TO_DISTANCE * apart, MOST_EDGE_REL_DISTANCE)
+    size = np.abs(alone)[:, None] / (2 * np.pi)
+    at_edge = (np.abs(size - np.array(band_hz)) <= beyond * size).any(axis=1)
     return FullOrderPairs(
-        row=row, lam=lam[row], full=full, resolved=resolved, missed=int((~is_paired).sum())
+        row=row, lam=lam[row], full=full, resolved=resolved, missed=int((~at_edge).sum())
     )

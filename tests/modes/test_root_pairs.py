@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from squealstudy.root_pairs import by_modulus, least_assignment, partner_distances, partners
+from squealstudy.root_pairs import (
+    by_modulus,
+    least_assignment,
+    paired_with_full_order,
+    partner_distances,
+    partners,
+)
 
 LIMIT = 0.05
 
@@ -74,3 +80,18 @@ def test_round_off_does_not_number_modes_of_one_modulus():
         rows = by_modulus(np.array([lam, lam[::-1]]), np.array([lam, lam[::-1]]).imag == 0)
         assert rows.tolist() == [[4, 3, 1, 2, 0], [0, 1, 3, 2, 4]]
     assert by_modulus(np.zeros((2, 0)), np.zeros((2, 0))).shape == (2, 0)
+
+
+def test_a_root_at_the_edge_of_the_band_is_not_missed_where_its_partner_lies_beyond():
+    """Of paper_stability: 7999.9 Hz at full order, 8000.6 Hz reduced, of a band to 8000 Hz."""
+    full = 2j * np.pi * np.array([3000.0, 5000.0, 7999.9]) - 1.0
+    reduced = full[:2] * (1 + 5e-5)
+    band_hz = (500.0, 8000.0)
+    assert paired_with_full_order(reduced, full, 0.0, band_hz).missed == 0
+    assert paired_with_full_order(reduced, full, 0.0).missed == 1  # of no band
+    exact = full[:2] * (1 + 1e-9)  # a reduction that does not err so much
+    assert paired_with_full_order(exact, full, 0.0, band_hz).missed == 1
+    within = np.append(full[:2], 2j * np.pi * 7900.0)
+    assert paired_with_full_order(reduced, within, 0.0, band_hz).missed == 1
+    rough = full[:2] * (1 + 2e-2)  # however much it errs: 1e-3 at most
+    assert paired_with_full_order(rough, within, 0.0, band_hz).missed == 1

@@ -116,8 +116,9 @@ def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[Desi
             f"{name} {amount(value, results.units.get(name, ''))}"
             for name, value in line.design.items()
         )
-        named = ", ".join(told[:MOST_MODES])
-        more = f" and {plural(len(told) - MOST_MODES, 'other')}" if len(told) > MOST_MODES else ""
+        n_told = len(told) if len(told) == MOST_MODES + 1 else MOST_MODES
+        named = ", ".join(told[:n_told])
+        more = f" and {plural(len(told) - n_told, 'other')}" if len(told) > n_told else ""
         nothing = "nothing" if line.sure and line.solved else "nothing that is known"
         texts.append(f"with {design} {named or nothing}{more}")
     return f"Unstable {band_text(results.fact('band_hz'))}: {'; '.join(texts)}"

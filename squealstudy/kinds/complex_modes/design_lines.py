@@ -179,11 +179,13 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     onsets = results.onsets if "onsets" in results.tables else None
     line = onsets if parameter_columns(results.points, varied=True) == [along] else None
     tracks_of = table["family"].value_counts()  # of one mode whose number changes, several
+    # the last of one too many is named, too: "and 1 other" is as long
+    n_told = len(tracked) if len(tracked) == MOST_MODES + 1 else MOST_MODES
     texts = [
         f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
         f"{other_frequency(row, onsets)}"
         f"{last_at(row, line if tracks_of[row['family']] == 1 else None, unit)}"
-        for row in tracked[:MOST_MODES].to_dict("records")
+        for row in tracked[:n_told].to_dict("records")
     ]
     least = f" already at the least {along}"
     n_untold = len(tracked) - len(texts)

@@ -69,8 +69,8 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
         text += "; the basis was enriched"
         if reduction > tolerance:
             text += (
-                f", which is not enough for {100 * tolerance:g} %: a smaller [reduction] tolerance "
-                "is"
+                f" and still misses its tolerance of {100 * tolerance:g} %: a smaller tolerance "
+                "in [reduction] enriches it more"
             )
     return [("estimates", text)]
 

@@ -108,7 +108,10 @@ FACTORS = (2.0, 5.0)
 
 
 def audited(
-    store: Store, ids: Sequence[str], references: Mapping[str, Mapping[str, Any]]
+    store: Store,
+    ids: Sequence[str],
+    references: Mapping[str, Mapping[str, Any]],
+    band_hz: tuple[float, float],
 ) -> dict[str, Any]:
     """True errors beside estimates over the light modes of the checked points among `ids`.
 
@@ -132,7 +135,7 @@ def audited(
             point_modes["growth_rate"].to_numpy(),
         )
         lam = growth + 1j * np.sqrt(np.maximum(size**2 - growth**2, 0.0))
-        pairs = paired_with_full_order(lam, *reference_roots(references[point_id]))
+        pairs = paired_with_full_order(lam, *reference_roots(references[point_id]), band_hz)
         true.append(pairs.error / np.abs(pairs.full))
         estimate.append(point_modes["error_estimate"].to_numpy()[pairs.row] / np.abs(pairs.full))
         missed += pairs.missed

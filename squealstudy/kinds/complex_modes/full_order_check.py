@@ -62,7 +62,7 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
     try:
         prepared = prepared_of(task.point) if task.stacked else load_any(task.point.structure)
         full = solve_unreduced(prepared, task.point, task.settings, task.band_hz, check=True)
-        pairs = paired_with_full_order(task.lam, full.lam, full.error_rung)
+        pairs = paired_with_full_order(task.lam, full.lam, full.error_rung, task.band_hz)
         check |= {
             "status": "ok",
             **({} if np.isnan(pairs.frequency_error) else _errors(pairs)),

@@ -234,7 +234,7 @@ class ComplexModes(ModelKind):
         served = {str(k): int(n) for k, n in points["method"].value_counts().items() if k}
         if plan.study.definition.modes.audit:
             ids = [plan.tasks[i].point_id for i in checked_points(plan)]
-            facts["audit"] = audited(store, ids, store.references())
+            facts["audit"] = audited(store, ids, store.references(), plan.band_hz)
         reason = plan.method.reason
         for structure in swept_structures(plan) if plan.method.rung.over_a_basis else ():
             if structure.refusal and not structure.has_basis:
