@@ -37,7 +37,8 @@ NAME_BREAKS = "_./"  # after which a name that is too long is broken
 PIECES = re.compile(r"[^\s_]+[\s_]*|[\s_]+")  # of a title: names of parameters have underscores
 MOST_ACROSS, MOST_UP = 45, 30  # points of a map of letters
 LEAST_WIDTH = 80  # characters; a narrower terminal wraps its lines, nothing is cut
-WIDTH_OF_FILES = 100  # of what is written to a file or a pipe, or stands in a page
+WIDTH_OF_FILES = 110  # of what is written to a file or a pipe, or stands in a page
+WIDTH_OF_SENTENCES = 100  # there
 # columns of a grid: numbers and values stand right, and only texts are broken into lines
 NUMBER, VALUES, WORD, TEXT = "number", "value", "word", "text"
 GAP = 2  # characters between columns
@@ -66,25 +67,31 @@ def plain(text: str) -> str:
     return "".join(c if c == "\n" or category(c)[0] != "C" else ascii(c)[1:-1] for c in text)
 
 
-def show(*parts: RenderableType, whole: bool = False) -> None:
+def show(*parts: RenderableType, unbroken: bool = False) -> None:
     """Print to stdout, sentences broken between words to the width of the screen.
 
-    `whole`: texts are paths or commands to be copied, of which each stays in one line. So does a
+    `unbroken`: texts are paths or commands to be copied, of which each stays in one line. So does a
     text with a word longer than a line.
     """
     with named(STDOUT):
         for part in parts:
+            to_file = not (console.is_terminal or console.is_jupyter)
+            width = WIDTH_OF_SENTENCES if to_file else console.width
             is_text = isinstance(part, str)
-            unbroken = is_text and (
-                whole or max(map(len, str(part).split()), default=0) > console.width
-            )
-            overflow: OverflowMethod | None = "ignore" if unbroken else None
+            longest_word = max(map(len, str(part).split()), default=0) if is_text else 0
+            is_line = is_text and (unbroken or longest_word > width)
+            overflow: OverflowMethod | None = "ignore" if is_line else None
             text_or_part = plain(str(part)) if is_text else part
-            if console.is_terminal or console.is_jupyter:
+            if not to_file:
                 console.print(text_or_part, crop=False, overflow=overflow)
                 continue
             with console.capture() as captured:
-                console.print(text_or_part, crop=False, overflow=overflow)
+                console.print(
+                    text_or_part,
+                    crop=False,
+                    overflow=overflow,
+                    width=width if is_text and not is_line else None,
+                )
             console.file.write(_without_trailing_blanks(captured.get()))
 
 

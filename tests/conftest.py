@@ -155,6 +155,12 @@ def pytest_collection():
     return done
 
 
+@pytest.fixture(autouse=True)
+def sentences_in_one_line(monkeypatch):
+    """Tests look for what is said, not for where a line of a file is broken."""
+    monkeypatch.setattr("squealstudy.screen.WIDTH_OF_SENTENCES", 100_000)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def compiled_kernels(request):
     """Waits for the kernels where they are being compiled, and loads them."""

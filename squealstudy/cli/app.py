@@ -59,7 +59,7 @@ def _version(wanted: bool) -> None:
 
     parts = [f"{NAME} {__version__}", f"Python {platform.python_version()}"]
     parts += [f"{name} {version(name)}" for name in LIBRARIES]
-    screen.show(", ".join([*parts, f"{platform.system()} {platform.machine()}"]), whole=True)
+    screen.show(", ".join([*parts, f"{platform.system()} {platform.machine()}"]), unbroken=True)
     raise typer.Exit(DONE)
 
 

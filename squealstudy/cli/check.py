@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -11,6 +13,7 @@ import numpy as np
 
 from squealstudy.cli.run import fidelity
 from squealstudy.engine.forecast import Estimate, estimate, run_seconds
+from squealstudy.engine.forecast_by_size import SizeForecast
 from squealstudy.engine.key_tables import key_tables
 from squealstudy.engine.kind import as_kind
 from squealstudy.engine.manifest import check_owner, outdated
@@ -155,6 +158,8 @@ def _facts(
     if cost.n_coordinates is not None:
         model = "model" if isinstance(study.model, FamilyDefinition) else "reduced model"
         rows.append((model, f"{cost.n_coordinates} degrees of freedom"))
+    if cost.by_size is not None and missing:
+        return [*rows, ("time", _by_size(plan, cost, cost.by_size, missing, jobs))]
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
     if not missing:
@@ -167,12 +172,37 @@ def _facts(
         *rows,
         (
             "time",
-            f"{duration(least)} to {duration(longest)} without pictures: an exact point takes "
+            f"{_from_to(least, longest)} without pictures: an exact point takes "
             f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{bound}",
         ),
         *_between(plan, cost.point_s, jobs),
         ("memory", _memory((cost.memory_mb or 0) / 1024, workers, members)),
     ]
+
+
+def _by_size(plan: Plan, cost: Estimate, size: SizeForecast, missing: int, jobs: int) -> str:
+    """What a study takes of which nothing is in the cache, between two bounds."""
+    count = cost.n_missing_structures
+    ends = [
+        run_seconds(plan, replace(cost, structure_s=r, point_s=p), missing, jobs)
+        for r, p in zip(size.reduction_s, size.point_s, strict=True)
+    ]
+    each = " to ".join(map(duration, size.reduction_s))
+    text = f"{plural(count, 'reduction')} of {size.n_dof:,} degrees of freedom, {each}"
+    text += f"{' each' * (count > 1)}, {size.by}"
+    first = "--build makes the first one and times design points"
+    if not as_model_kind(plan.kind).points_are_modes:
+        return f"{text}; what follows cannot be told before: {first}"
+    low, high = ends[0][0], ends[1][1]
+    middle = duration(math.sqrt(low * high))
+    between = f"{duration(low)} to {duration(high)}"
+    return f"about {middle}, {between}, without pictures: {text}; {first}"
+
+
+def _from_to(least: float, longest: float) -> str:
+    """Two times, or one where both are said alike."""
+    ends = dict.fromkeys(map(duration, (least, longest)))
+    return " to ".join(ends) if len(ends) > 1 else f"about {next(iter(ends))}"
 
 
 def _between(plan: Plan, point_s: float, jobs: int) -> Rows:

@@ -129,7 +129,7 @@ def inspected(
         save_figure(
             correlation_figure(*measured_and_correlation, f"{component}: {path.name}"), picture
         )
-        show(f"\npicture: {picture}", whole=True)
+        show(f"\npicture: {picture}", unbroken=True)
     in_doubt = doubts(*measured_and_correlation)
     for text in in_doubt:
         warning(text)

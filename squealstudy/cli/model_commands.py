@@ -93,10 +93,10 @@ def inspect(
         from squealstudy.cli.inspect import draw, draw_modes
 
         draw(geometry, picture)
-        screen.show(f"\npicture: {picture}", whole=True)
+        screen.show(f"\npicture: {picture}", unbroken=True)
         if not geometry.file.contact:
             for written in draw_modes(geometry, picture):
-                screen.show(f"free modes: {written}", whole=True)
+                screen.show(f"free modes: {written}", unbroken=True)
     for text in inspection.doubts:
         screen.warning(text)
     if inspection.doubts:

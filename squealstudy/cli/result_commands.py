@@ -116,7 +116,7 @@ def plot(
     """Draw every picture that the tables of the results allow."""
     from squealstudy import face, screen
 
-    screen.show(*map(str, face.open_results(results).draw(output)), whole=True)
+    screen.show(*map(str, face.open_results(results).draw(output)), unbroken=True)
 
 
 @on_results
@@ -141,7 +141,7 @@ def report(
     from squealstudy.engine.report import write_report
 
     write_report([face.open_results(path) for path in results], output, shapes)
-    screen.show(str(output), whole=True)
+    screen.show(str(output), unbroken=True)
 
 
 @on_results
@@ -156,7 +156,7 @@ def explore(
     from squealstudy import face, screen
 
     explorer = face.open_results(results).explore(where)
-    screen.show(str(explorer.save(output)), whole=True)
+    screen.show(str(explorer.save(output)), unbroken=True)
 
 
 @on_results

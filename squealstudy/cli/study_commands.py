@@ -175,7 +175,7 @@ def new(
     from squealstudy.engine.template import new_study
 
     written = new_study(path, kind, model, whole, schema_too)
-    screen.show(f"{written}: now change it, then squealstudy check {written}", whole=True)
+    screen.show(f"{written}: now change it, then squealstudy check {written}", unbroken=True)
 
 
 def examples(
@@ -204,8 +204,8 @@ def examples(
         return
     written = write_example(name, output)
     first = [path for path in written if path.stem in shipped()[name].after]
-    screen.show(*map(str, written), "", whole=True)
-    screen.show(*(f"squealstudy run {path}" for path in (*first, written[0])), whole=True)
+    screen.show(*map(str, written), "", unbroken=True)
+    screen.show(*(f"squealstudy run {path}" for path in (*first, written[0])), unbroken=True)
 
 
 def schema(

@@ -46,6 +46,8 @@ NO_MORE_FILES = (errno.EMFILE, errno.ENFILE)
 META, MODELS = "meta.json", "models"
 GAPS_SUFFIX = ".npz"  # of files of working points
 FORMAT = 4  # of a folder: what an earlier version wrote is made again
+MOST_PAST, LEAST_MESH_DOF = 30, 1000  # reductions that tell of others: how many, how large
+PROJECTION_S = "projection_s"  # in the timings of one by a basis that serves a range
 FEWEST_KEPT_GAPS = 16  # of a working point: fewer are solved sooner than they are read
 Prepared = PreparedModel | PreparedFamily
 
@@ -258,6 +260,23 @@ def load_prepared(key: str) -> PreparedModel:
     if not isinstance(prepared, PreparedModel):
         raise TypeError(f"{key} is a family of matrices")
     return prepared
+
+
+def past_reductions() -> list[tuple[int, float]]:
+    """Degrees of freedom of structures that the cache holds, and seconds that each took.
+
+    Of those that were reduced from their meshes, the last ones; arrays are not looked at.
+    """
+    folders = (cache_directory() / MODELS).glob(f"[!.]*/{META}")
+    last = sorted((p for p in folders if is_plain_file(p)), key=lambda p: -p.stat().st_mtime)
+    times = []
+    for path in last[:MOST_PAST]:
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            fields = unsealed(read_whole(path, OF_JSON))["value"]["fields"]
+            seconds, n_dof = fields["timings"]["mapping"], int(fields["n_dof"])
+            if n_dof >= LEAST_MESH_DOF and PROJECTION_S not in seconds:
+                times.append((n_dof, float(sum(seconds.values()))))
+    return times
 
 
 @lru_cache(maxsize=4)

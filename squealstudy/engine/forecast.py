@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from squealstudy.engine.cache import is_prepared, load_any, load_prepared
+from squealstudy.engine.forecast_by_size import SizeForecast, forecast_by_size
 from squealstudy.engine.model_kind import ModelKind, as_model_kind
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.structures import build_structure, build_task
@@ -46,6 +47,8 @@ class Estimate:
         Peak memory of this process after the timed points; each worker needs about as much.
     n_coordinates : int or None
         Degrees of freedom of the reduced model.
+    by_size : SizeForecast or None
+        What is told in place of these where no structure of the study is in the cache.
     reason : str
         Why a figure is missing.
     """
@@ -55,6 +58,7 @@ class Estimate:
     point_s: float | None = None
     memory_mb: float | None = None
     n_coordinates: int | None = None
+    by_size: SizeForecast | None = None
     reason: str = ""
 
 
@@ -135,6 +139,7 @@ def estimate(plan: Plan) -> Estimate:
     if not ready:
         return Estimate(
             missing,
+            by_size=forecast_by_size(plan),
             reason="no reduced model of this study is in the cache yet; --build makes the first "
             "one and times it",
         )

@@ -87,6 +87,8 @@ class ModelKind(Kind):
         Its design points are solved by a rung of reanalysis, `[modes] method`.
     has_fidelity : bool
         Its settings can be chosen by `[fidelity]`.
+    points_are_modes : bool
+        A design point is a solve of complex modes: its time follows from the size of a model.
     needs_contact : bool
         It cannot be made of a family of matrices.
     """
@@ -99,6 +101,7 @@ class ModelKind(Kind):
     tells_reduction: bool = True
     chooses_rung: bool = False
     has_fidelity: bool = False
+    points_are_modes: bool = False
     needs_contact: bool = True
 
     # -- the study file --------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from squealstudy.kinds.complex_modes.design_lines import (
     _onsets_by_mode,
     design_lines,
     extremes_in_words,
+    growth_in_words,
     last_at,
     onsets_in_words,
     other_frequency,
@@ -288,12 +289,35 @@ def test_a_mode_has_the_frequency_of_its_onset_where_it_grows_at_another():
     onsets = pd.DataFrame(
         {"track": [1, 1, 2], "onset": [0.5, 0.4, 0.4], "frequency_hz": [120.0, 116.4, 300.0]}
     )
-    row = {"track": 1, "threshold": 0.4, "frequency_hz": 75.2}
+    row = {"track": 1, "threshold": 0.4, "threshold_kind": "refined", "frequency_hz": 75.2}
     assert other_frequency(row, onsets) == " (116 Hz there)"
     assert other_frequency(row | {"frequency_hz": 115.0}, onsets) == ""
     assert other_frequency(row | {"threshold": 0.45}, onsets) == ""  # interpolated: not refined
     assert other_frequency(row | {"threshold": np.nan}, onsets) == ""
     assert other_frequency(row, None) == ""
+    below = row | {"threshold": np.nan, "threshold_kind": "below range"}
+    onsets = onsets.assign(status=["refined", "below_range", "below_range"])
+    assert other_frequency(below, onsets) == " (116 Hz there)"
+    several = onsets.assign(status="below_range")  # at the least value of more than one design
+    assert other_frequency(below, several) == " (116 to 120 Hz there)"
+    assert other_frequency(below | {"track": 2, "frequency_hz": 301.0}, onsets) == ""
+
+
+def test_the_designs_of_the_fastest_and_of_the_slowest_growth_are_named():
+    results = SimpleNamespace(units={"angle": "deg"})
+
+    def line(angle, growth, solved=4):
+        fastest = {"max_growth_rate": growth} if growth else None
+        return DesignLine({"angle": angle}, 2, solved, True, 0.3, "", None, fastest, {})
+
+    lines = [line(0.0, 379.4), line(45.0, 499.2), line(90.0, 421.8)]
+    assert growth_in_words(results, lines) == (
+        " The fastest growth is largest with angle 45 deg (499.2 1/s) and least with angle 0 deg "
+        "(379.4 1/s)."
+    )
+    for other in (line(135.0, None), line(135.0, 400.0, solved=3)):
+        assert growth_in_words(results, [*lines, other]) == ""
+    assert growth_in_words(results, [lines[0], line(45.0, 379.5)]) == ""
 
 
 def test_where_all_is_unstable_the_answer_is_how_fast_it_grows(tmp_path):
@@ -317,10 +341,10 @@ def test_where_all_is_unstable_the_answer_is_how_fast_it_grows(tmp_path):
 def test_modes_that_are_all_unstable_from_the_first_value_say_so_once(tmp_path):
     results = results_of(tmp_path / "r", [0.4, 0.5], [75.0])
     row = results.rank().iloc[0].to_dict()
-    rows = [row | {"track": n, "frequency_hz": 100.0 * n, "family": n} for n in (1, 2)]
+    rows = [row | {"track": n, "frequency_hz": 90.0 * n, "family": n} for n in (1, 2)]
     table = pd.DataFrame(rows).assign(family_modes=1)
     said = onsets_in_words(results, table)
-    assert said == "T1 at 100 Hz, T2 at 200 Hz, all already at the least friction"
+    assert said == "T1 at 90 Hz, T2 at 180 Hz, all already at the least friction"
 
 
 def test_what_designs_change_of_the_contact_is_told_at_the_same_friction(tmp_path):

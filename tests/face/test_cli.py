@@ -322,11 +322,23 @@ def test_check_of_a_design_study_says_what_comes_on_top(capsys):
     assert "up to 400 designs of the search, and the proof of the one" in screen
 
 
-def test_check_says_why_it_cannot_estimate(study, monkeypatch, capsys, tmp_path):
+def test_check_tells_a_time_between_bounds_before_the_first_reduction(
+    study, monkeypatch, capsys, tmp_path
+):
     monkeypatch.setenv("SQUEALSTUDY_CACHE", str(tmp_path / "empty"))
-    study.write_text(STUDY.replace('"hulten"', '"disc_brake"').replace("1000.0", "8000.0"))
+    text = STUDY.replace('"hulten"', '"disc_brake"\nmesh = "coarse"').replace("1000.0", "8000.0")
+    study.write_text(text)
+    assert command("check", "study.toml", "--jobs", "1") == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert re.search(
+        r"time about \d+ (s|min), \d+ s to \d min, without pictures: 1 reduction of", told
+    )
+    assert "14,769 degrees of freedom, 8 s to 2 min, by reductions of like size on another" in told
+    assert "--build makes the first one" in told
+    study.write_text(text.replace("complex_modes", "limit_cycles"))
     assert command("check", "study.toml") == 0
-    assert "--build" in capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
+    assert "what follows cannot be told before: --build" in told
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
@@ -14,9 +15,12 @@ from squealstudy.kinds.complex_modes.design_lines import (
     DesignLine,
     Row,
     by_mode,
+    design_text,
     extremes_in_words,
     first_at,
     first_onset,
+    growth_in_words,
+    last_at,
     modes_of_several_numbers,
     onsets_in_words,
     other_frequency,
@@ -63,7 +67,8 @@ def answer(
     if not len(table) or not onsets_in_words(results, table):
         return []
     text = f"{what_is_unstable(results, table, lines)}."
-    text += extremes_in_words(results, lines) or _growth_in_words(results, lines)
+    text += extremes_in_words(results, lines)
+    text += _growth_in_words(results, lines) or growth_in_words(results, lines)
     return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
 
 
@@ -98,29 +103,34 @@ def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[Desi
     families, texts = modes_of_several_numbers(table), []
     at_once = table.set_index("track")[["family", "family_modes"]]
     for line in lines:
+        of_design = [onsets[n].to_numpy() == v for n, v in line.design.items()]
+        on_line = onsets[np.logical_and.reduce(of_design)]
         rows = list(by_mode(line.modes, families).items())
         rows.sort(key=lambda item: _first_value(item[1]))
-        told: list[str] = []
-        told_of: Counter[int] = Counter()  # of tracks that swap numbers so many as there are modes
+        modes_in_words: list[str] = []
+        numbered_of: Counter[int] = (
+            Counter()
+        )  # of tracks that swap numbers so many as there are modes
         for track, row in rows:
             family, most = map(int, at_once.loc[track])
-            told_of[family] += 1
-            if told_of[family] <= most:
+            numbered_of[family] += 1
+            if numbered_of[family] <= most:
                 name = str(row.get("name", track_number(track))).replace(", ", "/")
                 hz, unit = frequency_text(row), results.units.get(along, "")
-                told.append(
+                modes_in_words.append(
                     f"{name}{f' at {hz} Hz' if hz else ''}{first_at(row, along, unit)}"
-                    f"{other_frequency(row, onsets)}"
+                    f"{other_frequency(row, on_line)}"
+                    f"{last_at(row, on_line if '/' not in name else None, unit)}"
                 )
-        design = ", ".join(
-            f"{name} {amount(value, results.units.get(name, ''))}"
-            for name, value in line.design.items()
+        n_told = len(modes_in_words) if len(modes_in_words) == MOST_MODES + 1 else MOST_MODES
+        named = ", ".join(modes_in_words[:n_told])
+        more = (
+            f" and {plural(len(modes_in_words) - n_told, 'other')}"
+            if len(modes_in_words) > n_told
+            else ""
         )
-        n_told = len(told) if len(told) == MOST_MODES + 1 else MOST_MODES
-        named = ", ".join(told[:n_told])
-        more = f" and {plural(len(told) - n_told, 'other')}" if len(told) > n_told else ""
         nothing = "nothing" if line.sure and line.solved else "nothing that is known"
-        texts.append(f"with {design} {named or nothing}{more}")
+        texts.append(f"with {design_text(results, line)} {named or nothing}{more}")
     return f"Unstable {band_text(results.fact('band_hz'))}: {'; '.join(texts)}"
 
 

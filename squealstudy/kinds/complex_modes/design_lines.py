@@ -138,15 +138,28 @@ def first_at(row: Row, along: str, unit: str) -> str:
 
 def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
     """The frequency of a mode at its first onset, where it is not that of its fastest growth."""
-    if onsets is None or row["threshold"] != row["threshold"]:
+    if onsets is None:
         return ""
     of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
+    if row["threshold_kind"] == BELOW_RANGE:
+        at_least = of_mode["frequency_hz"][
+            (of_mode["status"] == BELOW_RANGE.replace(" ", "_")).to_numpy(bool)
+        ]
+        return _elsewhere(sorted(at_least.dropna()), row["frequency_hz"])
+    if row["threshold"] != row["threshold"]:
+        return ""
     away = (of_mode["onset"] - row["threshold"]).abs().fillna(np.inf)
     if not len(away) or away.min() > SAME_ONSET * abs(row["threshold"]):
         return ""
-    hz = float(of_mode["frequency_hz"][away.idxmin()])
-    other = abs(hz - row["frequency_hz"]) > OTHER_FREQUENCY * row["frequency_hz"]
-    return f" ({in_digits(hz)} Hz there)" if other else ""
+    return _elsewhere([float(of_mode["frequency_hz"][away.idxmin()])], row["frequency_hz"])
+
+
+def _elsewhere(frequencies: list[float], hz: float) -> str:
+    """The frequencies of a mode at one place where they are not its frequency; else empty."""
+    if not frequencies or max(abs(other - hz) for other in frequencies) <= OTHER_FREQUENCY * hz:
+        return ""
+    ends = dict.fromkeys(in_digits(end) for end in (frequencies[0], frequencies[-1]))
+    return f" ({' to '.join(ends)} Hz there)"
 
 
 def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
@@ -212,17 +225,39 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
     top, unit = float(results.points[along].max()), results.units.get(along, "")
     texts = []
     for end in ends:
-        at_extreme = [
+        at_end = [
             x for x, onset in zip(lines, first_onsets, strict=True) if _same_onset(onset, end)
         ]
-        values = [
-            f"{n} {amount(v, results.units.get(n, ''))}" for n, v in at_extreme[0].design.items()
-        ]
-        design = ", ".join(values) if len(at_extreme) == 1 else f"{len(at_extreme)} of the designs"
+        design = f"{len(at_end)} of the designs"
+        if len(at_end) == 1:
+            design = design_text(results, at_end[0])
         onset_text = f"{along} {amount(end, unit)}" if np.isfinite(end) else ""
         onset_text = onset_text or ("below range" if end < 0 else f"none up to {amount(top, unit)}")
         texts.append(f"with {design} ({onset_text})")
     return f" The first onset is earliest {texts[0]} and latest {texts[1]}."
+
+
+def growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
+    """Which design's fastest mode grows fastest, and which one's slowest, to follow others.
+
+    Empty where some design has no mode that grows, or points that failed, or where they are alike.
+    """
+    fastest = [float(x.fastest["max_growth_rate"]) if x.fastest else np.nan for x in lines]
+    if len(lines) < 2 or np.isnan(fastest).any() or len({line.solved for line in lines}) > 1:
+        return ""
+    low, high = min(fastest), max(fastest)
+    if high - low <= ALIKE_ONSETS * high:
+        return ""
+    texts = [
+        f"with {design_text(results, lines[fastest.index(end)])} ({in_digits(end, 1)} 1/s)"
+        for end in (high, low)
+    ]
+    return f" The fastest growth is largest {texts[0]} and least {texts[1]}."
+
+
+def design_text(results: ResultTables, line: DesignLine) -> str:
+    """The values of a design with their names."""
+    return ", ".join(f"{n} {amount(v, results.units.get(n, ''))}" for n, v in line.design.items())
 
 
 def _same_onset(onset: float, other: float) -> bool:

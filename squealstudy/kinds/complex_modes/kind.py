@@ -72,6 +72,7 @@ class ComplexModes(ModelKind):
     schema: pa.Schema = rows.SCHEMA
     chooses_rung = True
     has_fidelity = True
+    points_are_modes = True
     needs_contact = False
 
     def stacks(self, plan: Plan) -> bool:
