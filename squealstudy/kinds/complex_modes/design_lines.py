@@ -192,7 +192,6 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     onsets = results.onsets if "onsets" in results.tables else None
     line = onsets if parameter_columns(results.points, varied=True) == [along] else None
     tracks_of = table["family"].value_counts()  # of one mode whose number changes, several
-    # the last of one too many is named, too: "and 1 other" is as long
     n_told = len(tracked) if len(tracked) == MOST_MODES + 1 else MOST_MODES
     texts = [
         f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
