@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.screen import grid, notes
-from squealstudy.tables.method_quality import at_tolerances
-from squealstudy.wording import figure
+from squealstudy.tables.method_quality import at_tolerances, usable
+from squealstudy.wording import figure, plural
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +30,19 @@ SHORT = {
     "dominant_frequency": "line",
     "energy_share": "shares",
 }
+WORDS = {
+    "frequency": "frequency",
+    "damping_ratio": "damping ratio",
+    "unstable_frequency": "frequency of unstable modes",
+    "unstable_damping_ratio": "damping ratio of unstable modes",
+    "growth_rate": "growth",
+    "onset": "onset",
+    "torque_mean": "mean",
+    "torque_rms": "RMS",
+    "dominant_frequency": "loudest line",
+    "energy_share": "energy shares",
+}
+MOST_ROWS = 24  # measurements listed; of more one of each method
 SHOWN_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
@@ -40,22 +54,71 @@ class WorkPrecisionScreen(KindScreen):
     unfinished = False
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """The cheapest within each tolerance, then every measurement."""
+        """The cheapest within each tolerance, then every measurement, or of many those that say."""
         return [self.verdict(results), "", _fronts(results), "", *_measurements(results)]
 
     def verdict(self, results: ResultTables) -> str:
-        """Cheapest measurement within the middle one of the tolerances that are met."""
-        met = _front(results)
-        if not len(met):
-            return "No method meets a tolerance of 1e-01."
-        row = met.iloc[len(met) // 2]
-        text = f"With all errors within {row['tolerance']:.0e} '{row['cheapest']}' costs least, "
-        text += f"{row['cost']:.3g} s"
+        """What costs least within the tolerance of the study, and how well its errors are known."""
+        quantities, tolerance = results.fact("quantities"), results.fact("tolerance")
+        measured = results.measurements
+        row = at_tolerances(measured, quantities, (tolerance,)).iloc[-1]
+        names = [WORDS[q] for q in quantities if measured[f"error_{q}"].notna().any()]
+        what = f"{', '.join(names[:-1])}{' and ' * (len(names) > 1)}{names[-1] if names else ''}"
+        others = int((usable(measured) & ~measured["reference"].to_numpy(bool)).sum())
+        of_all = f"of {plural(others, 'measurement')} against '{results.fact('reference')}'"
+        if not row["cheapest"]:
+            exact = _most_exact(measured, quantities)
+            return f"None {of_all} is within {tolerance:g} in {what}{exact}."
+        text = (
+            f"'{row['cheapest']}' costs least {of_all} within {tolerance:g} in {what}: "
+            f"{row['cost']:.3g} s {'an onset' if quantities[-1] == 'onset' else 'a point'}"
+        )
         if row["default"] == row["cheapest"]:
-            text += ", which is the default"
+            text += ", by the default method"
         elif row["default"]:
             text += f"; the default, '{row['default']}', {row['ratio']:.2f} times that"
+        elif measured["default"].any():
+            text += "; the default is within it at no setting"
+        chosen = measured[(measured["label"] == row["cheapest"]).to_numpy(bool)].iloc[0]
+        text += f". Its largest error is {row['error']:.1e}"
+        high = max(float(chosen[f"high_{q}"]) for q in quantities if f"high_{q}" in measured)
+        if high > max(row["error"], tolerance):
+            text += f", but chance alone leaves it open up to {high:.1e} (95 % bounds)"
         return f"{text}."
+
+
+def _largest_errors(measurements: pd.DataFrame, quantities: Sequence[str]) -> np.ndarray:
+    """Of all that was measured (n,), infinite where a measurement does not count."""
+    names = [f"error_{q}" for q in quantities]
+    errors = measurements[[n for n in names if measurements[n].notna().any()]].to_numpy(float)
+    largest = errors.max(axis=1, initial=0.0)
+    return np.where(usable(measurements) & np.isfinite(largest), largest, np.inf)
+
+
+def _most_exact(measurements: pd.DataFrame, quantities: Sequence[str]) -> str:
+    """The measurement with the least error, where one counts."""
+    candidates = measurements[~measurements["reference"].to_numpy(bool)]
+    errors = _largest_errors(candidates, quantities)
+    if not np.isfinite(errors).any():
+        return ""
+    least = int(errors.argmin())
+    return f"; the most exact is '{candidates['label'].iloc[least]}', with {errors[least]:.1e}"
+
+
+def _listed(results: ResultTables) -> pd.DataFrame:
+    """All measurements; of many the reference and one of each method.
+
+    That is the cheapest within the tolerance of the study, or the most exact where none is.
+    """
+    table = results.measurements
+    if len(table) <= MOST_ROWS:
+        return table
+    errors = _largest_errors(table, results.fact("quantities"))
+    order = np.where(errors <= results.fact("tolerance"), 0.0, errors)
+    ranked = table.assign(_error=order).sort_values(["_error", "cost"], kind="stable")
+    first_of_method = ranked[~ranked["reference"].to_numpy(bool)].drop_duplicates("method")
+    rows = table["reference"].to_numpy(bool) | table.index.isin(first_of_method.index)
+    return table[rows]
 
 
 def _measurements(results: ResultTables) -> list[RenderableType]:
@@ -77,7 +140,8 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
 
     titles = ["s a point", *("s an onset" for _ in lines), "set-up s", "MB", "passes"]
     titles += [SHORT[q] for q in quantities]
-    table = results.measurements
+    table = _listed(results)
+    left_out = len(results.measurements) - len(table)
     shown = grid(
         "text:method",
         *(f"value:{title}" for title in titles),
@@ -89,6 +153,10 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
         "*: no more than the 95 % bounds of both explain" if within else "",
         f"errors against {results.fact('reference')}, the largest of all measured points; cost "
         f"in the chart: seconds a point and 1/{results.fact('over')} of the set-up",
+        f"of each method the cheapest within {results.fact('tolerance'):g}, or the most exact; "
+        f"{left_out} more in the measurements table"
+        if left_out
+        else "",
     )
     return [shown, legend]
 

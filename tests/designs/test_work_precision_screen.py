@@ -1,0 +1,81 @@
+"""The answer of a study of methods: what costs least within its tolerance, and how sure that is."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from squealstudy.kinds.work_precision.screen import MOST_ROWS, SCREEN, WORDS
+from squealstudy.kinds.work_precision.section import FREQUENCY_QUANTITIES, TIME_QUANTITIES
+from squealstudy.screen import as_text
+
+
+def results_of(*rows, tolerance=1e-2, quantity="torque_rms"):
+    """Rows of (method, label, default, cost, error, upper bound of the error)."""
+    names = ["method", "label", "default", "cost", f"error_{quantity}", f"high_{quantity}"]
+    table = pd.DataFrame([("exact", "exact", False, 9.0, 0.0, 0.0), *rows], columns=names)
+    table = table.assign(
+        reference=table["method"] == "exact",
+        status="ok",
+        n_failed=0,
+        missed=0,
+        spurious=0,
+        seconds_median=table["cost"],
+        setup_seconds=0.0,
+        memory_mb=1.0,
+        iterations=1.0,
+    )
+    table[f"within_{quantity}"] = False
+    facts = {"quantities": [quantity], "tolerance": tolerance, "over": 2, "reference": "exact"}
+    return SimpleNamespace(measurements=table, fact=facts.__getitem__)
+
+
+ROUGH = ("newmark", "newmark, step 4", False, 1.0, 5e-2, 6e-2)
+FINE = ("newmark", "newmark, step 1", False, 4.0, 1e-3, 2e-3)
+USUAL = ("usual", "usual, step 1", True, 6.0, 2e-3, 7e-2)
+
+
+def test_the_cheapest_within_the_tolerance_of_the_study_is_told():
+    told = SCREEN.verdict(results_of(ROUGH, FINE, USUAL))
+    assert told == (
+        "'newmark, step 1' costs least of 3 measurements against 'exact' within 0.01 in RMS: 4 s a "
+        "point; the default, 'usual, step 1', 1.50 times that. Its largest error is 1.0e-03."
+    )
+    rough = SCREEN.verdict(results_of(ROUGH, FINE, USUAL, tolerance=0.1))
+    assert rough.startswith("'newmark, step 4' costs least of 3 measurements")
+
+
+def test_an_error_that_chance_may_hide_is_told_with_its_bound():
+    told = SCREEN.verdict(results_of(USUAL))
+    assert ": 6 s a point, by the default method. Its largest error is 2.0e-03, but chance" in told
+    assert told.endswith("chance alone leaves it open up to 7.0e-02 (95 % bounds).")
+
+
+def test_where_none_is_within_it_the_most_exact_is_told():
+    told = SCREEN.verdict(results_of(ROUGH, USUAL, tolerance=1e-4))
+    assert told == (
+        "None of 2 measurements against 'exact' is within 0.0001 in RMS; the most exact is "
+        "'usual, step 1', with 2.0e-03."
+    )
+    other = (*USUAL[:2], False, *USUAL[3:])
+    told = SCREEN.verdict(results_of((*ROUGH[:2], True, *ROUGH[3:]), other))
+    assert "; the default is within it at no setting. Its largest error" in told
+
+
+def test_of_many_measurements_one_of_each_method_is_listed():
+    many = [("newmark", f"newmark, step {k}", False, 1.0 + k, 9e-3, 9e-3) for k in range(MOST_ROWS)]
+    text = as_text(SCREEN.findings(results_of(*many, USUAL, ROUGH)))
+    shown = text.split("passes")[1]
+    assert "newmark, step 0" in shown
+    assert "newmark, step 1" not in shown
+    assert "exact (reference)" in shown
+    assert "usual, step 1" in shown
+    assert f"or the most exact; {MOST_ROWS} more in the measurements table" in text
+    assert "more in the measurements" not in as_text(SCREEN.findings(results_of(ROUGH, USUAL)))
+
+
+@pytest.mark.parametrize("quantity", [*FREQUENCY_QUANTITIES, *TIME_QUANTITIES])
+def test_every_quantity_has_words(quantity):
+    assert WORDS[quantity]
