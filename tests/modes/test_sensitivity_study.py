@@ -16,6 +16,7 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError, StudyFileError
+from squealstudy.kinds.sensitivity.screen import _strongest_in_words
 from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables
 from squealstudy.plots.sensitivity_bars import sensitivity_bars
 from squealstudy.reduction import working_point
@@ -293,3 +294,26 @@ def test_bars_show_both_changes_and_hatch_the_meaningless(results):
     assert labels[0].startswith(mode["parameter"].iloc[0])
     assert step_text(mode[mode["parameter"] == "friction"].iloc[0]) == "+1 %"
     assert step_text(mode[mode["parameter"] == "damping_ratio"].iloc[0]) == "+0.01"
+
+
+def test_what_moves_growth_most_is_told_by_reanalysis():
+    """Of paper_sensitivity: to first order an outer pad's mode comes second, by reanalysis not."""
+    rows = [
+        ("disc.modes[26].frequency_scale", 27.41, 21.49),
+        ("disc.modes[25].frequency_scale", -15.29, -15.64),
+        ("outer_pad.modes[9].frequency_scale", -11.33, -11.27),
+        ("caliper.modes[10].frequency_scale", -11.31, -11.49),
+        ("caliper.modes[7].frequency_scale", -4.592, np.nan),
+    ]
+    names = ("parameter", "predicted_growth_change", "finite_growth_change")
+    table = [
+        dict(zip(names, row, strict=True))
+        | {"component_frequency_hz": 4e3, "change": 0.01, "value": 1.0}
+        for row in rows
+    ]
+    told = _strongest_in_words(table)
+    assert told.startswith("Its growth falls most with disc.modes[25].frequency_scale")
+    assert "(-15.6 1/s) and caliper.modes[10].frequency_scale" in told
+    assert told.endswith("(+21.5 1/s).")
+    assert _strongest_in_words(table[4:]).endswith("(-4.59 1/s).")  # where there is no other
+    assert _strongest_in_words([]) == ""

@@ -103,17 +103,22 @@ def sensitivities(
 
 
 def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:
-    """Parameters that lower and raise growth most, by its first-order change."""
+    """What lowers and what raises growth most over its step, by reanalysis where there is one."""
+    changes = [
+        (float(finite if np.isfinite(finite) else row["predicted_growth_change"]), row)
+        for row in rows
+        for finite in [row["finite_growth_change"]]
+    ]
     texts = []
     for sign, verb in ((-1.0, "falls"), (1.0, "rises")):
-        with_sign = [row for row in rows if sign * row["predicted_growth_change"] > 0.0]
-        with_sign.sort(key=lambda row: -abs(float(row["predicted_growth_change"])))
+        with_sign = [pair for pair in changes if sign * pair[0] > 0.0]
+        with_sign.sort(key=lambda pair: -abs(pair[0]))
         named = [
-            f"{parameter_text(row)} {step_text(row)} ({row['predicted_growth_change']:+.3g} 1/s)"
-            for row in with_sign[:MOST_NAMED]
+            f"{parameter_text(row)} {step_text(row)} ({change:+.3g} 1/s)"
+            for change, row in with_sign[:MOST_NAMED]
         ]
-        texts += [f"Of these steps growth {verb} most by {', '.join(named)}."] if named else []
-    return " ".join(texts)
+        texts += [f"{verb} most with {' and '.join(named)}"] if named else []
+    return f"Its growth {'; it '.join(texts)}." if texts else ""
 
 
 def _why_no_mode(results: ResultTables) -> str:
@@ -138,7 +143,12 @@ def _headline(results: ResultTables, first: pd.Series) -> str:
         setting(name, point[name], results.units.get(name, ""), points[name].abs().max())
         for name in results.parameters
     )
-    text = f"mode at {in_digits(first['frequency_hz'], 1)} Hz: growth rate "
+    every = results.sensitivities
+    at_point = every[(every["point_id"] == first["point_id"]).to_numpy(bool)]
+    modes = at_point.drop_duplicates("mode")
+    fastest = first["growth_rate"] == modes["growth_rate"].max()
+    which = f", which grows fastest of {len(modes)}" if fastest and len(modes) > 1 else ""
+    text = f"Mode at {in_digits(first['frequency_hz'], 1)} Hz{which}: growth rate "
     text += f"{in_digits(first['growth_rate'], 2)} 1/s, "
     text += f"damping {100 * first['damping_ratio']:.3f} %, eigenvalue condition "
     text += f"{first['condition']:.2f}, most energy in {first['main_component']}"
