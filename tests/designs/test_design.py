@@ -744,7 +744,7 @@ def test_what_nobody_can_build_is_not_chosen(tmp_path: Path) -> None:
     assert told["enough"]
     assert told["nearest"].startswith("stiffness_damping 0 -> ")
     assert f"which nobody can build, {told['change']} would meet the margin" in facts["verdict"]
-    assert f"with {100 * told['matched']:.3g} % of their first-order effect" in facts["verdict"]
+    assert f"has {100 * told['matched']:.3g} % of that first-order effect" in facts["verdict"]
 
 
 def test_scatter_is_proven_by_samples(tmp_path: Path) -> None:

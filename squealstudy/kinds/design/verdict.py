@@ -107,11 +107,11 @@ def _target_text(search: DesignSearch) -> str:
     what = facts["change"] or "no change"
     met = "would meet the margin at the points in view, unproven"
     come = met if facts["enough"] else "comes nearest to the margin, and misses it"
-    opening = f" Of targets alone, which nobody can build, {what} {come}"
+    opening = f" Of component modes alone, targets which nobody can build, {what} {come}"
     if not facts["nearest"] or facts["matched"] is None:
         return f"{opening}."
     part = f"{100 * facts['matched']:.3g} %"
-    nearest = f"The nearest that can be built, with {part} of their first-order effect, is "
+    nearest = f"What can be built has {part} of that first-order effect at most, by "
     return f"{opening}. {nearest}{facts['nearest']}."
 
 

@@ -105,7 +105,7 @@ def _most_exact(measurements: pd.DataFrame, quantities: Sequence[str]) -> str:
     return f"; the most exact is '{candidates['label'].iloc[least]}', with {errors[least]:.1e}"
 
 
-def _listed(results: ResultTables) -> pd.DataFrame:
+def _one_of_each_method(results: ResultTables) -> pd.DataFrame:
     """All measurements; of many the reference and one of each method.
 
     That is the cheapest within the tolerance of the study, or the most exact where none is.
@@ -140,7 +140,7 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
 
     titles = ["s a point", *("s an onset" for _ in lines), "set-up s", "MB", "passes"]
     titles += [SHORT[q] for q in quantities]
-    table = _listed(results)
+    table = _one_of_each_method(results)
     left_out = len(results.measurements) - len(table)
     shown = grid(
         "text:method",
