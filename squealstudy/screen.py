@@ -96,7 +96,7 @@ def show(*parts: RenderableType, unbroken: bool = False) -> None:
 
 
 def _without_trailing_blanks(text: str) -> str:
-    """What files and pages hold of lines that are filled up to a width."""
+    """A text for files and pages, whose lines are not filled up to a width."""
     return re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
 
 

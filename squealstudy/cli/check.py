@@ -181,7 +181,7 @@ def _facts(
 
 
 def _by_size(plan: Plan, cost: Estimate, size: SizeForecast, missing: int, jobs: int) -> str:
-    """What a study takes of which nothing is in the cache, between two bounds."""
+    """Time of a study without a reduction in the cache, between two bounds."""
     count = cost.n_missing_structures
     ends = [
         run_seconds(plan, replace(cost, structure_s=r, point_s=p), missing, jobs)

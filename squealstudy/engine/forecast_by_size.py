@@ -1,4 +1,4 @@
-"""What a study with a mesh takes of which nothing is in the cache: by its size, and by the past.
+"""Time of a study with a mesh before its first reduction: by its size, and by past reductions.
 
 The first reduction says more than any table, but takes a while; before it only the degrees of
 freedom are known. What reductions of like size took, on this machine where some are in the cache,

@@ -103,7 +103,7 @@ def sensitivities(
 
 
 def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:
-    """What lowers and what raises growth most over its step, by reanalysis where there is one."""
+    """Parameters that lower and raise growth most over their steps, by reanalysis if possible."""
     changes = [
         (float(finite if np.isfinite(finite) else row["predicted_growth_change"]), row)
         for row in rows

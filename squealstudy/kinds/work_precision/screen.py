@@ -58,7 +58,7 @@ class WorkPrecisionScreen(KindScreen):
         return [self.verdict(results), "", _fronts(results), "", *_measurements(results)]
 
     def verdict(self, results: ResultTables) -> str:
-        """What costs least within the tolerance of the study, and how well its errors are known."""
+        """Cheapest measurement within the tolerance of the study, and how sure its errors are."""
         quantities, tolerance = results.fact("quantities"), results.fact("tolerance")
         measured = results.measurements
         row = at_tolerances(measured, quantities, (tolerance,)).iloc[-1]
@@ -88,7 +88,7 @@ class WorkPrecisionScreen(KindScreen):
 
 
 def _largest_errors(measurements: pd.DataFrame, quantities: Sequence[str]) -> np.ndarray:
-    """Of all that was measured (n,), infinite where a measurement does not count."""
+    """Largest error of each measurement (n,), infinite where it does not count."""
     names = [f"error_{q}" for q in quantities]
     errors = measurements[[n for n in names if measurements[n].notna().any()]].to_numpy(float)
     largest = errors.max(axis=1, initial=0.0)
