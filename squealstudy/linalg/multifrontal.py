@@ -47,7 +47,7 @@ class MultifrontalCholesky:
     ) -> None:
         self._order, self._fronts = tree.order, tree.fronts
         self._columns = sp.tril(A[tree.order][:, tree.order], format="csc")
-        self._blocks: list[tuple[np.ndarray, np.ndarray]] = [_NOTHING] * len(tree.fronts)
+        self._blocks: list[tuple[np.ndarray, np.ndarray]] = [_NO_BLOCKS] * len(tree.fronts)
         self._left: dict[int, np.ndarray] = {}  # of fronts whose parent is not eliminated yet
         subtrees = _subtrees(tree.fronts, threads * SUBTREES_A_THREAD if threads > 1 else 1)
         for _ in pool.map(self._eliminate, subtrees):
@@ -109,18 +109,18 @@ class MultifrontalCholesky:
         self._blocks[number] = (L, A21)
 
 
-_NOTHING = (np.zeros((0, 0)), np.zeros((0, 0)))
-Places = np.ndarray | slice
+_NO_BLOCKS = (np.zeros((0, 0)), np.zeros((0, 0)))
+RowSelection = np.ndarray | slice
 
 
-def _span(places: np.ndarray) -> Places:
+def _span(places: np.ndarray) -> RowSelection:
     """Consecutive places as a slice, which numpy adds to in less time."""
     if len(places) and places[-1] - places[0] + 1 == len(places):
         return slice(int(places[0]), int(places[-1]) + 1)
     return places
 
 
-def _add(A: np.ndarray, rows: Places, columns: Places, B: np.ndarray) -> None:
+def _add(A: np.ndarray, rows: RowSelection, columns: RowSelection, B: np.ndarray) -> None:
     """Add B to rows and columns of A, both by columns in memory."""
     if isinstance(rows, np.ndarray) and isinstance(columns, np.ndarray):
         A.T[np.ix_(columns, rows)] += B.T
