@@ -35,12 +35,16 @@ def run(
 ) -> None:
     """Run a study, or what is left of it: print what was found, how sure that is, what next."""
     from squealstudy import face, screen
+    from squealstudy.cli.pulled_contacts import pulled_contacts
     from squealstudy.cli.run import blocks
     from squealstudy.tables.validity import said_first
 
     _expect_one_place(jobs, scheduler)
-    results = face.run(face.read_study(study), output, jobs, yes, screen.warning, fresh, scheduler)
-    first = said_first(results.points) if "points" in results.tables else ""
+    to_run = face.read_study(study)
+    results = face.run(to_run, output, jobs, yes, screen.warning, fresh, scheduler)
+    first = ""
+    if "points" in results.tables:
+        first = said_first(results.points, pulled_contacts(to_run, results.points))
     screen.show(*([first] if first else []), *results.screen.findings(results))
     drawn = (results.drawn or results.draw()) if pictures else []
     screen.show(*blocks(results, drawn, verbose))

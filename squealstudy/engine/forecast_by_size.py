@@ -22,7 +22,7 @@ MEASURED_DOF = (14_769, 48_588, 115_959)
 MEASURED_REDUCTION_S, MEASURED_POINT_S = (21.0, 77.0, 253.0), (0.29, 0.36, 0.70)
 # how far times of another machine, under another load and of other meshes may be from those, and
 # from each other on one machine: bounds on factors
-ELSEWHERE, HERE = (0.4, 4.0), (0.6, 1.7)
+ELSEWHERE, HERE = (0.25, 4.0), (0.6, 1.7)
 LIKE_SIZE = 2.0  # factor of degrees of freedom within which a past reduction is of like size
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +75,19 @@ def untouched_contact(points: pd.DataFrame) -> str:
     )
 
 
-def pulling_contact(points: pd.DataFrame) -> str:
+def pulling_rows(points: pd.DataFrame) -> np.ndarray:
+    """Positions (m,) of the design points at which steady sliding pulls at a contact.
+
+    Of runs in time, which tell a motion that pulls in the same words, those that say it twice.
+    """
+    least = 2 if "class" in points else 1
+    if "invalid_reason" not in points:
+        return np.zeros(0, dtype=int)
+    counts = [str(text).count(CLOSED_RULE) for text in points["invalid_reason"]]
+    return np.flatnonzero(np.array(counts, dtype=int) >= least)
+
+
+def pulling_contact(points: pd.DataFrame, contacts: Sequence[str] = ()) -> str:
     """At how many design points steady sliding pulls at a contact, as a sentence; else empty.
 
     A law that pulls hides a gap, or a load that lifts: its contact rubs where there is none.
@@ -81,26 +95,30 @@ def pulling_contact(points: pd.DataFrame) -> str:
     Parameters
     ----------
     points : DataFrame
-        A points table. Of runs in time, which tell a motion that pulls in the same words, those
-        count that say it twice.
+        A points table.
+    contacts : sequence of str
+        Those that pull at the first of these points, where the model has several.
     """
     outside, solved, _ = validity_counts(points)
-    least = 2 if "class" in points else 1
-    if not outside:
+    n_pulling = len(pulling_rows(points)) if outside else 0
+    if not n_pulling:
         return ""
-    pulling = sum(str(text).count(CLOSED_RULE) >= least for text in points["invalid_reason"])
-    if not pulling:
-        return ""
+    which = f" ({', '.join(contacts)}{' at the first of them' * (n_pulling > 1)})"
+    which *= bool(contacts)
     return (
-        f"In steady sliding the contact pulls at {_where(pulling, solved, 'all')}, where a real "
+        f"In steady sliding {'a' if contacts else 'the'} contact pulls at "
+        f"{_where(n_pulling, solved, 'all')}{which}, where a real "
         "one is open: a gap, or a load that lifts. Its friction there is none of a brake; "
         'contact_law = "unilateral" in [model] lets it open.'
     )
 
 
-def said_first(points: pd.DataFrame) -> str:
-    """Sentences about what makes all other answers doubtful; empty where nothing does."""
-    return " ".join(filter(None, (untouched_contact(points), pulling_contact(points))))
+def said_first(points: pd.DataFrame, contacts: Sequence[str] = ()) -> str:
+    """Sentences about what makes all other answers doubtful; empty where nothing does.
+
+    `contacts` as of `pulling_contact`.
+    """
+    return " ".join(filter(None, (untouched_contact(points), pulling_contact(points, contacts))))
 
 
 def _where(count: int, solved: int, whole: str) -> str:

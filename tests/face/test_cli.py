@@ -333,7 +333,7 @@ def test_check_tells_a_time_between_bounds_before_the_first_reduction(
     assert re.search(
         r"time about \d+ (s|min), \d+ s to \d min, without pictures: 1 reduction of", told
     )
-    assert "14,769 degrees of freedom, 8 s to 2 min, by reductions of like size on another" in told
+    assert "14,769 degrees of freedom, 5 s to 2 min, by reductions of like size on another" in told
     assert "--build makes the first one" in told
     study.write_text(text.replace("complex_modes", "limit_cycles"))
     assert command("check", "study.toml") == 0

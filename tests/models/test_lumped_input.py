@@ -309,6 +309,25 @@ def test_a_bilateral_contact_over_a_gap_is_said_first(kind, tmp_path, capsys):
 def test_a_motion_that_pulls_is_told_under_validity_alone(reason, kind, pulls):
     points = pd.DataFrame({"valid": [not reason], "invalid_reason": [reason], **kind})
     assert bool(pulling_contact(points)) == pulls
+    named = pulling_contact(points, ["left", "right"])
+    assert ("a contact pulls at the design point (left, right), where" in named) == pulls
+
+
+def test_the_contact_that_pulls_is_named_among_several(tmp_path, capsys):
+    """Both are pressed by 100 N together; the one with a gap of 1 mm is pulled shut."""
+    pressed = LIFTED.replace('direction = "y"\nforce', 'direction = "-y"\nforce')
+    near = '[[contact]]\nname = "near"'
+    far = near.replace("near", "far") + pressed.split("[[contact]]")[1].split("[[load]]")[0]
+    model = pressed.replace("[[contact]]", near).replace("[[load]]", f"{far}gap = 1e-3\n[[load]]")
+    (tmp_path / "rocker.toml").write_text(model)
+    study = '[study]\nname = "gap"\nkind = "complex_modes"\n[model]\nfile = "rocker.toml"\n'
+    study += '[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.3]\n'
+    (tmp_path / "study.toml").write_text(study + "[modes]\nband = [1.0, 20000.0]\n")
+    run = ("run", str(tmp_path / "study.toml"), "-o", str(tmp_path / "out"), "-j", "1")
+    assert command(*run, "--no-pictures") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith("In steady sliding a contact pulls at all 2 design points (")
+    assert "far at the first of them), where a real one is open" in said
 
 
 @pytest.mark.parametrize(
