@@ -43,7 +43,7 @@ def rule_counts(reasons: Iterable[str]) -> list[tuple[str, int]]:
 
 def broken_rules(rules: Iterable[tuple[str, int]]) -> str:
     """Rules that design points break, and how many do."""
-    return "; ".join(f"{count} break '{rule}'" for rule, count in rules)
+    return "; ".join(f"{n} break{'s' * (n == 1)} '{rule}'" for rule, n in rules)
 
 
 def outside_validity(points: pd.DataFrame, head: str = "") -> str:
@@ -51,7 +51,9 @@ def outside_validity(points: pd.DataFrame, head: str = "") -> str:
     outside, solved, rules = validity_counts(points)
     if not outside:
         return ""
-    text = f"{head}{outside} of {solved} solved design points are outside validity"
+    are = "is" if outside == 1 else "are"
+    text = f"{head}{outside} of {solved} solved design point{'s' * (solved != 1)} {are} outside "
+    text += "validity"
     return f"{text}: {broken_rules(rules)}"
 
 

@@ -298,13 +298,13 @@ def test_screens_say_how_many_points_are_outside_and_why(tmp_path, capsys):
     cli.check(path, tmp_path / "r", 1)
     said = " ".join(capsys.readouterr().out.split())
     wanted = (
-        "1 of 3 points will be outside: 1 break 'both contacts press only for friction below 1'"
+        "1 of 3 points will be outside: 1 breaks 'both contacts press only for friction below 1'"
     )
     assert wanted in said
     run_study(planned("hulten", FRICTION), tmp_path / "r", jobs=1)
     cli.rank(tmp_path / "r")
     said = " ".join(capsys.readouterr().out.split())
-    assert "1 of 3 solved design points are outside validity: 1 break 'both contacts" in said
+    assert "1 of 3 solved design points is outside validity: 1 breaks 'both contacts" in said
     cli.rank(tmp_path / "r", where="valid", csv=True)
     assert pd.read_csv(io.StringIO(capsys.readouterr().out))["unstable_share"].tolist() == [0.5]
     cli.rank(tmp_path / "r", csv=True)

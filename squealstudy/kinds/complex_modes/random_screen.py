@@ -173,7 +173,7 @@ def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float
 def _often(row: Row) -> str:
     if row["quantity"] != "track":
         return f"{row['quantity']} at {_unstable_percent(row)} %"
-    names = ", ".join(track_number(int(track)) for track in str(row["tracks"]).split(", "))
+    names = "/".join(track_number(int(track)) for track in str(row["tracks"]).split(", "))
     return f"{names} near {_figure(row['frequency_hz'], 0)} Hz at {_unstable_percent(row)} %"
 
 
