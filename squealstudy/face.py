@@ -173,9 +173,9 @@ class Study:
             raise self.source.error(
                 ("study", "kind"), f"expected {SENSITIVITY} or complex_modes, got {kind.name}"
             )
-        gone = dict.fromkeys(("sweep", "design", "fidelity"))
+        removed = dict.fromkeys(("sweep", "design", "fidelity"))
         named = {"study.kind": SENSITIVITY, "study.name": f"{name}_{SENSITIVITY}"}
-        return self.with_(gone | named)
+        return self.with_(removed | named)
 
 
 def _kind_of(study: Study) -> Kind:

@@ -78,11 +78,11 @@ def compiled_base() -> Path:
 
 
 @cache
-def _safe_kernel_folder(wanted: str) -> Path:
+def _safe_kernel_folder(folder: str) -> Path:
     reasons = []
-    for in_user_cache in (False, True) if wanted else (True,):
+    for in_user_cache in (False, True) if folder else (True,):
         try:
-            path = user_cache() / KERNELS if in_user_cache else Path(wanted)
+            path = user_cache() / KERNELS if in_user_cache else Path(folder)
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
             if not others_may_write(path):
                 _try_writing(path)

@@ -82,8 +82,8 @@ def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
     if not distance.size:
         return partner
     rows, columns = least_assignment(np.sqrt(np.minimum(distance, limit)))
-    near = distance[rows, columns] < limit
-    partner[rows[near]] = columns[near]
+    is_near = distance[rows, columns] < limit
+    partner[rows[is_near]] = columns[is_near]
     return partner
 
 

@@ -178,15 +178,15 @@ class Grid:
         """Characters of each column."""
         columns = [[row[k] for row in self.rows] for k in range(len(self.titles))]
         longest = [max(map(cell_len, cells), default=0) for cells in columns]
-        least = [MIN_NUMBER_WIDTH if k in (NUMBER, VALUES) else 0 for k in self.kinds]
+        min_widths = [MIN_NUMBER_WIDTH if k in (NUMBER, VALUES) else 0 for k in self.kinds]
         widths = [
             max(cell_len(t), long, w)
-            for t, long, w in zip(self.titles, longest, least, strict=True)
+            for t, long, w in zip(self.titles, longest, min_widths, strict=True)
         ]
         available -= GAP * (len(widths) - 1)
         narrow = [
             max(_longest_piece(t, PIECES), 0 if kind == TEXT else long, w)
-            for kind, t, long, w in zip(self.kinds, self.titles, longest, least, strict=True)
+            for kind, t, long, w in zip(self.kinds, self.titles, longest, min_widths, strict=True)
         ]
         between_words = [
             max(_longest_piece(t, WORDS), n) for t, n in zip(self.titles, narrow, strict=True)

@@ -211,8 +211,8 @@ def with_error(value: float, error: float) -> str:
 
 def small_percent(share: float) -> str:
     """A relative error in percent, in two digits; what nobody asks for is ``<0.001``."""
-    least = 0.001  # %
-    return f"<{least:g}" if 0.0 <= 100 * share < least else figure(100 * share, ".2g")
+    smallest = 0.001  # %
+    return f"<{smallest:g}" if 0.0 <= 100 * share < smallest else figure(100 * share, ".2g")
 
 
 def error_percent(share: float) -> str:

@@ -49,9 +49,9 @@ app = typer.Typer(
 LIBRARIES = ("numpy", "scipy", "numba")  # whose versions a report of an error needs
 
 
-def _version(wanted: bool) -> None:
+def _version(is_requested: bool) -> None:
     """Print the versions of what computes, and end."""
-    if not wanted:
+    if not is_requested:
         return
     from importlib.metadata import version
 

@@ -166,13 +166,13 @@ def _facts(
         return [*rows, ("time", "nothing is left to solve")]
     workers = min(jobs, missing)
     growing = plan.study.grows and missing
-    most = missing + most_points(plan.study) - len(plan.tasks) if growing else None
-    least, longest = run_seconds(plan, cost, missing, jobs, most)
+    max_points = missing + most_points(plan.study) - len(plan.tasks) if growing else None
+    shortest, longest = run_seconds(plan, cost, missing, jobs, max_points)
     return [
         *rows,
         (
             "time",
-            f"{_from_to(least, longest)} without pictures: an exact point takes "
+            f"{_from_to(shortest, longest)} without pictures: an exact point takes "
             f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{bound}",
         ),
         *_between(plan, cost.point_s, jobs),
@@ -207,11 +207,11 @@ def _from_to(least: float, longest: float) -> str:
 
 def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
     """Cost of refining tracks and onsets, in words; empty where nothing is refined."""
-    most = as_model_kind(plan.kind).solves(plan).between
-    if not most:
+    max_solves = as_model_kind(plan.kind).solves(plan).between
+    if not max_solves:
         return []
-    time = duration(most * point_s / jobs)
-    text = f"of tracks and onsets: up to about {most:,.0f} points between those of the study"
+    time = duration(max_solves * point_s / jobs)
+    text = f"of tracks and onsets: up to about {max_solves:,.0f} points between those of the study"
     return [("refinement", f"{text}, {time}; mostly far fewer (refine_points of [modes])")]
 
 

@@ -159,10 +159,12 @@ def compared(
     """
     body, (K, M), placement = free_component(model, component)
     measured = read_measured(path, _length(f"1 {unit}", "--unit"))
-    near = MAX_POINT_DISTANCE_RATIO * float(np.ptp(body.nodes, axis=0).max())
+    max_distance = MAX_POINT_DISTANCE_RATIO * float(np.ptp(body.nodes, axis=0).max())
     if tolerance is not None:
-        near = _length(tolerance, "--tolerance")
-    return measured, correlated(measured, K, M, body.nodes, body.expansion.E, placement, near)
+        max_distance = _length(tolerance, "--tolerance")
+    return measured, correlated(
+        measured, K, M, body.nodes, body.expansion.E, placement, max_distance
+    )
 
 
 def _length(text: str, option: str) -> float:

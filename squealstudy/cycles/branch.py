@@ -96,9 +96,9 @@ class Loop:
             self._first, self._from = coordinates - self._at, coordinates
             return False
         self._chord = chord = coordinates - self._from
-        away = self._at - self._from
-        self._share = share = float(away @ chord / (chord @ chord))
-        aside = np.linalg.norm(away - share * chord)
+        step = self._at - self._from
+        self._share = share = float(step @ chord / (chord @ chord))
+        aside = np.linalg.norm(step - share * chord)
         near = (
             0.0 <= share <= MAX_STEPS_PAST_START
             and aside <= MAX_STEPS_BESIDE_START * np.linalg.norm(chord)
@@ -136,15 +136,15 @@ class Loop:
         return bool(np.abs(difference).max() < closeness)
 
     def _near(
-        self, motion: PeriodicMotion, held: int, value: float | None = None
+        self, motion: PeriodicMotion, held_unknown: int, value: float | None = None
     ) -> PeriodicMotion:
         """The cycle near a motion, with one unknown as it is or at a value."""
         equations = self._moving.equations(motion.harmonics)
         u = equations.pack(motion)
         equations.accepted(u)
         normal = np.zeros(len(u))
-        normal[held] = 1.0
-        u, *_ = newton(equations, u, normal, float(u[held]) if value is None else value)
+        normal[held_unknown] = 1.0
+        u, *_ = newton(equations, u, normal, float(u[held_unknown]) if value is None else value)
         return equations.motion(u)
 
 
@@ -192,8 +192,8 @@ def _folds_alone(curve: list[CurveMotion], one_value: float) -> list[CurveMotion
     for k, point in enumerate(curve):
         if point.event != FOLD:
             continue
-        away = np.abs(values - values[k]) > one_value
-        before, after = np.flatnonzero(away[:k]), k + 1 + np.flatnonzero(away[k + 1 :])
+        is_apart = np.abs(values - values[k]) > one_value
+        before, after = np.flatnonzero(is_apart[:k]), k + 1 + np.flatnonzero(is_apart[k + 1 :])
         sides = [values[j[0]] - values[k] for j in (before[::-1], after) if len(j)]
         if k <= counted or len(sides) < 2 or sides[0] * sides[1] < 0.0:
             folds[k] = replace(point, event="")
@@ -265,13 +265,13 @@ def branch(
 def _fold_apart(moving: Moving, curve: list[CurveMotion], k: int) -> float:
     """Error of the value of the fold at index `k`; NaN where it is not known."""
     for reach in FOLD_NEIGHBOURS:  # with more harmonics it may be beyond the nearest ones
-        before, behind = (
+        before, after = (
             list(itertools.takewhile(lambda p: not p.event, side))
             for side in (curve[max(k - reach, 0) : k][::-1], curve[k + 1 : k + 1 + reach])
         )
-        if not (before and behind):
+        if not (before and after):
             return np.nan
-        error = fold_error(moving, before[-1].motion, curve[k].motion, behind[-1].motion)
+        error = fold_error(moving, before[-1].motion, curve[k].motion, after[-1].motion)
         if np.isfinite(error):
             return error
     return np.nan
@@ -341,12 +341,12 @@ def _passing(
     ends = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (before, after)]
     share = ends[0] / (ends[0] - ends[1])
     interval = abs(after.motion.parameter - before.motion.parameter)
-    near = min((before, after), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
+    nearest = min((before, after), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
     # sizes near the circle: what they err by moves the passing by so many steps
     wrong = max(float(p.multipliers.errors[number]) for p in (before, after))
-    beside = wrong / abs(ends[0] - ends[1]) if interval else 0.0
+    rel_error = wrong / abs(ends[0] - ends[1]) if interval else 0.0
     motion = between(before.motion, after.motion, share)
-    point = replace(near, motion=motion, apart=interval * (1.0 + beside))
+    point = replace(nearest, motion=motion, apart=interval * (1.0 + rel_error))
     if moving.complete:  # small: each try costs little
 
         def at(share: float) -> BranchPoint:
@@ -360,7 +360,7 @@ def _passing(
             precision = min(0.5, BIFURCATION_REL_TOLERANCE * width / interval) if interval else 0.5
             point = at(float(brentq(size, 0.0, 1.0, xtol=precision)))
             judged = moving.stability(point.motion, highest)
-            point = replace(point, multipliers=judged, apart=interval * beside)
+            point = replace(point, multipliers=judged, apart=interval * rel_error)
         except (ConvergenceError, ValueError):  # it stays known to the step
             pass
     passing = complex(point.multipliers.multipliers[number])

@@ -296,7 +296,7 @@ def next_point(
     equations: Equations,
     current: CurvePoint,
     h: float,
-    least: float,
+    min_step: float,
     tests: Mapping[str, Test],
     located: float = EVENT_REL_TOLERANCE,
     watched: int | None = None,
@@ -306,7 +306,7 @@ def next_point(
     A step that ends on another curve is halved: the tangent turns, the correction is long, or a
     test changes its sign without a zero between.
     """
-    while h >= least:
+    while h >= min_step:
         try:
             following, iterations = _corrected(equations, current, h)
             distance_from_tangent = float(

@@ -97,7 +97,7 @@ class CurveBasis(Protocol):
         ...
 
     def improve(
-        self, motion: PeriodicMotion, target: float, held: int
+        self, motion: PeriodicMotion, target: float, held_unknown: int
     ) -> tuple[PeriodicMotion, float, float]:
         """The motion in a basis in which it errs by less than `target`, its error and residual."""
         ...
@@ -175,13 +175,13 @@ class Path:
             reached = len(curve_motions)
         return curve_motions, end
 
-    def _plain(self, start: PeriodicMotion, held: int) -> tuple[list[CurveMotion], str]:
+    def _plain(self, start: PeriodicMotion, held_unknown: int) -> tuple[list[CurveMotion], str]:
         equations = self.projection.equations(self.harmonics)
         u = equations.pack(start)
         equations.accepted(u)
         normal = np.zeros(len(u))
-        normal[held] = 1.0
-        u, *_ = newton(equations, u, normal, float(u[held]))
+        normal[held_unknown] = 1.0
+        u, *_ = newton(equations, u, normal, float(u[held_unknown]))
         curve = follow(
             equations,
             u,
@@ -202,11 +202,11 @@ class Path:
         along[self.first[0]] = self.first[1]
         return along
 
-    def _growing(self, motions: list[CurveMotion], held: int) -> str:
+    def _growing(self, motions: list[CurveMotion], held_unknown: int) -> str:
         """Why the curve on from the first motion ended; what is found on it is added."""
         projection, steps = self.projection, self.steps
         h, tries = steps.first, 0
-        equations, current = self._begun(motions, held)
+        equations, current = self._begun(motions, held_unknown)
         while len(motions) < steps.count:
             step = next_point(
                 equations,
@@ -247,7 +247,9 @@ class Path:
                 return reason
         return "steps"
 
-    def _begun(self, motions: list[CurveMotion], held: int) -> tuple[CycleEquations, CurvePoint]:
+    def _begun(
+        self, motions: list[CurveMotion], held_unknown: int
+    ) -> tuple[CycleEquations, CurvePoint]:
         """The last motion of the curve, from which it goes on.
 
         After others it is balanced on a basis of its own: one that has grown along the curve may
@@ -259,11 +261,13 @@ class Path:
             plain = [k for k, m in enumerate(motions) if not m.event]
             if len(plain) < 2:
                 break
-            behind, last = (motions[k].motion for k in plain[-2:])
+            previous, last = (motions[k].motion for k in plain[-2:])
             try:
-                motion, error, residual = self.projection.improve(last, CURVE_BASIS_ERROR, held)
+                motion, error, residual = self.projection.improve(
+                    last, CURVE_BASIS_ERROR, held_unknown
+                )
                 begun = self._here(
-                    motion, between(behind, motion, 1.0 + ROUGH_EVENT_TOLERANCE), behind
+                    motion, between(previous, motion, 1.0 + ROUGH_EVENT_TOLERANCE), previous
                 )
             except ConvergenceError:
                 motion = None

@@ -190,8 +190,10 @@ def same_cycle(cycle: Cycle, other: Cycle) -> bool:
 
 def are_one_cycle(numbers: Sequence[float], other_numbers: Sequence[float], errors: float) -> bool:
     """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
-    near = min(SAME_CYCLE_REL_TOLERANCE + errors, SAME_CYCLE_MAX_REL_TOLERANCE)
-    return all(abs(a - b) <= near * abs(b) for a, b in zip(numbers, other_numbers, strict=True))
+    tolerance = min(SAME_CYCLE_REL_TOLERANCE + errors, SAME_CYCLE_MAX_REL_TOLERANCE)
+    return all(
+        abs(a - b) <= tolerance * abs(b) for a, b in zip(numbers, other_numbers, strict=True)
+    )
 
 
 @dataclass(frozen=True)
@@ -268,8 +270,8 @@ def errors_by_finer_series(
     """
     H, motion = cycle_levels.motion.harmonics, cycle_levels.motion
     of_few = min(MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS // (2 * contact.oscillator.n))
-    most = max(MOST_FINER, of_few)
-    orders = sorted({min(math.ceil(f * H), most) for f in FINER_HARMONIC_FACTORS})
+    max_harmonics = max(MOST_FINER, of_few)
+    orders = sorted({min(math.ceil(f * H), max_harmonics) for f in FINER_HARMONIC_FACTORS})
     orders = [order for order in orders if order >= LEAST_FINER * H]
     if not projection.complete or not orders:
         return None

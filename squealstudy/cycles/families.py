@@ -60,7 +60,7 @@ PROJECTED_STEPS = Steps(first=0.5, least=1e-4, largest=1.0, count=130)
 def families(
     contact: ContactOscillator,
     band: tuple[float, float],
-    wanted: Sequence[int] | None,
+    mode_numbers: Sequence[int] | None,
     tolerance: float,
     search: Search,
     screen: float = np.inf,
@@ -73,7 +73,7 @@ def families(
     contact : ContactOscillator
     band : (low, high)
         rad/s.
-    wanted : sequence of int or None
+    mode_numbers : sequence of int or None
         Numbers of modes, from 1 by frequency in the band; None for all.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
@@ -103,7 +103,7 @@ def families(
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
     unstable_rows = np.flatnonzero(inside)
     slow = 1 + np.flatnonzero(lam[unstable_rows].real > -screen)
-    numbers = slow.tolist() if wanted is None else list(wanted)
+    numbers = slow.tolist() if mode_numbers is None else list(mode_numbers)
     if max(numbers, default=0) > len(unstable_rows):
         count = len(unstable_rows)
         text = f"mode {max(numbers)} of {count} modes in the band: 'families' names them by number"
@@ -269,8 +269,8 @@ def _confirmed(
     lost = 0
     for point in curve:
         if point.event == ZERO:
-            near = _cycles_at(contact, point.motion, search)
-            new = [c for c in near if not any(same_cycle(c, other) for other in cycles)]
+            nearby_cycles = _cycles_at(contact, point.motion, search)
+            new = [c for c in nearby_cycles if not any(same_cycle(c, other) for other in cycles)]
             lost += not new
             cycles += new
     return lost

@@ -162,8 +162,8 @@ def _with_least_error(multipliers: Floquet, error: float) -> Floquet:
 def _in_all_coordinates(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     if osc.n > TRAPEZOIDAL_MIN_COORDINATES:
         return floquet_on(osc, np.eye(osc.n), osc.n, cycle, cycle)
-    least = MIN_STEPS_SMALL if osc.n <= SMALL_MAX_COORDINATES else MIN_STEPS_PER_PERIOD
-    steps = max(least, STEPS_A_HARMONIC * cycle.harmonics)
+    min_steps = MIN_STEPS_SMALL if osc.n <= SMALL_MAX_COORDINATES else MIN_STEPS_PER_PERIOD
+    steps = max(min_steps, STEPS_A_HARMONIC * cycle.harmonics)
     fine = _ordered_multipliers(osc, cycle, monodromy(osc, cycle, steps))
     coarse = (np.linalg.eigvals(monodromy(osc, cycle, round(c * steps))) for c in COARSER_STEPS)
     changes = (_difference(fine.multipliers, multipliers) for multipliers in coarse)
@@ -313,8 +313,8 @@ def _averaged(
     offsets = np.arange(1 - finer, finer)
 
     def mean(D: np.ndarray, step: int) -> np.ndarray:
-        near = D[(finer * step + offsets) % len(D)]
-        return osc.projected(np.tensordot(weights, near, 1))
+        samples = D[(finer * step + offsets) % len(D)]
+        return osc.projected(np.tensordot(weights, samples, 1))
 
     return (lambda step: C - mean(by_w, step), lambda step: K - mean(by_y, step))
 

@@ -30,7 +30,7 @@ MAX_SIZES = 40  # tried
 
 
 def fold_error(
-    moving: Moving, before: PeriodicMotion, fold: PeriodicMotion, behind: PeriodicMotion
+    moving: Moving, before: PeriodicMotion, fold: PeriodicMotion, after: PeriodicMotion
 ) -> float:
     """Of the value of a fold between two motions of its branch; NaN where it is not known.
 
@@ -43,7 +43,7 @@ def fold_error(
         harmonics = min(math.ceil(factor * fold.harmonics), MAX_HARMONICS)
         if len(changes) < N_SERIES and harmonics > fold.harmonics:
             with suppress(ConvergenceError):
-                finer_value = _extremum(moving, harmonics, before, fold, behind)
+                finer_value = _extremum(moving, harmonics, before, fold, after)
                 changes[harmonics] = abs(finer_value - fold.parameter)
     judged = len(changes) == N_SERIES or MAX_HARMONICS in changes
     return FOLD_SERIES_SAFETY_FACTOR * max(changes.values()) if judged else np.nan
@@ -54,18 +54,18 @@ def _extremum(
     harmonics: int,
     before: PeriodicMotion,
     fold: PeriodicMotion,
-    behind: PeriodicMotion,
+    after: PeriodicMotion,
 ) -> float:
     """Value of the fold with a number of harmonics, and twice the samples; ConvergenceError."""
     equations = moving.finer_equations(fold, harmonics)
     balanced = [
-        equations.pack(replace(m, Q=with_harmonics(m.Q, harmonics))) for m in (before, fold, behind)
+        equations.pack(replace(m, Q=with_harmonics(m.Q, harmonics))) for m in (before, fold, after)
     ]
     equations.accepted(balanced[1])
     normal = np.zeros(len(balanced[1]))
     normal[SIZE_HELD] = 1.0
     low, high = sorted((float(balanced[0][SIZE_HELD]), float(balanced[2][SIZE_HELD])))
-    turned = 1.0 if 0.5 * (before.parameter + behind.parameter) > fold.parameter else -1.0
+    turned = 1.0 if 0.5 * (before.parameter + after.parameter) > fold.parameter else -1.0
     tried: list[tuple[float, float]] = []  # log size, value
 
     def to_be_least(size: float) -> float:

@@ -71,7 +71,7 @@ def family_curve(
     ConvergenceError
         Where the mode cannot be continued.
     """
-    least = END_SIZE_RATIO * start.size
+    min_size = END_SIZE_RATIO * start.size
     passed: list[PeriodicMotion] = []
 
     def ended(_: np.ndarray, motion: PeriodicMotion) -> str:
@@ -82,7 +82,7 @@ def family_curve(
         first = np.linalg.norm(motion.Q[[1, motion.harmonics + 1]] * projection.weight)
         if moving > MOST_OTHERS * first:
             return OTHER_RESONANCE
-        if motion.size < least:
+        if motion.size < min_size:
             return SHRUNK
         if motion.omega < MIN_REL_FREQUENCY * start.omega:
             return STANDSTILL
@@ -123,11 +123,15 @@ def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
     share = (sizes[-1] - sizes[rose - 1]) / (sizes[rose] - sizes[rose - 1])
     crossing = between(passed[rose - 1], passed[rose], float(share))
     frequency, damping, alike = SAME_MOTION_TOLERANCES
-    most = max(abs(m.parameter) for m in passed)
+    max_damping = max(abs(m.parameter) for m in passed)
     x, y = (m.Q[1] - 1j * m.Q[m.harmonics + 1] for m in (crossing, last))
     mac = abs(x.conj() @ y) ** 2 / ((x.conj() @ x) * (y.conj() @ y)).real
-    near = abs(crossing.omega / last.omega - 1.0) < frequency
-    return bool(near and abs(crossing.parameter - last.parameter) < damping * most and mac > alike)
+    same_frequency = abs(crossing.omega / last.omega - 1.0) < frequency
+    return bool(
+        same_frequency
+        and abs(crossing.parameter - last.parameter) < damping * max_damping
+        and mac > alike
+    )
 
 
 @dataclass
@@ -168,7 +172,7 @@ def looked_again(
     osc: Oscillator,
     curve: Sequence[CurveMotion],
     ladder: Sequence[int],
-    moved: float | None = None,
+    shift: float | None = None,
 ) -> SecondLook:
     """A curve whose motions all lack damping, at its likeliest motions with more harmonics.
 
@@ -185,13 +189,13 @@ def looked_again(
         Without a zero, all of negative added damping.
     ladder : sequence of int
         Numbers of harmonics to go on with, ascending.
-    moved : float or None
+    shift : float or None
         Where the curve is that of a design nearby: what added damping [1/s] is known to change by.
         A motion that is lost, `MAX_REL_DISTANCE` from that of the curve, or that may grow is left
         open: the design needs a curve of its own.
     """
     look = SecondLook(curve[0].motion.harmonics)
-    largest = max(2.0 * MIN_DAMPING_CHANGE * curve[0].motion.omega, moved or 0.0)
+    largest = max(2.0 * MIN_DAMPING_CHANGE * curve[0].motion.omega, shift or 0.0)
     failed: list[PeriodicMotion] = []
     span = float(np.ptp([p.motion.parameter for p in curve]))
     for motion, rise in _likeliest(curve):
@@ -211,7 +215,7 @@ def looked_again(
         look.harmonics = max(look.harmonics, ladder[0])
         look.motions.append(balanced)
         better, elsewhere = balanced.motion, 0.0
-        if moved is not None:
+        if shift is not None:
             off = _rel_distance(projection.weight, motion, better)
             if off > MAX_REL_DISTANCE:
                 look.open.append(better)
@@ -221,7 +225,7 @@ def looked_again(
         margin = HARMONIC_SAFETY_FACTOR * (rise + change)
         if better.parameter + margin < 0.0 or look.holds(better):
             continue
-        if moved is not None:
+        if shift is not None:
             look.open.append(better)
             break
         try:
@@ -238,7 +242,7 @@ def looked_again(
         for m in failed
         if m.parameter + HARMONIC_SAFETY_FACTOR * largest >= 0.0 and not look.holds(m)
     ]
-    if not look.checked or moved is not None:
+    if not look.checked or shift is not None:
         look.open += [m for m in failed if m not in look.open]
     return look
 
@@ -284,15 +288,15 @@ def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float
     octaves = np.floor(sizes.max() - sizes)
     damping = np.array([m.parameter for m in motions])
     ends = np.concatenate([[-np.inf], damping, [-np.inf]])
-    before, behind = damping - ends[:-2], damping - ends[2:]
-    tops = set(np.flatnonzero((before > 0) & (behind >= 0)).tolist())
+    before, after = damping - ends[:-2], damping - ends[2:]
+    tops = set(np.flatnonzero((before > 0) & (after >= 0)).tolist())
     for octave in range(N_SIZE_OCTAVES):
         inside = np.flatnonzero(octaves == octave)
         if len(inside):
             tops.add(int(inside[np.argmax(damping[inside])]))
     likeliest = []
     for k in sorted(tops, key=lambda k: -damping[k]):
-        drops = before[k], behind[k]
+        drops = before[k], after[k]
         rise = 0.0
         if min(drops) >= 0.0 and 0.0 < sum(drops) < np.inf:
             rise = (drops[0] - drops[1]) ** 2 / (8.0 * sum(drops))
@@ -360,5 +364,5 @@ def _piece(
         )
         part, _ = path.from_motion(start)
         piece = [*piece[:0:-1], *part]
-    back = piece[0].motion.size > piece[-1].motion.size
-    return piece[::-1] if back else piece
+    is_shrinking = piece[0].motion.size > piece[-1].motion.size
+    return piece[::-1] if is_shrinking else piece

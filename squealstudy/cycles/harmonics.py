@@ -39,9 +39,9 @@ class Sampling:
 
 
 @lru_cache(maxsize=32)
-def sampling(harmonics: int, least: int = LEAST_SAMPLES) -> Sampling:
-    """A power of two of samples times `least`, at least ten a period of the highest harmonic."""
-    count = least
+def sampling(harmonics: int, min_samples: int = LEAST_SAMPLES) -> Sampling:
+    """`min_samples` doubled until the highest harmonic has ten samples a period."""
+    count = min_samples
     while count < SAMPLES_A_HARMONIC * harmonics:
         count *= 2
     theta = 2 * np.pi * np.arange(count) / count

@@ -85,11 +85,11 @@ class Moving:
         return self.fixed.error(motion, correction)
 
     def improve(
-        self, motion: PeriodicMotion, target: float, held: int
+        self, motion: PeriodicMotion, target: float, held_unknown: int
     ) -> tuple[PeriodicMotion, float, float]:
         """Improvement as of `Projection`, at the motion's own value; a cycle of about that size."""
         improved, error, residual = self._at(motion.parameter).improve(
-            replace(motion, parameter=0.0), target, held
+            replace(motion, parameter=0.0), target, held_unknown
         )
         return replace(improved, parameter=motion.parameter), error, residual
 

@@ -355,11 +355,11 @@ class Projection:
             if new.shape[1]:
                 self.vectors[h] = self._orthonormal([*self.vectors[h].T, *new.T])
 
-    def compact(self, motion: PeriodicMotion, most: int = REBUILD_BASIS_SIZE) -> None:
-        """Rebuild a basis of more than `most` vectors a harmonic from the last motions."""
-        if self.size > most * len(self.vectors):
+    def compact(self, motion: PeriodicMotion, max_size: int = REBUILD_BASIS_SIZE) -> None:
+        """Rebuild a basis of more than `max_size` vectors a harmonic from the last motions."""
+        if self.size > max_size * len(self.vectors):
             self._begin_anew(
-                *(self._recent if most == REBUILD_BASIS_SIZE else self._recent[-1:]), motion
+                *(self._recent if max_size == REBUILD_BASIS_SIZE else self._recent[-1:]), motion
             )
 
     def _begin_anew(self, *motions: PeriodicMotion) -> None:
@@ -370,9 +370,9 @@ class Projection:
             for h in range(H + 1):
                 rows[h] += [weighted[h], *([weighted[H + h]] if h else [])]
         decomposed = [la.svd(np.array(r).T, full_matrices=False)[:2] for r in rows]
-        least = MOTION_RANK_TOLERANCE * max(values[0] for _, values in decomposed)
+        min_value = MOTION_RANK_TOLERANCE * max(values[0] for _, values in decomposed)
         self.vectors = [
-            self._orthonormal(list((vectors[:, values > least] / self.weight[:, None]).T))
+            self._orthonormal(list((vectors[:, values > min_value] / self.weight[:, None]).T))
             for vectors, values in decomposed
         ]
 

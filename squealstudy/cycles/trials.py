@@ -198,8 +198,8 @@ def run_on(
     system = replace(contact.system, sensed=sensed)
     top = 2 * np.pi / float(omega[sensed[-1] - 1] if len(sensed) else omega[-1])
     step, saved = top / TOP_STEPS, TOP_SAVED
-    if (least := longest_step(contact)) < step:
-        step, saved = least, round(step / least)  # rows show how it breaks loose
+    if (max_step := longest_step(contact)) < step:
+        step, saved = max_step, round(step / max_step)  # rows show how it breaks loose
     settings = MotionSettings(
         TOP_PERIODS * top,
         step,
@@ -223,13 +223,15 @@ def run_on(
             return Refined.of(motion, step_parts(system, motion, settings))
         parts = OF_THE_WINDOW
         for halving in range(1, HALVINGS + 1):
-            how = shorter(settings, 2**halving)
-            (finer,) = run([replace(motion.point, q0=motion.q, v0=motion.v, continued=True)], how)
+            finer_settings = shorter(settings, 2**halving)
+            (finer,) = run(
+                [replace(motion.point, q0=motion.q, v0=motion.v, continued=True)], finer_settings
+            )
             if not lasts(finer):
                 return Refined.of(motion, StepParts.unknown("it does not last with half the step"))
-            parts, near = between(motion, finer)
+            parts, is_converged = between(motion, finer)
             motion = finer
-            if near:
+            if is_converged:
                 break
         return Refined.of(motion, parts)
 
@@ -331,9 +333,11 @@ def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float,
     inside = (hz >= low) & (hz <= high)
     filtered = np.fft.irfft(np.fft.rfft(signal - signal.mean()) * inside, len(signal))
     ends = len(signal) // 10
-    mean, least, most = (float(x) for x in mean_interval(filtered[ends : len(signal) - ends] ** 2))
+    mean, lowest, highest = (
+        float(x) for x in mean_interval(filtered[ends : len(signal) - ends] ** 2)
+    )
     rms = float(np.sqrt(mean))
-    spread = 0.5 * (np.sqrt(most) - np.sqrt(max(least, 0.0))) / rms if rms else np.nan
+    spread = 0.5 * (np.sqrt(highest) - np.sqrt(max(lowest, 0.0))) / rms if rms else np.nan
     return rms, float(spread), float(spectrum(step, filtered).peak())
 
 

@@ -63,7 +63,7 @@ class Estimate:
 
 
 def run_seconds(
-    plan: Plan, cost: Estimate, missing: int, jobs: int, most: int | None = None
+    plan: Plan, cost: Estimate, missing: int, jobs: int, max_points: int | None = None
 ) -> tuple[float, float]:
     """Least and longest time of what is left of a study, without its pictures.
 
@@ -78,7 +78,7 @@ def run_seconds(
         Design points not solved yet, at least one.
     jobs : int
         Workers.
-    most : int or None
+    max_points : int or None
         The same of a design that grows, at most.
     """
     assert cost.point_s is not None
@@ -87,9 +87,9 @@ def run_seconds(
     build /= 1 if cost.n_missing_structures == 1 else min(jobs, max(cost.n_missing_structures, 1))
     build += solves.checks * cost.point_s / jobs
     point_s, first = solves.point * cost.point_s, solves.shared * cost.point_s
-    points = [n * point_s / min(jobs, n) + first for n in (missing, most or missing)]
-    least, longest = solves.least * points[0], solves.longest * points[1]
-    return build + least + RUN_OVERHEAD_S[0], build + longest + RUN_OVERHEAD_S[1]
+    points = [n * point_s / min(jobs, n) + first for n in (missing, max_points or missing)]
+    shortest, longest = solves.least * points[0], solves.longest * points[1]
+    return build + shortest + RUN_OVERHEAD_S[0], build + longest + RUN_OVERHEAD_S[1]
 
 
 def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> tuple[list[float], str]:

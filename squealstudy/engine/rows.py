@@ -99,11 +99,13 @@ def planned_table(plan: Plan, store: Store, schema: pa.Schema) -> pa.Table:
     return table.take(order).combine_chunks()
 
 
-def rows_of(point_ids: pa.ChunkedArray, wanted: Sequence[str] | np.ndarray) -> np.ndarray:
+def rows_of(point_ids: pa.ChunkedArray, wanted_ids: Sequence[str] | np.ndarray) -> np.ndarray:
     """Row of each wanted id, -1 where it has none; the last of several."""
     n = len(point_ids)
     backwards = pa.array(point_ids.take(np.arange(n)[::-1]).combine_chunks())
-    from_the_end = pc.index_in(pa.array(np.asarray(wanted)).cast(pa.string()), value_set=backwards)
+    from_the_end = pc.index_in(
+        pa.array(np.asarray(wanted_ids)).cast(pa.string()), value_set=backwards
+    )
     rows: np.ndarray = n - 1 - from_the_end.fill_null(n).to_numpy()
     return rows
 

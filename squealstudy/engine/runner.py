@@ -131,7 +131,7 @@ def run_study(
         store.journal.begin(plan.owner)
         is_intact = store.repair(warn)
         options = _Options(jobs, yes, progress, warn, fresh, cluster)
-        beside, changed = _run_beside(plan, directory, options)
+        side_facts, changed = _run_beside(plan, directory, options)
         if (further := kind.extended_plan(plan, store)) is not plan:
             plan = further
             failures |= kind.make_missing_models(plan, workers)
@@ -155,7 +155,7 @@ def run_study(
             (directory / name).unlink(missing_ok=True)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
-        manifest |= {SIDE_STUDIES: beside} if beside else {}
+        manifest |= {SIDE_STUDIES: side_facts} if side_facts else {}
         write_manifest(directory, manifest)
         enter_executed([record["hash"] for record in manifest.get(RECORDS, [])])
         for text in kind.warnings(plan):

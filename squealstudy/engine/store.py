@@ -216,15 +216,15 @@ class Store:
 
     def clear(self, owner: Owner, others: Iterable[str]) -> None:
         """Begin anew: remove all that the study wrote, and the `others` among the files here."""
-        gone = [*self.journal.entries, *others, MANIFEST]
+        removed = [*self.journal.entries, *others, MANIFEST]
         self.journal.restart(owner)  # first: what a kill leaves is then not finished
         unfinished = self.unfinished()
-        paths = [self.directory / name for name in (*gone, *unfinished)]
+        paths = [self.directory / name for name in (*removed, *unfinished)]
         for path in (path for path in paths if not path.is_dir()):
             path.unlink(missing_ok=True)
         shutil.rmtree(self.directory / SET_ASIDE, ignore_errors=True)
         tables = {
-            Path(name).parent.as_posix() for name in (*gone, *unfinished) if PART_PREFIX in name
+            Path(name).parent.as_posix() for name in (*removed, *unfinished) if PART_PREFIX in name
         }
         for folder in (CHUNKS, HISTORIES, STATES, REFERENCES, *tables):
             with contextlib.suppress(OSError):  # not there, or it holds what is not ours
@@ -262,11 +262,11 @@ class Store:
         )
         return [name for name in run_files if name not in self.journal.entries]
 
-    def unsolved(self, missing: int, asked: int) -> MachineError:
+    def unsolved(self, missing: int, n_points: int) -> MachineError:
         """The error of design points that are in no chunk file, though all were solved."""
         return MachineError(
-            f"{self.directory}: {missing} of {asked} design points are not solved, for their files "
-            "were removed or damaged during the run"
+            f"{self.directory}: {missing} of {n_points} design points are not solved, for "
+            "their files were removed or damaged during the run"
         )
 
     # -- reading -------------------------------------------------------------------------------
@@ -340,9 +340,9 @@ class Store:
         chunk_ids = [np.array(t["point_id"].to_pylist(), dtype=ID_TYPE) for t in tables]
         return np.unique(np.concatenate([np.zeros(0, ID_TYPE), *chunk_ids]))
 
-    def rows(self, wanted: Collection[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
+    def rows(self, wanted_ids: Collection[str], schema: pa.Schema) -> dict[str, dict[str, Any]]:
         """Rows of the wanted points by id; a point that stands twice is taken once."""
-        ids = set(wanted)
+        ids = set(wanted_ids)
         rows = (row for table in self.chunks(schema) for row in table.to_pylist())
         return {row["point_id"]: row for row in rows if row["point_id"] in ids}
 

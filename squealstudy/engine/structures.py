@@ -35,18 +35,18 @@ from squealstudy.study.source import SourceText
 
 
 def build_structures(
-    plan: Plan, workers: Workers, wanted: Collection[str] | None = None
+    plan: Plan, workers: Workers, wanted_keys: Collection[str] | None = None
 ) -> dict[str, str]:
     """Make the prepared models that the cache does not hold; reasons of failure by key.
 
-    `wanted` are the keys of those to be made, of a study that is tried at some points alone.
+    `wanted_keys` are the keys of those to be made, of a study that is tried at some points alone.
 
     Raises
     ------
     SquealstudyError
         Where no structure of the study can be made.
     """
-    keys = plan.structures if wanted is None else plan.structures.keys() & wanted
+    keys = plan.structures if wanted_keys is None else plan.structures.keys() & wanted_keys
     missing = [p for key, p in plan.structures.items() if key in keys and not is_prepared(key)]
     if not missing:
         return {}
@@ -72,8 +72,8 @@ def _make_shared(tasks: Sequence[BuildTask | FamilyTask], workers: Workers) -> d
     of_range = {t.shared.key: t for t in tasks if isinstance(t, BuildTask) and t.shared}
     if not of_range:
         return {}
-    alone = [replace(t, threads=workers.threads(len(of_range))) for t in of_range.values()]
-    outcomes = workers.each(make_shared, alone, "basis over a range")
+    single_tasks = [replace(t, threads=workers.threads(len(of_range))) for t in of_range.values()]
+    outcomes = workers.each(make_shared, single_tasks, "basis over a range")
     lost = {key: reason for key, reason in outcomes if reason}
     return {
         t.point.structure: lost[t.shared.key]

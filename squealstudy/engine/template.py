@@ -138,11 +138,11 @@ def new_study(
         if file.exists():
             raise SquealstudyError(f"{file}: there is such a file already, it is not overwritten")
     name = f"{kind}.schema.json" if kind in OF_METHODS else SCHEMA_FILE
-    beside = path.with_name(name)
+    model_path = path.with_name(name)
     if schema:
         json_schema = methods_schema(kind) if kind in OF_METHODS else study_schema()
-        write_text(beside, json.dumps(json_schema, indent=2) + "\n")
-    if beside.is_file():
+        write_text(model_path, json.dumps(json_schema, indent=2) + "\n")
+    if model_path.is_file():
         written[path] = f"#:schema ./{name}\n{text}"
     for file, content in written.items():
         write_text(file, content)

@@ -71,17 +71,17 @@ class Pace:
         fair = math.ceil(n_points / (TASKS_A_WORKER * jobs))
         if not self.seconds:
             return max(1, min(FIRST_POINTS, fair))
-        least, most = (int(s / self.seconds) for s in (LEAST_SECONDS, TARGET_TASK_S))
-        return max(1, min(MOST_POINTS, most, max(fair, least)))
+        min_points, max_points = (int(s / self.seconds) for s in (LEAST_SECONDS, TARGET_TASK_S))
+        return max(1, min(MOST_POINTS, max_points, max(fair, min_points)))
 
-    def parts(self, points: DesignPoints, jobs: int, least: int = 1) -> Iterator[DesignPoints]:
+    def parts(self, points: DesignPoints, jobs: int, min_points: int = 1) -> Iterator[DesignPoints]:
         """Consecutive points of one structure each, as many at a time as `size` says then.
 
-        Where that is less than `least`, nearly so many, of even parts.
+        Where that is less than `min_points`, nearly so many, of even parts.
         """
         n_left = len(points)
         for _, rows in points.of_structures():
-            start, even = 0, math.ceil(len(rows) / math.ceil(len(rows) / least))
+            start, even = 0, math.ceil(len(rows) / math.ceil(len(rows) / min_points))
             while start < len(rows):
                 size = min(max(self.size(n_left, jobs), even), len(rows) - start)
                 yield points.at(rows[start : start + size])
@@ -192,10 +192,10 @@ class Workers:
             yield from self.cluster.each(function, tasks, lost)
             return
         drawn = list(islice(tasks, 2))
-        alone = self.jobs == 1 or len(drawn) == 1
+        in_this_process = self.jobs == 1 or len(drawn) == 1
         tasks = chain(drawn, tasks)
         for task in tasks:
-            if not alone and time.perf_counter() - started >= limit_s:
+            if not in_this_process and time.perf_counter() - started >= limit_s:
                 yield from self._on_processes(function, chain((task,), tasks))
                 return
             yield _on_one_thread(function, task)

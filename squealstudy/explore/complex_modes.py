@@ -91,12 +91,12 @@ def _measures(points: pd.DataFrame, modes: pd.DataFrame) -> list[Content]:
     """Quantities of design points that a map can show, from the modes on the page."""
     fastest = modes.loc[modes.groupby(ROW)["growth_rate"].idxmax()].set_index(ROW)
     by_point = fastest.reindex(np.arange(len(points)))
-    least = modes.groupby(ROW)["damping_ratio"].min().reindex(np.arange(len(points)))
+    least_damping = modes.groupby(ROW)["damping_ratio"].min().reindex(np.arange(len(points)))
     n = points["n_unstable"]
     hertz, growth = (by_point[c].to_numpy() for c in ("frequency_hz", "growth_rate"))
     return [
         measure("fastest growth", "1/s", growth, n),
         measure("unstable modes", "", n.to_numpy(dtype=float, na_value=np.nan), n),
-        measure("least damping ratio", "", least.to_numpy(), n),
+        measure("least damping ratio", "", least_damping.to_numpy(), n),
         measure("frequency of the fastest", "Hz", hertz),
     ]

@@ -38,10 +38,10 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
     unit = results.units.get(TORQUE, "N m")
     with_history = results.store.kept_histories()
     rows = [row for row, point_id in enumerate(points["point_id"]) if point_id in with_history]
-    most = MOST_ROWS // (2 * LEAST_BINS)
-    bins = min(MOST_BINS, MOST_ROWS // (2 * max(min(len(rows), most), 1)))
+    max_histories = MOST_ROWS // (2 * LEAST_BINS)
+    bins = min(MOST_BINS, MOST_ROWS // (2 * max(min(len(rows), max_histories), 1)))
     histories = {}
-    for row in rows[:most]:
+    for row in rows[:max_histories]:
         try:
             history = results.history(str(points["point_id"].iloc[row]))
         except ResultsError:  # of one that failed or is damaged: the page says that it has none

@@ -203,10 +203,10 @@ def curve_slopes(
         else:
             start, own = float(own), 0.0
 
-        before, behind = arguments[:number], arguments[number + 1 :]
+        before, after = arguments[:number], arguments[number + 1 :]
 
         def moved(
-            x: float, base: Number = own, a: list[Number] = before, b: list[Number] = behind
+            x: float, base: Number = own, a: list[Number] = before, b: list[Number] = after
         ) -> np.ndarray:
             return at_points(law.mu, 3, *a, base + x, *b)
 

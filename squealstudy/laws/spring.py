@@ -105,10 +105,10 @@ def at_a_corner(gaps: np.ndarray, springs: np.ndarray) -> np.ndarray:
         return np.zeros(gaps.shape[:-1], dtype=bool)
     e = gaps[..., gaps.shape[-1] - springs.shape[-2] :]
     gap, side, k = springs[..., 2], springs[..., 3], springs[..., 0]
-    near = CORNER_REL_TOLERANCE * np.abs(gaps).max(axis=-1, initial=0.0)[..., None]
+    tolerance = CORNER_REL_TOLERANCE * np.abs(gaps).max(axis=-1, initial=0.0)[..., None]
     kinked = (k != 0.0) & ((gap != 0.0) | (side != 0.0))
-    upper = (side >= 0.0) & (np.abs(e - gap) <= near)
-    lower = (side <= 0.0) & (np.abs(e + gap) <= near)
+    upper = (side >= 0.0) & (np.abs(e - gap) <= tolerance)
+    lower = (side <= 0.0) & (np.abs(e + gap) <= tolerance)
     cornered: np.ndarray = (kinked & (upper | lower)).any(axis=-1)
     return cornered
 

@@ -86,7 +86,7 @@ def roots_in_band(
         M, C, K = (_dense(A) for A in (M, C, K))
     failure = ConvergenceError("not_converged", "no roots were found")
     best: BandRoots | None = None
-    least = np.inf
+    least_doubt = np.inf
     other = shift or FALLBACK_SHIFT_RATIO * band[1]
     for sigma, pivoting in ((shift, False), (other, False), (other, True)):
         try:
@@ -98,8 +98,8 @@ def roots_in_band(
         band_roots, worst = judged_roots(M, C, K, lam, psi, band)
         if worst <= 1.0:
             return band_roots
-        if worst < least:
-            best, least = band_roots, worst
+        if worst < least_doubt:
+            best, least_doubt = band_roots, worst
     if best is None and failure.status == SINGULAR:  # not at zero alone, but about a shift too
         raise ConvergenceError(SINGULAR, SINGULAR_PENCIL)
     if best is None:

@@ -169,14 +169,18 @@ class _Krylov:
     """
 
     def __init__(
-        self, apply: Callable[[np.ndarray], np.ndarray], held: np.ndarray, most: int, seed: int
+        self,
+        apply: Callable[[np.ndarray], np.ndarray],
+        locked: np.ndarray,
+        max_size: int,
+        seed: int,
     ) -> None:
-        self._apply, self._held, self.size = apply, held.shape[1], 0
-        self._V = np.empty((len(held), self._held + most + 1), order="F")
-        self._V[:, : self._held] = held
+        self._apply, self._held, self.size = apply, locked.shape[1], 0
+        self._V = np.empty((len(locked), self._held + max_size + 1), order="F")
+        self._V[:, : self._held] = locked
         self._random = np.random.default_rng(seed)
-        self._H = np.zeros((most + 1, most))
-        self._put(self._random.standard_normal(len(held)))
+        self._H = np.zeros((max_size + 1, max_size))
+        self._put(self._random.standard_normal(len(locked)))
 
     @property
     def vectors(self) -> np.ndarray:

@@ -216,13 +216,15 @@ class BlockKrylov:
         V = self._V[:, : self.size]
         along, R = np.zeros((self.size, self._width)), np.eye(self._width)
         MW = self._weigh(W)
-        least = DEPENDENCE_TOLERANCE_SQUARED * max(float(np.einsum("ij,ij->", W, MW)), 0.0)
+        min_norm_squared = DEPENDENCE_TOLERANCE_SQUARED * max(
+            float(np.einsum("ij,ij->", W, MW)), 0.0
+        )
         for _ in range(GRAM_SCHMIDT_PASSES):
             h = _projected(V, MW)
             W = W - _summed(V, h)
             MW = self._weigh(W)
             d, y = la.eigh(W.T @ MW)
-            independent = d > least
+            independent = d > min_norm_squared
             scale = np.where(independent, 1.0 / np.sqrt(np.where(independent, d, 1.0)), 0.0)
             along = along + h @ R
             R = (scale * d)[:, None] * y.T @ R
@@ -233,7 +235,7 @@ class BlockKrylov:
                 )
                 W[:, ~independent] = self._outside(W[:, ~independent], W[:, independent])
                 MW = self._weigh(W)
-            least = 0.0
+            min_norm_squared = 0.0
         return W, MW, along, R
 
     def _weigh(self, W: np.ndarray) -> np.ndarray:

@@ -62,8 +62,8 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     sizes = [(letter, term.matrix.shape[0]) for letter, term in zip(letters, terms, strict=True)]
     for letter, n in sizes:
         if n != sizes[0][1]:
-            first, most = sizes[0]
-            raise ModelError(f"{letter} is {n} x {n}, {first} is {most} x {most}")
+            first, largest = sizes[0]
+            raise ModelError(f"{letter} is {n} x {n}, {first} is {largest} x {largest}")
     family = MatrixFamily(tuple(terms))
     for name in values:
         if name not in family.names:

@@ -216,8 +216,8 @@ def left_vectors(system: LinearSystem, lam: np.ndarray, right: np.ndarray) -> np
     pairs = pairs_inside(C, K, LEFT_CIRCLE_FACTOR * float(np.abs(lam).max()))
     if len(pairs.lam) < len(lam):
         pairs = all_pairs(C, K)
-    near = _partners(lam, pairs.lam)
-    Y = pairs.Y[:, near]
+    partners = _partners(lam, pairs.lam)
+    Y = pairs.Y[:, partners]
     G = (Y.conj().T @ right) * (lam[:, None] + lam) + Y.conj().T @ (C @ right)
     biorthonormal = np.linalg.solve(G, Y.conj().T).conj().T
     return biorthonormal if unit else np.linalg.solve(M.T, biorthonormal)

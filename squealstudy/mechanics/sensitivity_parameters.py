@@ -108,28 +108,31 @@ def state_parameters(
     return list(by_key.values())
 
 
-def _expanded(item: RequestedParameter, omega: Mapping[ModeKey, float]) -> Iterator[StateParameter]:
-    if item.structural:
+def _expanded(
+    requested: RequestedParameter, omega: Mapping[ModeKey, float]
+) -> Iterator[StateParameter]:
+    if requested.structural:
         return
-    parameter = item.parameter
+    parameter = requested.parameter
     if isinstance(parameter, PlainParameter):
-        yield StateParameter(item.name, maximum=parameter.parameter.maximum)
+        yield StateParameter(requested.name, maximum=parameter.parameter.maximum)
         return
     component, quantity = parameter.component, parameter.quantity
     maximum = LARGEST_SCALE if quantity == FREQUENCY else 1.0
-    if item.every:
-        least = RIGID_FREQUENCY_RATIO * max(omega.values(), default=0.0)
+    if requested.every:
+        rigid_below = RIGID_FREQUENCY_RATIO * max(omega.values(), default=0.0)
         for owner, mode in omega:
-            if owner == component and omega[owner, mode] > least:
-                name = item.name.replace(EVERY, f"[{mode}]")
+            if owner == component and omega[owner, mode] > rigid_below:
+                name = requested.name.replace(EVERY, f"[{mode}]")
                 yield StateParameter(name, component, (mode,), quantity, maximum)
         return
     n_modes, highest = sum(owner == component for owner, _ in omega), max(parameter.modes)
     if component and highest > n_modes:
         raise ParameterError(
-            item.name, f"{component} has modes 1 to {n_modes} in this basis, got {highest}"
+            requested.name,
+            f"{component} has modes 1 to {n_modes} in this basis, got {highest}",
         )
-    yield StateParameter(item.name, component, parameter.modes, quantity, maximum)
+    yield StateParameter(requested.name, component, parameter.modes, quantity, maximum)
 
 
 def design_structure(

@@ -230,10 +230,10 @@ def _operating_identity(point: OperatingPoint) -> tuple[Hashable, ...]:
     return (*point.sliding_friction, point.brake_pressure, *laws, *curve)
 
 
-def _recalled(memory: Memory, key: Hashable, most: int) -> Reduction:
+def _recalled(memory: Memory, key: Hashable, max_entries: int) -> Reduction:
     """One of what is kept; what was not asked for longest is forgotten."""
     memory.move_to_end(key)
-    while len(memory) > most:
+    while len(memory) > max_entries:
         memory.popitem(last=False)
     return memory[key][1]
 

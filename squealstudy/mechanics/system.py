@@ -259,7 +259,7 @@ class System(Design):
         """
         self._expect_contact()
         basis, choice = self._basis(band), mode_choice(modes)
-        change = checked_number("change", change, most=MAX_FINITE_CHANGE, positive=True)
+        change = checked_number("change", change, upper=MAX_FINITE_CHANGE, positive=True)
         for name in names:
             if not isinstance(name, str):
                 raise ParameterError("names", f"expected names of parameters, got {name!r}")
@@ -355,8 +355,8 @@ class System(Design):
         self._expect_contact()
         if harmonics is not None:
             harmonics = checked_count("harmonics", harmonics, 1, MAX_HARMONICS)
-        tolerance = checked_number("tolerance", tolerance, most=MAX_CYCLE_TOLERANCE, positive=True)
-        reach = checked_number("reach", reach, most=MAX_CYCLE_REACH, positive=True)
+        tolerance = checked_number("tolerance", tolerance, upper=MAX_CYCLE_TOLERANCE, positive=True)
+        reach = checked_number("reach", reach, upper=MAX_CYCLE_REACH, positive=True)
         structures = self._in_time(band)
         results = limit_cycles(structures, harmonics, tolerance, reach, regularisation, self.single)
         return results[0] if self.single else tuple(results)

@@ -60,7 +60,7 @@ def _check_all(parameter: StudyParameter, array: np.ndarray) -> None:
 
 
 def checked_number(
-    name: str, value: Any, least: float = 0.0, most: float = math.inf, positive: bool = False
+    name: str, value: Any, lower: float = 0.0, upper: float = math.inf, positive: bool = False
 ) -> float:
     """An argument that is a number within bounds, or above 0 where it is to be `positive`.
 
@@ -70,18 +70,18 @@ def checked_number(
         What is none.
     """
     number = float(value) if _is_real(value) else math.nan
-    if math.isfinite(number) and least <= number <= most and (number > 0.0 or not positive):
+    if math.isfinite(number) and lower <= number <= upper and (number > 0.0 or not positive):
         return number
-    low = "above 0" if positive else f"of at least {least:g}"
-    high = f" and at most {most:g}" if math.isfinite(most) else ""
+    low = "above 0" if positive else f"of at least {lower:g}"
+    high = f" and at most {upper:g}" if math.isfinite(upper) else ""
     raise ParameterError(name, f"expected a number {low}{high}, got {value!r}")
 
 
-def checked_count(name: str, value: Any, least: int, most: float = math.inf) -> int:
+def checked_count(name: str, value: Any, lower: int, upper: float = math.inf) -> int:
     """An argument that is a whole number within bounds; ParameterError for what is none."""
-    if isinstance(value, Integral) and _is_real(value) and least <= int(value) <= most:
+    if isinstance(value, Integral) and _is_real(value) and lower <= int(value) <= upper:
         return int(value)
-    ends = f"from {least} to {most:g}" if math.isfinite(most) else f"of at least {least}"
+    ends = f"from {lower} to {upper:g}" if math.isfinite(upper) else f"of at least {lower}"
     raise ParameterError(name, f"expected a whole number {ends}, got {value!r}")
 
 

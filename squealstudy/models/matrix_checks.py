@@ -45,10 +45,11 @@ def check_size(matrix_name: str, A: np.ndarray | sp.spmatrix) -> None:
 
 def check_masses(matrix_name: str, M: sp.spmatrix) -> None:
     """Raise ModelError unless the diagonal of a mass matrix is positive, and can be divided by."""
-    least = M.diagonal().min()
-    if least <= 0:
+    smallest = M.diagonal().min()
+    if smallest <= 0:
         raise ModelError(f"{matrix_name} is not positive definite")
-    if least < LEAST_MASS:
+    if smallest < LEAST_MASS:
         raise ModelError(
-            f"{matrix_name} has a diagonal entry of {least:.0e}: expected at least {LEAST_MASS:g}"
+            f"{matrix_name} has a diagonal entry of {smallest:.0e}: expected at least "
+            f"{LEAST_MASS:g}"
         )

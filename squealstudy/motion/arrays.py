@@ -200,8 +200,8 @@ def _full_matrices(
             if np.diag(D).any():
                 raise ModelError("design point: 'damping_between' has zeros on its diagonal")
             halves = {"between": (D + D.T) / 2, "turning": (D - D.T) / 2}
-            least = SYMMETRY_TOLERANCE * np.abs(D).max()
-            used = {name: half for name, half in halves.items() if np.abs(half).max() > least}
+            round_off = SYMMETRY_TOLERANCE * np.abs(D).max()
+            used = {name: half for name, half in halves.items() if np.abs(half).max() > round_off}
             row_of_matrix[id(D)] = {name: len(matrices[name]) for name in used}
             for name, half in used.items():
                 matrices[name].append(half)

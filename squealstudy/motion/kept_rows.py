@@ -49,8 +49,8 @@ def row_variances(history: Mapping[str, np.ndarray], every: int) -> np.ndarray:
     return within + spread
 
 
-def joined(values: np.ndarray, every: int, how: Callable[..., np.ndarray]) -> np.ndarray:
+def joined(values: np.ndarray, every: int, reduce: Callable[..., np.ndarray]) -> np.ndarray:
     """A column in which each row is what so many rows come to, behind the first row."""
     count = (len(values) - 1) // every
     parts = values[1 : 1 + count * every].reshape(count, every)
-    return np.concatenate([how(values[:1, None], axis=1), how(parts, axis=1)])
+    return np.concatenate([reduce(values[:1, None], axis=1), reduce(parts, axis=1)])

@@ -59,8 +59,10 @@ def window_rows(run: Motion, count: int, again: Sequence[Motion] = ()) -> list[d
             half = LEVEL_SAFETY_FACTOR * np.fmax(changes[0], SECOND_DIFFERENCE_RATIO * changes[-1])
             half += settling(run, window)[OF_SETTLING] * _sizes(row)[SCALES]
         for name, width in zip(LEVELS, half, strict=True):
-            least = -np.inf if name == "torque_mean" else 0.0
-            row[f"{name}_low"] = float(max(row[name] - width, least)) if is_compared else np.nan
+            lower_bound = -np.inf if name == "torque_mean" else 0.0
+            row[f"{name}_low"] = (
+                float(max(row[name] - width, lower_bound)) if is_compared else np.nan
+            )
             row[f"{name}_high"] = float(row[name] + width)
         table.append({"window": number, **row, **_imposed(run, window), **_motion(run, window)})
         table[-1]["class"] = _class(run, window, row)
@@ -76,10 +78,10 @@ def _levels(run: Motion, window: slice) -> dict[str, Any]:
     sums = TorqueSums.of(run.history, window)
     if sums is None:
         sums = TorqueSums.of_rows(run.history["torque"][window])
-    rest = _off_the_line(sums.mean)
+    residual = _off_the_line(sums.mean)
     return {
         "torque_mean": float(sums.mean.mean()),
-        "torque_rms": float(np.sqrt((sums.variance + rest**2).mean())),
+        "torque_rms": float(np.sqrt((sums.variance + residual**2).mean())),
         "torque_peak_to_peak": float(sums.most.max() - sums.least.min()),
     }
 
@@ -87,8 +89,8 @@ def _levels(run: Motion, window: slice) -> dict[str, Any]:
 def _off_the_line(values: np.ndarray) -> np.ndarray:
     """Values (rows,) less the straight line through them."""
     x = np.arange(len(values)) - 0.5 * (len(values) - 1)
-    rest: np.ndarray = values - values.mean()
-    return rest - x * float(x @ rest) / max(float(x @ x), 1.0)
+    deviations: np.ndarray = values - values.mean()
+    return deviations - x * float(x @ deviations) / max(float(x @ x), 1.0)
 
 
 def _imposed(run: Motion, window: slice) -> dict[str, Any]:
@@ -132,9 +134,9 @@ def _class(run: Motion, window: slice, row: dict[str, Any]) -> str:
     schedule, sums = run.point.schedule, TorqueSums.of(run.history, window)
     assert schedule is not None
     pressure = float(np.mean(schedule.pressure_at(run.times[window])))
-    least = QUIET_SHARE * abs(run.point.static_torque) * pressure
+    quiet_level = QUIET_SHARE * abs(run.point.static_torque) * pressure
     round_off = FLUCTUATION_ROUND_OFF * (0.0 if sums is None else float(np.abs(sums.mean).max()))
-    if row["torque_rms"] <= max(least, round_off):
+    if row["torque_rms"] <= max(quiet_level, round_off):
         return QUIET
     sticks = run.history["stick_mean"][window]
     level = STICK_LEVEL * float(run.history["stick_max"][window].max())

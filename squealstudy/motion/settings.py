@@ -98,9 +98,9 @@ def steps_between_rows(save_every: int, step: float, top_hz: float) -> int:
         return enough
     best = max(d for d in range(1, enough + 1) if save_every % d == 0)
     if 4 * best < min(enough, save_every):
-        near = max(1, round(save_every / enough)) * enough
+        multiple = max(1, round(save_every / enough)) * enough
         raise ValueError(
             f"{save_every} has no divisor near {enough}, the steps between samples that "
-            f"summaries need; {near} does"
+            f"summaries need; {multiple} does"
         )
     return best

@@ -111,7 +111,7 @@ def simulate(
             counts[k, layout.PAUSE] += blocks[k]
         run.go_on()
     take = np.asarray if passing else _copied
-    return [_judged(system, run.motion(k, take, why)) for k, why in enumerate(stopped)]
+    return [_judged(system, run.motion(k, take, reason)) for k, reason in enumerate(stopped)]
 
 
 def _copied(array: np.ndarray) -> np.ndarray:

@@ -92,13 +92,15 @@ def runs_again(
         rows = settings.save_every / factor
         if rows % 1:  # at the same rows: what passes has no other
             continue
-        how = replace(
+        finer_settings = replace(
             settings,
             duration=runs[0].time,
             step=factor * settings.step,
             save_every=round(rows),
         )
-        by_step[factor] = simulate(system, [run.point for run in runs], how, passing=True)
+        by_step[factor] = simulate(
+            system, [run.point for run in runs], finer_settings, passing=True
+        )
     made_again = [{factor: again[k] for factor, again in by_step.items()} for k in range(len(runs))]
     find_plain_levels(
         (other, rows)
@@ -190,14 +192,14 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
     length = count * save_every * settings.step
 
     def run_with(factor: float) -> Motion:
-        how = replace(
+        end_settings = replace(
             settings,
             duration=length,
             step=factor * settings.step,
             save_every=round(save_every / factor),
             save_q=False,
         )
-        return simulate(system, [point], how)[0]
+        return simulate(system, [point], end_settings)[0]
 
     reference_run = run_with(1.0)
     others = (run_with(factor) for factor in (2.0, 0.5))

@@ -98,9 +98,9 @@ def integrated_roots(
     count = max(1, ENTRIES_AT_ONCE // max(len(motions.w2), 1) ** 2)
     for first in range(0, len(lam), count):
         part = slice(first, first + count)
-        of = owner[part]
+        owners = owner[part]
         for row, guess in enumerate((_balanced, _guess(integrator))):
-            steps = _Steps(tables[of], K_off[of], C_off[of], guess)
+            steps = _Steps(tables[owners], K_off[owners], C_off[owners], guess)
             roots[row, part] = _roots(steps, lam[part], right[part], step)
     return roots
 
@@ -183,8 +183,8 @@ def _roots(steps: _Steps, lam: np.ndarray, x: np.ndarray, step: float) -> np.nda
         going = going[np.abs(change) > NEWTON_TOLERANCE]
     is_root = np.isfinite(z) & (z != 0.0)
     mu = np.log(np.where(is_root, z, 1.0)) / step
-    near = is_root & (np.abs(mu - lam) <= MAX_REL_ROOT_DISTANCE * np.abs(lam))
-    return np.where(near, mu, complex(np.nan, np.nan))
+    is_near = is_root & (np.abs(mu - lam) <= MAX_REL_ROOT_DISTANCE * np.abs(lam))
+    return np.where(is_near, mu, complex(np.nan, np.nan))
 
 
 def _solved(T: np.ndarray, b: np.ndarray) -> np.ndarray:

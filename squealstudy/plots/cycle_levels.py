@@ -160,9 +160,9 @@ def cycle_levels(
     figure = new_figure(9.0, 7.4)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[1.6, 1.6, 0.9])
     set_scales(axes[0], over)
-    what, unit = friction_label(units)
+    name, unit = friction_label(units)
     for panel, column, label in (
-        (axes[0], "torque_rms", f"{what.capitalize()} RMS [{unit}]"),
+        (axes[0], "torque_rms", f"{name.capitalize()} RMS [{unit}]"),
         (axes[1], "contact_velocity", "Largest contact velocity [m/s]"),
     ):
         _draw_branches(panel, over, branches, column)

@@ -315,8 +315,10 @@ def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
         .index[:MAX_COLOURED_MODES]
     )
     main = sorted(main, key=lambda mode: -mean[mode])
-    most = line_modes.sort_values("energy_share", kind="stable", na_position="first")
-    frequency = most.drop_duplicates("mode", keep="last").set_index("mode")["frequency_hz"]
+    largest_shares = line_modes.sort_values("energy_share", kind="stable", na_position="first")
+    frequency = largest_shares.drop_duplicates("mode", keep="last").set_index("mode")[
+        "frequency_hz"
+    ]
     table = wide[main].rename(
         columns=lambda mode: f"{real_mode_number(mode)}  {in_digits(frequency[mode])} Hz"
     )

@@ -186,8 +186,8 @@ class StudyPlane(Plane):
             N_NEIGHBOUR_CELLS,
             constant_values=True,
         )
-        near: np.ndarray = is_solved & around[tuple(cell)]
-        return near
+        is_near: np.ndarray = is_solved & around[tuple(cell)]
+        return is_near
 
     def triangles(self, values: np.ndarray) -> Triangulation | None:
         """Triangles between the points with a value; None where they span no area.
@@ -278,5 +278,5 @@ def _stability_of_points(results: Results) -> tuple[np.ndarray, ...]:
         count += np.bincount(code[unstable], minlength=n)
         np.maximum.at(extremes[0], code[counted], growth[counted])
         np.maximum.at(extremes[1], code[~real], -zeta[~real])
-    fastest, least = (np.where(np.isfinite(values), values, np.nan) for values in extremes)
-    return count, fastest, -least
+    fastest, least_damping = (np.where(np.isfinite(values), values, np.nan) for values in extremes)
+    return count, fastest, -least_damping

@@ -140,9 +140,9 @@ def stability_diagram(
 def _widen(axes: Axes) -> None:
     """A span of frequency that tells numbers apart: at a lock-in two modes have the same."""
     low, high = axes.get_xlim()
-    least = LEAST_SPAN * (low + high) / 2
-    if high - low < least:
-        axes.set_xlim((low + high - least) / 2, (low + high + least) / 2)
+    min_half_span = LEAST_SPAN * (low + high) / 2
+    if high - low < min_half_span:
+        axes.set_xlim((low + high - min_half_span) / 2, (low + high + min_half_span) / 2)
 
 
 def _one_point(axes: Axes, modes: pd.DataFrame) -> None:

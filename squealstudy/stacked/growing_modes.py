@@ -57,8 +57,8 @@ def stacked_growing_modes(
     growth = np.take_along_axis(growth, by_size, 1)
     order = np.take_along_axis(by_size, np.argsort(growth, axis=1, kind="stable"), 1)
     n_unstable = (unstable & inside).sum(axis=1)
-    most = np.minimum(np.maximum(n_unstable, 1), MAX_FOLLOWED_MODES)
-    count = np.minimum(inside.sum(axis=1), most)
+    n_followed = np.minimum(np.maximum(n_unstable, 1), MAX_FOLLOWED_MODES)
+    count = np.minimum(inside.sum(axis=1), n_followed)
     owner, rank = np.nonzero(np.arange(lam.shape[1]) < count[:, None])
     mode_index = order[owner, rank]
     roots = lam[owner, mode_index]

@@ -113,7 +113,7 @@ def _gathered(
 
 
 def _errors(
-    C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray, held: np.ndarray
+    C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray, is_root: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors and round-off (m, k) of roots, as `root_errors` with M = I (THEORY.md eq. (35))."""
     a, size = np.abs(psi), np.abs(lam)
@@ -124,7 +124,7 @@ def _errors(
     slope = np.maximum(slope, 2 * size * mass)
     energy = size**2 * mass + size * _energies(C, a) + _energies(K, a)
     with np.errstate(over="ignore", invalid="ignore"):
-        shift_per_residual = conditions(lam, psi, held) / np.maximum(slope, TINY)
+        shift_per_residual = conditions(lam, psi, is_root) / np.maximum(slope, TINY)
         round_off = EPS * energy * shift_per_residual
         error = np.einsum("mij,mij->mj", a, np.abs(r)) * shift_per_residual + round_off
     return tuple(np.where(np.isnan(x), np.inf, x) for x in (error, round_off))  # type: ignore[return-value]
@@ -135,25 +135,29 @@ def _energies(A: np.ndarray, a: np.ndarray) -> np.ndarray:
     return energies
 
 
-def conditions(lam: np.ndarray, psi: np.ndarray, held: np.ndarray) -> np.ndarray:
+def conditions(lam: np.ndarray, psi: np.ndarray, is_root: np.ndarray) -> np.ndarray:
     """Condition (m, k) of each root among those of its point, as `root_error.conditions`."""
     condition = np.ones(lam.shape)
     if not lam.shape[1]:
         return condition
-    back = psi.conj().swapaxes(1, 2)
-    H, S = back @ psi, psi.swapaxes(1, 2) @ psi
+    adjoint = psi.conj().swapaxes(1, 2)
+    H, S = adjoint @ psi, psi.swapaxes(1, 2) @ psi
     energies = np.einsum("mii->mi", H).real
     unit = 1.0 / np.sqrt(np.where(energies > 0, energies, 1.0))
     both = unit[:, :, None] * unit[:, None, :]
     H, S = H * both, S * both
     level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
-    for number in np.unique(level[held]):
-        members = held & (level == number)
+    for number in np.unique(level[is_root]):
+        members = is_root & (level == number)
         rows = np.flatnonzero(members.any(axis=1))
         G = _gram(
-            H[rows], S[rows], lam[rows] / TIME_SCALE_RATIO**number, held[rows], lam[rows].imag != 0
+            H[rows],
+            S[rows],
+            lam[rows] / TIME_SCALE_RATIO**number,
+            is_root[rows],
+            lam[rows].imag != 0,
         )
-        count = held[rows].sum(axis=1) + (held[rows] & (lam[rows].imag != 0)).sum(axis=1)
+        count = is_root[rows].sum(axis=1) + (is_root[rows] & (lam[rows].imag != 0)).sum(axis=1)
         diagonal = np.arange(G.shape[1])
         G[:, diagonal, diagonal] += EPS * count[:, None]  # two states may be parallel
         inverse = np.einsum("mii->mi", np.linalg.inv(G)).real[:, : lam.shape[1]]
@@ -163,7 +167,7 @@ def conditions(lam: np.ndarray, psi: np.ndarray, held: np.ndarray) -> np.ndarray
 
 
 def _gram(
-    H: np.ndarray, S: np.ndarray, lam: np.ndarray, held: np.ndarray, paired: np.ndarray
+    H: np.ndarray, S: np.ndarray, lam: np.ndarray, is_root: np.ndarray, paired: np.ndarray
 ) -> np.ndarray:
     """Gram matrices (m, 2k, 2k) of unit states and of conjugates of paired ones; else identity."""
     bar = lam.conj()
@@ -176,7 +180,7 @@ def _gram(
         ],
         axis=1,
     )
-    entries = np.concatenate([held, held & paired], axis=1)
+    entries = np.concatenate([is_root, is_root & paired], axis=1)
     size = np.sqrt(np.maximum(np.einsum("mii->mi", G).real, TINY))
     G = G / (size[:, :, None] * size[:, None, :])
     both_there = entries[:, :, None] & entries[:, None, :]

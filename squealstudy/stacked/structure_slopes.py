@@ -95,8 +95,8 @@ class StructureSlopes:
         system, values = self.slopes.system, self.value(name)
         step = RELATIVE_STEP * np.where(values != 0, np.abs(values), 1.0)
         parameter = next(p for p in self.model.parameters if p.name == name)
-        least = 0.0 if parameter.positive else parameter.minimum
-        low, high = np.where(values - step >= least, values - step, values), values + step
+        minimum = 0.0 if parameter.positive else parameter.minimum
+        low, high = np.where(values - step >= minimum, values - step, values), values + step
         try:
             (first, lost), (second, other) = (self._assembly(name, x) for x in (high, low))
         except SquealstudyError:

@@ -113,9 +113,12 @@ def families(
     mu = mu.conj()  # Q(conj mu)^T y = 0 is y^H Q(mu) = 0
     roots = lam[owner, mode_index]
     order = _nearest_first(lam[owner], roots, mode_index)[:, :NEIGHBOURS]
-    near = np.take_along_axis(lam[owner], order, 1)
+    nearby_roots = np.take_along_axis(lam[owner], order, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.abs(near[:, :, None] - mu[owner][:, None, :]) / np.abs(near)[:, :, None]
+        distance = (
+            np.abs(nearby_roots[:, :, None] - mu[owner][:, None, :])
+            / np.abs(nearby_roots)[:, :, None]
+        )
     distance = np.where(np.isnan(distance), np.inf, distance)
     partner = distance.argmin(axis=2)
     in_family = (
@@ -127,7 +130,7 @@ def families(
     # (N, q, n): one advanced index before and after the slice puts it last
     right, left_vectors = X[rows, :, order].swapaxes(1, 2), Y[rows, :, partner].swapaxes(1, 2)
     damping = C[owner]
-    slope = 2.0 * near[:, None, :] * right + damping @ right
+    slope = 2.0 * nearby_roots[:, None, :] * right + damping @ right
     norm = np.einsum("Nij,Nij->Nj", left_vectors.conj(), slope)
     residual = np.maximum(
         _residual(C[owner], K[owner], roots, right[:, :, 0]),
@@ -136,7 +139,9 @@ def families(
         ),
     )
     is_served = in_family[:, 0] & ~twice
-    return StackedFamilies(owner, near, right, left_vectors, norm, in_family, is_served, residual)
+    return StackedFamilies(
+        owner, nearby_roots, right, left_vectors, norm, in_family, is_served, residual
+    )
 
 
 def _nearest_first(lam: np.ndarray, roots: np.ndarray, mode_index: np.ndarray) -> np.ndarray:

@@ -44,8 +44,8 @@ class OverFace:
         """At values of all parameters, numbers or arrays (m,)."""
         seeds, which = np.unique(_of_parameter(self.seed, values), return_inverse=True)
         faces = np.array([self.factors_over(self.number, int(seed)) for seed in seeds])
-        mean, most = faces[which].T if len(seeds) > 1 else faces[0]
-        return mean + _of_parameter(self.spread, values) * (most - mean)
+        mean, largest = faces[which].T if len(seeds) > 1 else faces[0]
+        return mean + _of_parameter(self.spread, values) * (largest - mean)
 
 
 @dataclass(frozen=True)

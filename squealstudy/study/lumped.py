@@ -223,7 +223,7 @@ def _parameter(name: str, file: AnyFile, source: SourceText) -> Parameter:
     unit = _unit(table, source, keys)
     number_keys = [k for k, text in texts_of(file) if expression(text).text == name]
     positive = any(_above_zero(path) for path in number_keys)
-    least = 0.0 if any(path[-1] in NOT_NEGATIVE for path in number_keys) else -float("inf")
+    minimum = 0.0 if any(path[-1] in NOT_NEGATIVE for path in number_keys) else -float("inf")
     users = (
         f"{k[0]} {file.name_of(str(k[0]), int(k[1]))}"
         for k, text in texts_of(file)
@@ -234,7 +234,7 @@ def _parameter(name: str, file: AnyFile, source: SourceText) -> Parameter:
         _default(table, unit, source, keys),
         unit,
         table.description or "of " + ", ".join(dict.fromkeys(users)),
-        minimum=least if table.minimum is None else table.minimum,
+        minimum=minimum if table.minimum is None else table.minimum,
         maximum=float("inf") if table.maximum is None else table.maximum,
         positive=positive,
         structural=True,

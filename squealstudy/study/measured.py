@@ -84,11 +84,11 @@ class _ByFiles:
 
 
 @lru_cache(maxsize=16)
-def _free(of: _ByFiles, name: str, cutoff_hz: float) -> list[MeasuredMode]:
+def _free(by_files: _ByFiles, name: str, cutoff_hz: float) -> list[MeasuredMode]:
     from squealstudy.models.components.free_modes import tabled_modes
     from squealstudy.study.components import build_of, free_component  # imports scikit-fem
 
-    build = build_of(of.model)
-    _, (K, M), _ = free_component(of.model, name)
-    with build.told(of.model.defaults()):
+    build = build_of(by_files.model)
+    _, (K, M), _ = free_component(by_files.model, name)
+    with build.told(by_files.model.defaults()):
         return tabled_modes(build.brake, name, K, M, cutoff_hz)

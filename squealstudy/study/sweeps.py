@@ -289,9 +289,9 @@ def check_design(definition: StudyDefinition, sweeps: Sequence[Sweep], source: S
     """Raise StudyFileError where the design does not fit its sweeps, or has keys of another."""
     design = definition.design
     random = design.type in RANDOM_DESIGNS
-    least = LEAST_SWEEPS.get(design.type, 0)
-    if len(sweeps) < least:
-        needed = "one [[sweep]]" if least == 1 else "two [[sweep]] tables"
+    min_sweeps = LEAST_SWEEPS.get(design.type, 0)
+    if len(sweeps) < min_sweeps:
+        needed = "one [[sweep]]" if min_sweeps == 1 else "two [[sweep]] tables"
         raise source.error(("design", "type"), f"a {design.type} design needs at least {needed}")
     if random and design.samples is None:
         raise source.error(

@@ -81,9 +81,9 @@ def with_temperature(model: ModelDefinition, given_tables: Sequence[GivenTable])
     if TEMPERATURE in by_name or not given_tables:
         return model
     structural = any(name in by_name and by_name[name].structural for name in followers)
-    least = -float(ZERO_CELSIUS)
+    lowest = -float(ZERO_CELSIUS)
     temperature = Parameter(
-        TEMPERATURE, math.nan, "degC", ABOUT, above=least, structural=structural, bare="K"
+        TEMPERATURE, math.nan, "degC", ABOUT, above=lowest, structural=structural, bare="K"
     )
     return replace(model, declared=(*model.declared, temperature))
 

@@ -375,10 +375,10 @@ def linearise(
     K_sym = system.summed(weights, SYMMETRIC_STIFFNESS_FIELDS)
     K = K_sym + system.summed(weights, [StructureWeights._fields.index("coupling")])
     beta = state.stiffness_damping
-    rest = weights
+    other_weights = weights
     if beta:
-        rest = structure.weights(point, replace(state, stiffness_damping=0.0), in_time)
-    C = system.summed(rest, system.numbers(DAMPING)) + beta * K_sym
+        other_weights = structure.weights(point, replace(state, stiffness_damping=0.0), in_time)
+    C = system.summed(other_weights, system.numbers(DAMPING)) + beta * K_sym
     modal, assembly_modes = assembly_damping(K_sym, state, model.damped_to)
     return LinearisedModel(C + modal, K, K_sym, weights, modal, assembly_modes)
 

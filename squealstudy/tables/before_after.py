@@ -84,8 +84,8 @@ def unstable_modes(
     code = point_codes(points, modes)
     is_common = np.isin(np.arange(len(points)), common)
     at_lines, at_common = (
-        rank_modes(points[of], modes[of[code]], along, "growth", onsets=onsets)
-        for of in (lines, is_common)
+        rank_modes(points[rows_of], modes[rows_of[code]], along, "growth", onsets=onsets)
+        for rows_of in (lines, is_common)
     )
     with_onset = at_common[at_common["track"].isin(at_lines["track"])].set_index("track")
     rows = [
@@ -100,7 +100,7 @@ def unstable_modes(
     group = np.where(shown["track"] > 0, shown["track"], unstable_groups(shown))
     of_modes = [np.isin(group, row["tracks"]) for row in rows]
     rows_of_modes = row_of_point[code[is_common[code]]]
-    roots = [_roots(shown[of], rows_of_modes[of], len(common)) for of in of_modes]
+    roots = [_roots(shown[rows_of], rows_of_modes[rows_of], len(common)) for rows_of in of_modes]
     table["growth_rate_error"] = [
         shown.loc[(shown["growth_rate"] == row["growth_rate"]).to_numpy(), "error_estimate"].max()
         for row in rows
@@ -142,8 +142,11 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
             if any(one_has) and any(two_has) and not set(filter(None, one_has)) & set(two_has):
                 distance[row, column] = np.inf
     partner = partners(distance, REL_TOLERANCE)
-    alone = np.setdiff1d(np.arange(len(table_after)), partner)
-    rows = ([*range(len(table_before)), *[-1] * len(alone)], [*partner.tolist(), *alone.tolist()])
+    without_partner = np.setdiff1d(np.arange(len(table_after)), partner)
+    rows = (
+        [*range(len(table_before)), *[-1] * len(without_partner)],
+        [*partner.tolist(), *without_partner.tolist()],
+    )
     table = pd.DataFrame(index=range(len(rows[0])))
     for name, kind in COLUMNS.items():
         for side, side_table, rows_of_side in zip(
@@ -179,8 +182,8 @@ def _distances(roots: np.ndarray, other_roots: np.ndarray) -> np.ndarray:
     roots, other_roots = roots[:, None], other_roots[None]
     each = np.abs(np.abs(other_roots) / np.abs(roots) - 1.0)
     both, either = (
-        np.isfinite(each) & of
-        for of in (
+        np.isfinite(each) & counted
+        for counted in (
             (roots.real > 0) & (other_roots.real > 0),
             (roots.real > 0) | (other_roots.real > 0),
         )

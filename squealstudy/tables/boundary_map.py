@@ -101,8 +101,8 @@ def _owners(rows: np.ndarray, stride: int) -> np.ndarray:
     owner = rows.copy()
     for corner, size in leaves:
         box = tuple(slice(c, c + size + 1) for c in corner)
-        near = np.where(2 * np.arange(size + 1) > size, size, 0)
-        nearest = rows[np.ix_(*(c + near for c in corner))]
+        nearer_node = np.where(2 * np.arange(size + 1) > size, size, 0)
+        nearest = rows[np.ix_(*(c + nearer_node for c in corner))]
         if (nearest < 0).any():
             raise ResultsError("the points table lacks corners of cells of its map")
         owner[box] = np.where(owner[box] < 0, nearest, owner[box])

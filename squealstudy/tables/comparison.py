@@ -183,9 +183,9 @@ def _values(points: pd.DataFrame, names: Sequence[str]) -> str:
 def _nominal_text(
     freq_parameters: Sequence[str], time_parameters: Sequence[str], nominal: Mapping[str, float]
 ) -> str:
-    alone = sorted(set(freq_parameters) ^ set(time_parameters))
-    listed = ", ".join(f"{name} = {nominal[name]:g}" for name in alone)
-    return f"; what only one of them has must be {listed}" if alone else ""
+    only_in_one = sorted(set(freq_parameters) ^ set(time_parameters))
+    listed = ", ".join(f"{name} = {nominal[name]:g}" for name in only_in_one)
+    return f"; what only one of them has must be {listed}" if only_in_one else ""
 
 
 def _instabilities(predicted: pd.DataFrame, followed: pd.DataFrame) -> Iterator[dict[str, object]]:
@@ -217,10 +217,10 @@ def _in_time(row: pd.Series) -> dict[str, object]:
     }
 
 
-def _partners(wanted: np.ndarray, available: np.ndarray) -> np.ndarray:
-    """Index into `available` (m,) of the mode nearest to each of `wanted` (n,), -1 for none.
+def _partners(predicted: np.ndarray, available: np.ndarray) -> np.ndarray:
+    """Index into `available` (m,) of the mode nearest to each of `predicted` (n,), -1 for none.
 
     None is used twice; none for NaN, as of a mode that does not oscillate.
     """
-    distance = np.abs(available / wanted[:, None] - 1.0)
+    distance = np.abs(available / predicted[:, None] - 1.0)
     return partners(np.nan_to_num(distance, nan=np.inf), FREQUENCY_TOLERANCE)

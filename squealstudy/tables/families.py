@@ -77,8 +77,8 @@ def scattered_neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarr
     parents = tracking_tree(x)
     joined = np.flatnonzero(parents >= 0)
     edges = [np.column_stack([parents[joined], joined]), cross_edges(x, parents)]
-    near: np.ndarray = solved[np.vstack(edges)]
-    return near
+    both_solved: np.ndarray = solved[np.vstack(edges)]
+    return both_solved
 
 
 def exchanged_tracks(

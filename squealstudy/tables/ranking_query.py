@@ -35,10 +35,10 @@ def rows_that_count(
     return _points_that_count(points, parts), modes_selected
 
 
-def _points_that_count(points: pd.DataFrame, asked: Iterable[Condition]) -> np.ndarray:
+def _points_that_count(points: pd.DataFrame, conditions: Iterable[Condition]) -> np.ndarray:
     """Points (n,) of bool for which the conditions on columns of `points` alone hold."""
     selected = np.ones(len(points), dtype=bool)
-    for condition in asked:
+    for condition in conditions:
         if condition.columns <= set(points.columns):
             selected &= condition.holds(points)
     return selected

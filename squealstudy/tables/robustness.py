@@ -94,10 +94,14 @@ def growth_columns(
     everywhere = np.ones(n, dtype=bool)  # a solved point without such a root has none
 
     def column(
-        number: int, members: np.ndarray, of: np.ndarray, absent: np.ndarray, fastest_hz: float
+        number: int,
+        members: np.ndarray,
+        rows: np.ndarray,
+        absent: np.ndarray,
+        fastest_hz: float,
     ) -> GrowthColumn:
         marks = unstable, unstable & ~uncertain, unstable | uncertain
-        has_mark = [np.bincount(code[of & mark], minlength=n) > 0 for mark in marks]
+        has_mark = [np.bincount(code[rows & mark], minlength=n) > 0 for mark in marks]
         largest = np.full(n, -np.inf)
         np.maximum.at(largest, code[members], growth[members])
         present = np.isfinite(largest)
@@ -161,8 +165,8 @@ class _Standing:
         stands beside this one, may be the mode that is sought under another number.
         """
         with_track = self._here[:, np.searchsorted(self._tracks, number)]
-        beside = self._here[with_track].any(axis=0) & (self._tracks > 0)
-        return np.logical_not(self._here[:, ~beside].any(axis=1))
+        is_present = self._here[with_track].any(axis=0) & (self._tracks > 0)
+        return np.logical_not(self._here[:, ~is_present].any(axis=1))
 
 
 COLUMNS = (
@@ -240,8 +244,8 @@ def robust_table(
             row["failed_points"] = int(drawn.sum() - solved.sum())
             rows.append(row)
     table = pd.DataFrame(rows)
-    rest = table.iloc[1:].sort_values(["unstable_points", "max_growth_rate"], ascending=False)
-    return pd.concat([table.iloc[:1], rest], ignore_index=True)[list(COLUMNS)].astype(COLUMNS)
+    tracks = table.iloc[1:].sort_values(["unstable_points", "max_growth_rate"], ascending=False)
+    return pd.concat([table.iloc[:1], tracks], ignore_index=True)[list(COLUMNS)].astype(COLUMNS)
 
 
 def probability_interval(unstable: int, points: int, confidence: float) -> tuple[float, float]:

@@ -219,10 +219,10 @@ class CellRule:
     def _lines(self, a: Node, b: Node) -> list[tuple[Node, Node, Node]]:
         """(beyond, near, far) for both directions of an edge in which the next node is known."""
         node_lines = []
-        for near, far in ((a, b), (b, a)):
-            beyond = tuple(2 * n - f for n, f in zip(near, far, strict=True))
+        for start, end in ((a, b), (b, a)):
+            beyond = tuple(2 * n - f for n, f in zip(start, end, strict=True))
             if beyond in self._roots:
-                node_lines.append((beyond, near, far))
+                node_lines.append((beyond, start, end))
         return node_lines
 
     def _dips(self, beyond: Node, near: Node, far: Node) -> bool:

@@ -88,7 +88,7 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
     points = results.points
     on_line = np.logical_and.reduce([points[name].to_numpy() == v for name, v in values.items()])
     solved = points[on_line & (points["status"] == "ok").to_numpy(bool)]
-    most = solved["n_unstable"]
+    largest_count = solved["n_unstable"]
     table = rank_modes(*results.ranked(where), results.along, "growth", None, where, results.onsets)
     first = first_onset(table)
     return DesignLine(
@@ -97,7 +97,7 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
         solved=len(solved),
         sure=bool(
             len(solved) == on_line.sum()
-            and (solved["n_unstable_high"] == most).all()
+            and (solved["n_unstable_high"] == largest_count).all()
             and results.along not in results.manifest.get("knots_between", {})
         ),
         onset=float(first["threshold"]) if first else float("nan"),
@@ -148,10 +148,10 @@ def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
         return _elsewhere(sorted(at_least.dropna()), row["frequency_hz"])
     if row["threshold"] != row["threshold"]:
         return ""
-    away = (of_mode["onset"] - row["threshold"]).abs().fillna(np.inf)
-    if not len(away) or away.min() > SAME_ONSET * abs(row["threshold"]):
+    distance = (of_mode["onset"] - row["threshold"]).abs().fillna(np.inf)
+    if not len(distance) or distance.min() > SAME_ONSET * abs(row["threshold"]):
         return ""
-    return _elsewhere([float(of_mode["frequency_hz"][away.idxmin()])], row["frequency_hz"])
+    return _elsewhere([float(of_mode["frequency_hz"][distance.idxmin()])], row["frequency_hz"])
 
 
 def _elsewhere(frequencies: list[float], hz: float) -> str:
@@ -199,11 +199,11 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
         f"{last_at(row, line if tracks_of[row['family']] == 1 else None, unit)}"
         for row in tracked[:n_told].to_dict("records")
     ]
-    least = f" already at the least {along}"
+    at_start = f" already at the least {along}"
     n_untold = len(tracked) - len(texts)
     others = f" and {plural(n_untold, 'other')}" if n_untold else ""
-    if len(texts) > 1 and not n_untold and all(text.endswith(least) for text in texts):
-        return f"{', '.join(text.removesuffix(least) for text in texts)}, all{least}"
+    if len(texts) > 1 and not n_untold and all(text.endswith(at_start) for text in texts):
+        return f"{', '.join(text.removesuffix(at_start) for text in texts)}, all{at_start}"
     return ", ".join(texts) + others
 
 
@@ -261,8 +261,8 @@ def design_text(results: ResultTables, line: DesignLine) -> str:
 
 def _same_onset(onset: float, other: float) -> bool:
     """Whether two values, infinite ones too, are not told apart."""
-    near = np.isfinite([onset, other]).all() and abs(onset - other) <= ALIKE_ONSETS * abs(other)
-    return bool(onset == other or near)
+    is_near = np.isfinite([onset, other]).all() and abs(onset - other) <= ALIKE_ONSETS * abs(other)
+    return bool(onset == other or is_near)
 
 
 def _first_value(line: DesignLine) -> float:

@@ -77,16 +77,17 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
 
 def full_order_error_text(manifest: Mapping[str, Any]) -> str:
     """One line on the error against the full-order model."""
-    asked = manifest.get("reference", [])
-    checks = [c for c in asked if c.get("status") == "ok"]
+    reference = manifest.get("reference", [])
+    checks = [c for c in reference if c.get("status") == "ok"]
     other = "a second factorisation" if manifest["model"] == MATRICES else "the full-order model"
     meshed = manifest["model"] == OF_FILE or "mesh" in manifest.get("options", {})
     other += " of the same mesh" if meshed else ""
-    if not asked:
+    if not reference:
         failed = ", or those points failed" if manifest.get("n_failed") else ""
         return f"not checked against {other} ([modes] reference_points = 0{failed})"
     if not checks:
-        return f"not known, {other} failed at {plural(len(asked), 'point')}: {asked[0]['message']}"
+        failed = plural(len(reference), "point")
+        return f"not known, {other} failed at {failed}: {reference[0]['message']}"
     points = plural(len(checks), "point")
     if not any(c["full_order_modes"] for c in checks):
         return f"{other} has no mode in the band either, at {points}"
@@ -146,10 +147,10 @@ def unseen_text(results: ResultTables) -> str:
         and highest_there < MIN_CHECK_ERROR_SHARE * highest
     ):
         return ""  # or the method has no light mode at these points
-    near, far = error_percent(highest_there), error_percent(highest)
-    if near == far:  # both too small to be told
+    at_checks, elsewhere = error_percent(highest_there), error_percent(highest)
+    if at_checks == elsewhere:  # both too small to be told
         return ""
     return (
-        f"; by its own estimate the method errs by {near} there, but by {far} elsewhere: audit "
-        "checks points drawn at random"
+        f"; by its own estimate the method errs by {at_checks} there, but by {elsewhere} "
+        "elsewhere: audit checks points drawn at random"
     )

@@ -62,15 +62,17 @@ class Basis:
     V: np.ndarray
     band_hz: tuple[float, float]
 
-    def solver(self, near: PointNeighbourhood) -> Callable[[np.ndarray], Modes]:
+    def solver(self, neighbourhood: PointNeighbourhood) -> Callable[[np.ndarray], Modes]:
         """Modes at coordinates in the neighbourhood of a design point, in this basis."""
-        return partial(_modes_at, _model(self), near, known_gap(self.key, near.design))
+        return partial(
+            _modes_at, _model(self), neighbourhood, known_gap(self.key, neighbourhood.design)
+        )
 
 
 def _modes_at(
-    model: SnapshotModel, near: PointNeighbourhood, gap: np.ndarray | None, x: np.ndarray
+    model: SnapshotModel, neighbourhood: PointNeighbourhood, gap: np.ndarray | None, x: np.ndarray
 ) -> Modes:
-    return model.modes(near.design_at(x).state(), gap)
+    return model.modes(neighbourhood.design_at(x).state(), gap)
 
 
 def _model(basis: Basis) -> SnapshotModel:
@@ -104,12 +106,12 @@ class Bases:
     def __init__(
         self,
         plan: Plan,
-        near: StudyNeighbourhoods,
+        neighbourhoods: StudyNeighbourhoods,
         solved: Callable[[int], Modes],
         counts: np.ndarray,
         workers: Workers,
     ) -> None:
-        self._plan, self._near, self._solved = plan, near, solved
+        self._plan, self._near, self._solved = plan, neighbourhoods, solved
         self._counts, self._workers = counts, workers
         self._structure = plan.tasks.structure_index
         self._basis_of_structure: dict[int, Basis | None] = {}
@@ -195,11 +197,13 @@ def far_apart(x: np.ndarray, count: int) -> np.ndarray:
 
 def snapshot_task(task: tuple[int, PointNeighbourhood]) -> tuple[int, np.ndarray]:
     """Number of a task, and the snapshots (n, m) of its design point; none where that fails."""
-    number, near = task
-    key = near.structure.key
-    prepared, gap = load_prepared(key), known_gap(key, near.design)
+    number, neighbourhood = task
+    key = neighbourhood.structure.key
+    prepared, gap = load_prepared(key), known_gap(key, neighbourhood.design)
     try:
-        return number, snapshots(prepared, near.design.state(), near.structure.band_hz, gap)
+        return number, snapshots(
+            prepared, neighbourhood.design.state(), neighbourhood.structure.band_hz, gap
+        )
     except FAILURES:
         return number, np.zeros((prepared.model.n, 0))
 

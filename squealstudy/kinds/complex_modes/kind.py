@@ -287,7 +287,7 @@ def mode_solves(plan: Plan) -> Solves:
     sample points of the reduction's error come on top.
     """
     rung, share = plan.method.rung, point_share(plan, plan.method.rung)
-    least, longest = EXACT_TIME_FACTORS if share is None else REANALYSIS_TIME_FACTORS
+    shortest, longest = EXACT_TIME_FACTORS if share is None else REANALYSIS_TIME_FACTORS
     modes = plan.study.definition.modes
     refines = modes.track and (modes.refine_tracking or modes.refine_onsets)
     between = 0.0
@@ -306,7 +306,7 @@ def mode_solves(plan: Plan) -> Solves:
         shared=bases * rung.setup_solves,
         checks=checks + samples * REDUCTION_SAMPLE_COST,
         between=between,
-        least=least,
+        least=shortest,
         longest=longest,
     )
 

@@ -87,7 +87,7 @@ def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
     quiet = (points["status"] == "ok") & (points["n_unstable_high"] == 0).fillna(False)
     designs = [points[name] for name in names]
     surely_quiet = quiet.astype(bool).groupby(designs).all()
-    least = points[along].groupby(designs).min()
+    start_values = points[along].groupby(designs).min()
     unstable = ((points["status"] == "ok") & (points["n_unstable"] > 0)).fillna(False)
     least_unstable = points[along].where(unstable.astype(bool)).groupby(designs).min()
     into = results.table("onsets")
@@ -97,7 +97,7 @@ def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
     exact = first["status"].isin([REFINED, CUBIC]) | first["onset"].isna()
     is_bound = ~(first["onset"] <= least_unstable) & least_unstable.notna()
     onset = first["onset"].where(~is_bound, least_unstable)
-    is_below = least_unstable == least
+    is_below = least_unstable == start_values
     onset = onset.where(~is_below, BELOW)
     onset = onset.where(onset.notna() | ~surely_quiet, NEVER)
     of_points = np.where(exact, "", INEXACT[CROSSING])

@@ -256,9 +256,9 @@ class OnsetSearch:
         bounds = [rows for rows in brackets if rows[0] in bounding]
         others = [rows for rows in brackets if rows[0] not in bounding]
         n_unrefined = 0
-        for most, rows in ((budget.bounds, bounds), (budget.onsets, others)):
-            most = min(most, budget.total - spent)
-            used, unrefined = self._refine_within(most, rows, events, table, workers)
+        for max_solves, rows in ((budget.bounds, bounds), (budget.onsets, others)):
+            max_solves = min(max_solves, budget.total - spent)
+            used, unrefined = self._refine_within(max_solves, rows, events, table, workers)
             spent, n_unrefined = spent + used, n_unrefined + unrefined
         return n_unrefined
 
@@ -281,12 +281,12 @@ class OnsetSearch:
         Returns the number of points solved and that of rows left.
         """
         spent = done = 0
-        most = BRACKETS_PER_BATCH if self._plan.stacked else BRACKETS_PER_ROUND
+        batch_size = BRACKETS_PER_BATCH if self._plan.stacked else BRACKETS_PER_ROUND
         while done < len(brackets) and spent < budget:
             workers.report("onsets", done, len(brackets))
             batch: list[list[int]] = []
             expected_points = 0
-            for rows in brackets[done : done + most]:
+            for rows in brackets[done : done + batch_size]:
                 expected_points += EXPECTED_SOLVES_PER_ONSET * len(rows)
                 if spent + expected_points > budget and batch:
                     break

@@ -105,8 +105,10 @@ class PassingModes:
         size_a, size_b = np.abs(at_a.lam)[rows], np.abs(at_b.lam)[columns]
         passed = (size_a[:, None] - size_a) * (size_b[:, None] - size_b) < 0
         h = np.maximum(h_a[np.ix_(rows, rows)], h_b[np.ix_(columns, columns)])
-        least = np.minimum(np.abs(decay_a[rows]), np.abs(decay_b[columns]))
-        decay = np.where(decay_a[rows] * decay_b[columns] > 0, least * np.sign(decay_a[rows]), 0.0)
+        lesser_decay = np.minimum(np.abs(decay_a[rows]), np.abs(decay_b[columns]))
+        decay = np.where(
+            decay_a[rows] * decay_b[columns] > 0, lesser_decay * np.sign(decay_a[rows]), 0.0
+        )
         locked = _locked(at_a.lam[rows]) | _locked(at_b.lam[columns])
         may_lock_in = (passed | ~sure) & ~locked & _may_change(h, decay)
         return bool(may_lock_in.any())

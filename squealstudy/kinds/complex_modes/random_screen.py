@@ -111,7 +111,7 @@ def families_in_words(table: pd.DataFrame) -> list[str]:
     ):
         if len(family_tracks) > 1:
             first = family_tracks.iloc[0]
-            most, percentage = (
+            largest_family, percentage = (
                 int(first["family_modes"]),
                 in_digits(100 * first["family_points"] / first["points"], 1),
             )
@@ -120,9 +120,10 @@ def families_in_words(table: pd.DataFrame) -> list[str]:
                 + (
                     "are one unstable mode, which changes its number between design points: it is "
                     f"unstable at {percentage} % of them"
-                    if most == 1
-                    else f"stand for {most} modes that swap numbers between design points, so that "
-                    f"a line may be of both: at least one is unstable at {percentage} % of them"
+                    if largest_family == 1
+                    else f"stand for {largest_family} modes that swap numbers between design "
+                    "points, so that a line may be of both: at least one is unstable at "
+                    f"{percentage} % of them"
                 )
             )
     return sentences
@@ -159,8 +160,8 @@ def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float
     maybe = f", within their errors at {percent(low / n_points, high / n_points)} %"
     left_out = f", {first['failed_points']} not ok left out" if first["failed_points"] else ""
     named = [_often(row) for row in others if row["unstable_points"]][:MOST_NAMED]
-    rest = sum(row["unstable_points"] > 0 for row in others) - len(named)
-    more = f" and {plural(rest, 'other')}" if rest > 0 else ""
+    n_others = sum(row["unstable_points"] > 0 for row in others) - len(named)
+    more = f" and {plural(n_others, 'other')}" if n_others > 0 else ""
     which = f": {', '.join(named)}{more}" if named else ""  # none at the points that are draws
     return (
         f"A mode {band_text(band_hz)} is unstable at {_unstable_percent(first)} % of "
@@ -223,9 +224,9 @@ def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
             "known at: elsewhere the mode may stand under another number; unstable % is of the "
             "points where it is known"
         )
-    gone = table[(table["quantity"] == "track") & (table["absent_points"] > 0)]
-    if len(gone):
-        counts = zip(gone["absent_points"], gone["track"], strict=True)
+    absent_tracks = table[(table["quantity"] == "track") & (table["absent_points"] > 0)]
+    if len(absent_tracks):
+        counts = zip(absent_tracks["absent_points"], absent_tracks["track"], strict=True)
         listed = ", ".join(f"{n} of {track_number(track)}" for n, track in counts)
         texts.append(
             f"points where a mode has left the band or does not oscillate, not unstable: {listed}"

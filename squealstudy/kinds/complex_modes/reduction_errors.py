@@ -150,10 +150,10 @@ def carried_errors(
     relative = np.full(len(columns.lam), np.nan)
     with_modes = [(i, sample) for i, sample in samples if len(sample.lam)]
     for structure in dict.fromkeys(key[i] for i, _ in with_modes):
-        near = [(i, sample) for i, sample in with_modes if key[i] == structure]
+        same_structure = [(i, sample) for i, sample in with_modes if key[i] == structure]
         rows = np.flatnonzero(key[point] == structure)
-        distance = np.linalg.norm(X[:, None] - X[None, [i for i, _ in near]], axis=2)
-        lam, chosen = columns.lam[rows], [sample for _, sample in near]
+        distance = np.linalg.norm(X[:, None] - X[None, [i for i, _ in same_structure]], axis=2)
+        lam, chosen = columns.lam[rows], [sample for _, sample in same_structure]
         relative[rows] = carried(lam, point[rows], distance, chosen)
     return relative * np.abs(columns.lam)
 
@@ -166,15 +166,15 @@ def carried(
     Logarithms are averaged over the nearest sample points with the inverse squares of the
     distances, and a margin is kept; at a sample point its own errors stand alone.
     """
-    near = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
-    away = np.take_along_axis(distance, near, axis=1)
-    is_sample = away[:, 0] <= SAMPLE_POINT_DISTANCE
-    weight = 1.0 / np.maximum(away, SAMPLE_POINT_DISTANCE) ** 2
-    weight = np.where(is_sample[:, None], np.arange(near.shape[1]) == 0, weight)
+    nearest = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
+    distance_to_nearest = np.take_along_axis(distance, nearest, axis=1)
+    is_sample = distance_to_nearest[:, 0] <= SAMPLE_POINT_DISTANCE
+    weight = 1.0 / np.maximum(distance_to_nearest, SAMPLE_POINT_DISTANCE) ** 2
+    weight = np.where(is_sample[:, None], np.arange(nearest.shape[1]) == 0, weight)
     weight /= weight.sum(axis=1, keepdims=True)
     total = np.zeros(len(lam))
     for k, sample in enumerate(samples):
-        share = np.where(near == k, weight, 0.0).sum(axis=1)
+        share = np.where(nearest == k, weight, 0.0).sum(axis=1)
         rows = np.flatnonzero(share[point])
         error = np.log(sample.relative[_nearest(lam[rows], sample.lam)])
         total[rows] += share[point[rows]] * error

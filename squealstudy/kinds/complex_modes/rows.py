@@ -70,7 +70,7 @@ COLUMNS = ("point_id", "status", "re", "im", "error_rung", "overdamped")
 
 def read_roots(
     store: Store,
-    wanted: Collection[str],
+    wanted_ids: Collection[str],
     overdamped: bool = False,
     tolerance: float | None = None,
     largest_error: float = np.inf,
@@ -85,7 +85,7 @@ def read_roots(
         (`settled`). A point is inaccurate where a root is wrong by more than `largest_error`
         (`worst_errors`).
     """
-    ids = set(wanted)
+    ids = set(wanted_ids)
     roots_of: dict[str, np.ndarray | None] = {}
     for table in store.chunks(SCHEMA, COLUMNS):
         for batch in table.to_batches():

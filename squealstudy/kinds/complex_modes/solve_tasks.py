@@ -60,10 +60,10 @@ def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[
     """
     served = {s.key: (s, rung_of(plan, s)) for s in swept_structures(plan)}
     exact = [key for key, (_, name) in served.items() if rung_named(name).exact]
-    alone = np.isin(points.structures, exact)[points.structure_index]
+    is_single = np.isin(points.structures, exact)[points.structure_index]
     keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
-    if not alone.all():
-        for structure, rows, box in boxes(plan, points.at(np.flatnonzero(~alone))):
+    if not is_single.all():
+        for structure, rows, box in boxes(plan, points.at(np.flatnonzero(~is_single))):
             yield SolveTask(
                 structure=structure,
                 rung=plan.method.name,
@@ -71,7 +71,7 @@ def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[
                 box=box,
                 keep_gaps=False,
             )
-    for part in workers.pace.parts(points.at(np.flatnonzero(alone)), workers.jobs):
+    for part in workers.pace.parts(points.at(np.flatnonzero(is_single)), workers.jobs):
         structure, name = served[part.structures[part.structure_index[0]]]
         yield SolveTask(
             structure=structure,
@@ -117,15 +117,15 @@ def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.nda
     return sorted(box_list, key=lambda item: -float(np.abs(item[2].low + item[2].high).sum()))
 
 
-def split_boxes(theta: np.ndarray, most: int) -> list[tuple[np.ndarray, Box]]:
-    """Points (n, d) in boxes of at most `most`: rows and box; the longest side is halved."""
+def split_boxes(theta: np.ndarray, max_points: int) -> list[tuple[np.ndarray, Box]]:
+    """Points (n, d) in boxes of at most `max_points`: rows and box; the longest side is halved."""
     box_list: list[tuple[np.ndarray, Box]] = []
     pending: Sequence[np.ndarray] = [np.arange(len(theta))]
     while pending:
         rows, *rest = pending
         low, high = theta[rows].min(axis=0), theta[rows].max(axis=0)
         axis = int(np.argmax(high - low)) if theta.shape[1] else 0
-        if len(rows) <= most or not (high > low).any():
+        if len(rows) <= max_points or not (high > low).any():
             box_list.append((rows, Box(low, high)))
             pending = rest
             continue

@@ -86,12 +86,14 @@ def effect_of_turning(task: TurningTask) -> TurningEffect | None:
 
 def _nearest_neutral(plan: Plan, columns: ModeColumns) -> list[int]:
     """Rows of design points that are looked at."""
-    away = np.full(len(columns.counts), np.inf)
+    distance = np.full(len(columns.counts), np.inf)
     size = np.abs(columns.lam)
-    np.minimum.at(away, columns.point, np.abs(columns.lam.real) / np.where(size > 0, size, np.inf))
-    order = np.argsort(away, kind="stable")
-    n_near = max(N_CHECKED_POINTS, round(NEAR_NEUTRAL_SHARE * len(away)))
-    rows = order[:n_near][np.isfinite(away[order[:n_near]])]
+    np.minimum.at(
+        distance, columns.point, np.abs(columns.lam.real) / np.where(size > 0, size, np.inf)
+    )
+    order = np.argsort(distance, kind="stable")
+    n_near = max(N_CHECKED_POINTS, round(NEAR_NEUTRAL_SHARE * len(distance)))
+    rows = order[:n_near][np.isfinite(distance[order[:n_near]])]
     if not len(rows):
         return []
-    return spread(plan.coordinates[rows], -away[rows], N_CHECKED_POINTS, rows)
+    return spread(plan.coordinates[rows], -distance[rows], N_CHECKED_POINTS, rows)

@@ -219,7 +219,7 @@ class DesignSearch(EvaluatedDesigns):
 
     def _search(self, starts: Sequence[np.ndarray], role: str) -> list[np.ndarray]:
         """Where the searches from all starts end; raises where rows are missing."""
-        ends, most = [], self._limit()
+        ends, max_designs = [], self._limit()
         for number, start in enumerate(starts, start=1):
             run = descend(self.box, start, self.margin, self.cache.steps)
             trial = next(run)
@@ -227,7 +227,7 @@ class DesignSearch(EvaluatedDesigns):
                 while True:
                     design = self.values(trial)
                     if design.tobytes() not in self.state.designs:
-                        if len(self.state.designs) >= most:
+                        if len(self.state.designs) >= max_designs:
                             ends.append(trial)
                             break
                         self.register_design(design, f"{role} {number}")

@@ -64,10 +64,10 @@ def runs_in_time(
         text = f"a mode {where} the band grows by itself in time, at {hz:.4g} Hz"
         raise ConvergenceError("unstable_above_band", text)
     starts: list[tuple[str, MotionPoint]] = []
-    near: list[float] = []
+    lasting_hz: list[float] = []
     for name, design in today.items():
         vibrating = vibrations(_Today.of(design), request)
-        near += vibrating.near
+        lasting_hz += vibrating.near
         for how, q, v in vibrating.lasting:
             words, other = f"{name}{how}", design.structure != point.structure
             if other:
@@ -78,7 +78,7 @@ def runs_in_time(
                 share = 100 * float(v @ v / norm_squared)
                 words += f", brought to this structure with {share:.0f} % of its kinetic energy"
             starts.append((words, replace(contact.point, q0=q, v0=v, continued=not other)))
-    starts += _kicks(contact, near, request)
+    starts += _kicks(contact, lasting_hz, request)
     return steady, [ended for ended, _ in _runs(contact, starts, request)]
 
 
@@ -151,7 +151,7 @@ def vibrations(today: _Today, request: CyclesRequest) -> _Vibrations:
     """
     _, was = request.contact(today.point, NewGaps())
     growing = was.point.growing
-    near = (np.abs(growing.lam[: growing.n_unstable]) / TURN).tolist()
+    unstable_hz = (np.abs(growing.lam[: growing.n_unstable]) / TURN).tolist()
     starts = [(f" after a {name}", start) for name, start in _kicks(was, (), request)]
     if growing.n_unstable:
         starts = [
@@ -159,12 +159,12 @@ def vibrations(today: _Today, request: CyclesRequest) -> _Vibrations:
         ]
     lasting_runs = [run for run in _runs(was, starts, request) if run[0].goes_on]
     by_mode = {f"{ended.mode_hz:.3g}": (ended, motion) for ended, motion in reversed(lasting_runs)}
-    near += [ended.mode_hz for ended, _ in by_mode.values() if np.isfinite(ended.mode_hz)]
-    return _Vibrations(near, [(ended.start, m.q, m.v) for ended, m in by_mode.values()])
+    unstable_hz += [ended.mode_hz for ended, _ in by_mode.values() if np.isfinite(ended.mode_hz)]
+    return _Vibrations(unstable_hz, [(ended.start, m.q, m.v) for ended, m in by_mode.values()])
 
 
 def _kicks(
-    contact: ContactOscillator, near: Sequence[float], request: CyclesRequest
+    contact: ContactOscillator, unstable_hz: Sequence[float], request: CyclesRequest
 ) -> Iterator[tuple[str, MotionPoint]]:
     low, high = request.band
     lam, psi = contact.oscillator.steady_modes(high)
@@ -172,7 +172,7 @@ def _kicks(
     if not len(inside):
         return
     zeta, hz = -lam.real / np.abs(lam), np.abs(lam) / TURN
-    mode_rows = [int(inside[np.argmin(np.abs(hz[inside] - f))]) for f in near]
+    mode_rows = [int(inside[np.argmin(np.abs(hz[inside] - f))]) for f in unstable_hz]
     mode_rows += [int(k) for k in inside[np.argsort(zeta[inside], kind="stable")]]
     largest = request.section.reach * abs(contact.point.speed)
     for k in list(dict.fromkeys(mode_rows))[:MAX_KICKED_MODES]:

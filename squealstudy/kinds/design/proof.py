@@ -77,10 +77,12 @@ class Proof:
             for p, a in zip(points, evaluations, strict=True)
         ]
         excess = np.array([-1.0 if j is None else j.worst for j in constraints])
-        least = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
+        damping_ratios = np.array([r["min_damping_ratio"] for r in rows if r["status"] == "ok"])
         bad = [points[i] for i in np.argsort(excess, kind="stable") if excess[i] < 0]
         text = f"{len(points) - len(bad)} of {len(points)} operating points meet all demands"
-        least_excess = float(np.nanmin(least)) if np.isfinite(least).any() else np.nan
+        least_excess = (
+            float(np.nanmin(damping_ratios)) if np.isfinite(damping_ratios).any() else np.nan
+        )
         self._told(kind, design, evaluations, not bad, least_excess, text)
         self.designs.state.active_points = sorted(
             {*self.designs.state.active_points, *bad[:MAX_POINTS_ADDED]}
@@ -139,8 +141,10 @@ class Proof:
                     DampingDemand(p, self.designs.margin + SHORTFALL_FACTOR * (reduced - full))
                 )
                 self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
-        least = f"{least_damping:.4g}" if np.isfinite(least_damping) else "not known"
-        text = f"least damping ratio {least} at {plural(len(points), 'operating point')}{lost}"
+        damping_text = f"{least_damping:.4g}" if np.isfinite(least_damping) else "not known"
+        text = (
+            f"least damping ratio {damping_text} at {plural(len(points), 'operating point')}{lost}"
+        )
         self._told("full_order", design, evaluations, good, least_damping, text)
         return good is not False
 
@@ -210,11 +214,13 @@ class Proof:
             if row["status"] != "ok" or row["verdict"] != LASTS:
                 continue
             good, hz = False, float(np.nan_to_num(row["frequency_hz"]))
-            near = self._damping_near(designs.rows[designs.margin_evaluation(p, design)], hz)
+            nearby_damping = self._damping_near(
+                designs.rows[designs.margin_evaluation(p, design)], hz
+            )
             of_runs = [e for e in designs.state.demands if e.point == p and np.isfinite(e.lasts)]
             before = next((e for e in of_runs if e.near(hz)), DampingDemand(p, 0.0, hz))
             designs.state.demands = [e for e in designs.state.demands if e is not before]
-            designs.state.demands.append(before.increased(near))
+            designs.state.demands.append(before.increased(nearby_damping))
             designs.state.active_points = sorted({*designs.state.active_points, p})
         is_decided = len(ok) == len(rows) and all(r["verdict"] == DECAYS for r in rows)
         runs = sum(r["n_modes"] for r in ok)
@@ -256,13 +262,15 @@ class Proof:
             for u in scatter
         ]
         rows = self.designs.rows_of(a for of_sample in evaluations for a in of_sample)
-        least = np.array([r["min_damping_ratio"] for r in rows])
+        damping_ratios = np.array([r["min_damping_ratio"] for r in rows])
         moved_out = [
             self.designs.modes_moved_out(p, r)
             for p, r in zip(points * len(scatter), rows, strict=True)
         ]
         ok = np.array([r["status"] == "ok" and not m for r, m in zip(rows, moved_out, strict=True)])
-        met = ok & ~(least < self.designs.margin)  # without a mode in the band none misses it
+        met = ok & ~(
+            damping_ratios < self.designs.margin
+        )  # without a mode in the band none misses it
         good = int(met.reshape(len(scatter), -1).all(axis=1).sum())
         low, high = probability_interval(good, len(scatter), PROBABILITY_CONFIDENCE)
         text = (
@@ -276,11 +284,11 @@ class Proof:
             self.designs.state.safety = max(self.designs.state.safety, 1.0) * SCATTER_INCREASE
         return passed
 
-    def _samples(self, asked: float) -> np.ndarray:
+    def _samples(self, probability: float) -> np.ndarray:
         """Values (n, k) of what scatters."""
         from scipy.stats import qmc
 
-        enough = int(np.ceil(np.log((1 - PROBABILITY_CONFIDENCE) / 2) / np.log(asked)))
+        enough = int(np.ceil(np.log((1 - PROBABILITY_CONFIDENCE) / 2) / np.log(probability)))
         count = self.designs.goal.samples or enough
         rng = np.random.default_rng(self.designs.goal.seed + 1)
         unit = qmc.Sobol(len(self.designs.study.uncertain), scramble=True, seed=rng)

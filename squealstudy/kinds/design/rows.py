@@ -378,7 +378,7 @@ def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dic
         return failed_row(SCHEMA, point.point_id, row["status"], row["message"], row["wall_s"])
     lacking = [(b["added_damping"] / (4 * np.pi * b["frequency_hz"]), b) for b in row["curves"]]
     nowhere: tuple[float, dict[str, Any]] = (np.nan, {})
-    most, worst_point = max(lacking, key=lambda item: item[0], default=nowhere)
+    most_lacking, worst_point = max(lacking, key=lambda item: item[0], default=nowhere)
     return {
         **head(point.point_id, row["wall_s"]),
         **_summary(np.zeros(0, dtype=complex), request.tolerance),
@@ -389,7 +389,7 @@ def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dic
         "frequency_hz": worst_point.get("frequency_hz", np.nan),
         "verdict": row["verdict"],
         "reason": row["reason"],
-        "missing_damping": most,
+        "missing_damping": most_lacking,
         "modes": [],
         "beside": [],
     }

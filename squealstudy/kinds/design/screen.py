@@ -147,15 +147,17 @@ def same_modes(hz: np.ndarray) -> np.ndarray:
 
     if len(hz) < 2:
         return np.ones(len(hz), dtype=int)
-    values, most = np.log(hz), np.log1p(SAME_MODE)
+    values, max_gap = np.log(hz), np.log1p(SAME_MODE)
     if len(hz) <= MAX_EXACT_GROUPING:
-        group_numbers: np.ndarray = fcluster(linkage(values[:, None], "complete"), most, "distance")
+        group_numbers: np.ndarray = fcluster(
+            linkage(values[:, None], "complete"), max_gap, "distance"
+        )
         return group_numbers
     rounded, group = np.unique(np.round(values / LOG_FREQUENCY_ROUNDING), return_inverse=True)
     if len(rounded) < 2:
         return np.ones(len(hz), dtype=int)
     tree = linkage(LOG_FREQUENCY_ROUNDING * rounded[:, None], "complete")
-    of_rounded: np.ndarray = fcluster(tree, most - LOG_FREQUENCY_ROUNDING, "distance")[group]
+    of_rounded: np.ndarray = fcluster(tree, max_gap - LOG_FREQUENCY_ROUNDING, "distance")[group]
     return of_rounded
 
 

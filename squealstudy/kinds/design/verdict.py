@@ -46,7 +46,7 @@ def facts(
     if state.chosen is not None:
         chosen = next(d for d in designs if d["chosen"])
     changes = [] if state.chosen is None else changed(search, state.chosen)
-    least = (lambda k: None) if chosen is None else chosen.get
+    fact_of = (lambda k: None) if chosen is None else chosen.get
     return {
         "outcome": state.outcome,
         "failure": state.failure,
@@ -58,8 +58,8 @@ def facts(
         "change": change_text(changes),
         "n_unstable": designs[0]["n_unstable"],
         "today_damping_ratio": designs[0]["min_damping_ratio"],
-        "min_damping_ratio": least("min_damping_ratio"),
-        "frequency_hz": least("frequency_hz"),
+        "min_damping_ratio": fact_of("min_damping_ratio"),
+        "frequency_hz": fact_of("frequency_hz"),
         "margin": study.goal.margin.damping_ratio,
         "probability": study.goal.margin.probability,
         "ranges": {v.name: v.range for v in study.variables},
@@ -150,8 +150,10 @@ def changed(search: DesignSearch, design: np.ndarray) -> list[dict[str, Any]]:
 def at_bounds(search: DesignSearch, design: np.ndarray) -> np.ndarray:
     """Which variables (d,) of a design are at a bound, those that are as today too."""
     z = search.change(design)
-    near: np.ndarray = np.minimum(z - search.whole.low, search.whole.high - z) < BOUND_REL_TOLERANCE
-    return near
+    is_at_bound: np.ndarray = (
+        np.minimum(z - search.whole.low, search.whole.high - z) < BOUND_REL_TOLERANCE
+    )
+    return is_at_bound
 
 
 def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
@@ -214,9 +216,9 @@ def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> st
         where = _where(plan, search, p)
         return f" at {where}" if where else ""
 
-    text, least = "no mode in the band where it was solved", least_damped(solved)
-    if least is not None:
-        p, row = least
+    text, least_damped_mode = "no mode in the band where it was solved", least_damped(solved)
+    if least_damped_mode is not None:
+        p, row = least_damped_mode
         hz, zeta = row["frequency_hz"], row["min_damping_ratio"]
         text = f"least damping {100 * zeta:.3g} %, mode at {hz:.5g} Hz ({row['main_component']})"
         text = f"{text if hz else 'steady sliding diverges without oscillation'}{at(p)}"

@@ -258,14 +258,14 @@ class Continuation:
         same = plan.tasks.structure_index == plan.tasks.structure_index[k]
         if shape is not None:
             grid_index = grid_places(x, shape)
-            away = np.abs(grid_index - grid_index[k]).sum(axis=1)
-            return [int(i) for i in np.flatnonzero((away == 1) & same)]
+            distance = np.abs(grid_index - grid_index[k]).sum(axis=1)
+            return [int(i) for i in np.flatnonzero((distance == 1) & same)]
         width = np.ptp(x, axis=0)
-        away = (((x - x[k]) / np.where(width > 0, width, 1.0)) ** 2).sum(axis=1)
-        away[~same] = np.inf
-        away[k] = np.inf
-        nearest = np.argsort(away, kind="stable")[:N_NEAREST_DESIGNS]
-        return [int(i) for i in nearest if np.isfinite(away[i]) and away[i] > 0]
+        distance = (((x - x[k]) / np.where(width > 0, width, 1.0)) ** 2).sum(axis=1)
+        distance[~same] = np.inf
+        distance[k] = np.inf
+        nearest = np.argsort(distance, kind="stable")[:N_NEAREST_DESIGNS]
+        return [int(i) for i in nearest if np.isfinite(distance[i]) and distance[i] > 0]
 
     # -- what is found --------------------------------------------------------------------------
     def _join(self, cycles: list[Continued], lost: list[str]) -> None:
@@ -363,8 +363,8 @@ def _judge_again(
         if cycle is not None:
             verdict["n_cycles"] += 1
             # a run in time tells the level of the same motion less exactly
-            least = verdict["torque_rms"] * (1.0 - verdict["level_error"])
-            if stable and not least >= cycle["torque_rms"]:
+            lowest_level = verdict["torque_rms"] * (1.0 - verdict["level_error"])
+            if stable and not lowest_level >= cycle["torque_rms"]:
                 verdict["torque_rms"] = cycle["torque_rms"]
                 verdict["level_error"] = cycle["level_error"]
                 verdict["regularisation_error"] = np.nan

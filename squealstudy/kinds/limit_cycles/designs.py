@@ -137,8 +137,8 @@ class DesignLine:
         if value not in self._known:
             while len(self._known) >= DESIGN_CACHE_SIZE:
                 del self._known[next(iter(self._known))]
-            near = self._last[0] if self._last else None
-            steady, oscillator = self.request.contact_near(self.design(value), near)
+            last_gap = self._last[0] if self._last else None
+            steady, oscillator = self.request.contact_near(self.design(value), last_gap)
             self._last[:] = [steady.gap]
             self._known[value] = oscillator
         return self._known[value]

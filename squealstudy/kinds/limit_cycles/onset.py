@@ -70,5 +70,7 @@ def onset_near(
     k = int(
         np.argmin(np.abs(neutral.lam - omega * (designs.request.tolerance + 1j)))
     )  # two may be near
-    how = criticality(designs.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k])
-    return found.value, found.frequency_hz, how
+    criticality_text = criticality(
+        designs.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k]
+    )
+    return found.value, found.frequency_hz, criticality_text

@@ -63,9 +63,9 @@ class SensitivityScreen(KindScreen):
     def facts(self, results: ResultTables) -> Rows:
         """How far derivatives and reanalysis agree, where the derivative is said to hold."""
         table = results.sensitivities
-        away = table[~table["near_coalescence"].to_numpy(bool)]
-        off = away["disagreement"].dropna()
-        text = f"{len(table) - len(away)} of {len(table)} sensitivities near coalescence"
+        isolated = table[~table["near_coalescence"].to_numpy(bool)]
+        off = isolated["disagreement"].dropna()
+        text = f"{len(table) - len(isolated)} of {len(table)} sensitivities near coalescence"
         if len(off):
             text = (
                 f"change of the root to first order within {100 * off.median():.2g} % of the "
@@ -86,14 +86,14 @@ def sensitivities(
         return [f"{_why_no_mode(results)}: there are no sensitivities."]
     mode = mode_sensitivities(every, frequency_hz)
     shown = rank_sensitivities(mode, top)
-    near = bool(shown["near_coalescence"].any())
+    has_coalescence = bool(shown["near_coalescence"].any())
     legend = notes(
         f"first {len(shown)} of {len(mode)} parameters; growth, Hz, damping: change at the step, "
         "first order; reanalysis: of the growth rate",
         "off: of the growth rate, first order against reanalysis; it is the curvature over the "
         "step, and a smaller change leaves less of it",
         "! near coalescence: the derivative does not hold over the step, or means nothing"
-        if near
+        if has_coalescence
         else "",
     )
     ranked = shown.to_dict("records")

@@ -41,7 +41,9 @@ def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
         columns[f"amplitude_mode_{mode}"] = np.sqrt(2 * energies[:, k]) / omega
     frame_columns = {name: values[::every] for name, values in columns.items()}
     if "torque_mean" in history:
-        frame_columns |= {name: joined(history[name], every, how) for name, how in SUMMED.items()}
+        frame_columns |= {
+            name: joined(history[name], every, reduce) for name, reduce in SUMMED.items()
+        }
         frame_columns["torque_rms"] = np.sqrt(row_variances(history, every))
     return pd.DataFrame(frame_columns)
 

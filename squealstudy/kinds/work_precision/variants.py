@@ -161,14 +161,14 @@ def _swept_values(study: ResolvedStudy) -> list[SweptValues]:
     return [tuple(row) for row in design_points(study).tolist()]
 
 
-def _placed(swept: list[SweptValues], wanted: Sequence[SweptValues]) -> tuple[int, ...]:
+def _placed(swept: list[SweptValues], points: Sequence[SweptValues]) -> tuple[int, ...]:
     """Positions of the wanted points among all, to which those that are missing are added."""
     position = {point: i for i, point in reversed([*enumerate(swept)])}
-    for point in wanted:
+    for point in points:
         if point not in position:
             position[point] = len(swept)
             swept.append(point)
-    return tuple(position[point] for point in wanted)
+    return tuple(position[point] for point in points)
 
 
 def onset_lines(

@@ -47,9 +47,9 @@ def slope_change(
     if slope == 0.0:
         return 0.0
     h0, h1 = at[k] - at[k - 1], at[k + 1] - at[k]
-    before, behind = (y[k] - y[k - 1]) / h0, (y[k + 1] - y[k]) / h1
+    before, after = (y[k] - y[k - 1]) / h0, (y[k + 1] - y[k]) / h1
     w0, w1 = h0 + 2.0 * h1, 2.0 * h0 + h1
-    of_before, of_behind = slope / before, slope / behind
+    of_before, of_behind = slope / before, slope / after
     change = w0 * of_before * of_before * (dy[k] - dy[k - 1]) / h0
     change += w1 * of_behind * of_behind * (dy[k + 1] - dy[k]) / h1
     return change / (w0 + w1)

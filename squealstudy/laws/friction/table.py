@@ -73,11 +73,11 @@ def knot_slope(
         return 0.0
     h0, h1 = speeds[k] - speeds[k - 1], speeds[k + 1] - speeds[k]
     ratio = ratios[first + k]
-    before, behind = (ratio - ratios[first + k - 1]) / h0, (ratios[first + k + 1] - ratio) / h1
-    if before * behind <= 0.0:
+    before, after = (ratio - ratios[first + k - 1]) / h0, (ratios[first + k + 1] - ratio) / h1
+    if before * after <= 0.0:
         return 0.0
     w0, w1 = h0 + 2.0 * h1, 2.0 * h0 + h1
-    return (w0 + w1) / (w0 / before + w1 / behind)
+    return (w0 + w1) / (w0 / before + w1 / after)
 
 
 def mu(

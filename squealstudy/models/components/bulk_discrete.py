@@ -52,9 +52,9 @@ class BulkDiscrete:
         if number == 0:
             return None
         axis = card.whole(field + 1, "a direction", 0)
-        most = 6 if turns else 3
-        if axis not in range(1, most + 1):
-            text = f"expected a direction 1 to {most} of node {number}, found {axis}"
+        max_axis = 6 if turns else 3
+        if axis not in range(1, max_axis + 1):
+            text = f"expected a direction 1 to {max_axis} of node {number}, found {axis}"
             raise card.error(text, field + 1)
         node = self._node(card, number, field)
         if axis > 3 and node not in self._turning:
@@ -83,8 +83,8 @@ class BulkDiscrete:
                 property_number = card.whole(1, "a property", number)
                 if property_number not in stiffness:
                     raise card.error(f"there is no PELAS {property_number}", 1)
-                of, field = stiffness[property_number]
-                k = of.real(field, "a stiffness")
+                property_card, field = stiffness[property_number]
+                k = property_card.real(field, "a stiffness")
             ends = [self._end(card, 2), self._end(card, 4)]
             signed = [
                 (end[0], sign * end[1])

@@ -79,18 +79,18 @@ def _check_doubled(mesh: SolidMesh) -> None:
             nodes = block.nodes[rows][:, list(face)]
             owner = np.repeat(rows + start, len(face))
             outer.append(np.column_stack([nodes.ravel(), owner]))
-    of = np.vstack(outer)
-    of = of[~np.isin(of[:, 0], mesh.tied)]
-    nodes, first = np.unique(of[:, 0], return_index=True)
+    outer_faces = np.vstack(outer)
+    outer_faces = outer_faces[~np.isin(outer_faces[:, 0], mesh.tied)]
+    nodes, first = np.unique(outer_faces[:, 0], return_index=True)
     pairs = cKDTree(mesh.nodes[nodes]).query_pairs(MERGED * shortest, output_type="ndarray")
     if len(pairs):
-        owners = mesh.body_of[of[first, 1]]
+        owners = mesh.body_of[outer_faces[first, 1]]
         of_two_bodies = owners[pairs[:, 0]] != owners[pairs[:, 1]]
         if of_two_bodies.all() and any(note.why == OF_CONTACT for note in mesh.passed_over):
             return  # bodies in contact
         pairs = pairs[np.argsort(of_two_bodies, kind="stable")]
         a, b = nodes[pairs[0]]
-        elements = of[first[pairs[0]], 1]
+        elements = outer_faces[first[pairs[0]], 1]
         raise mesh.error(
             f"nodes {mesh.numbers[a]} and {mesh.numbers[b]} lie at one place"
             f"{f', as do {len(pairs) - 1} other pairs' if len(pairs) > 1 else ''}: "

@@ -77,8 +77,8 @@ class Tie:
 
     def kept(self, selection: MeshSelection) -> Tie | None:
         """The tie in a part of the mesh; None where the part has none of its nodes."""
-        of = [*selection.nodes[self.nodes], *selection.elements[self.faces[:, 0]]]
-        if not _all_or_none(self.name, of):
+        selected = [*selection.nodes[self.nodes], *selection.elements[self.faces[:, 0]]]
+        if not _all_or_none(self.name, selected):
             return None
         return replace(self, nodes=selection.node_at[self.nodes], faces=selection.faces(self.faces))
 

@@ -199,8 +199,8 @@ def sliding(
     along = velocity - np.sum(velocity * n, axis=1, keepdims=True) * n
     size = np.linalg.norm(along, axis=1)
     speed = np.linalg.norm(velocity, axis=1)
-    far = np.linalg.norm(pair.slave.points - rotation.point, axis=1).max()
-    still = (speed <= STEEP * far) | (size <= STEEP * speed)
+    max_distance = np.linalg.norm(pair.slave.points - rotation.point, axis=1).max()
+    still = (speed <= STEEP * max_distance) | (size <= STEEP * speed)
     if still.any():
         raise ModelError(
             f"{where}: {still.sum()} of {len(n)} points do not slide: they lie on the axis of "

@@ -83,27 +83,29 @@ class Expansion:
         """E^T A E of a matrix (3 n_nodes, 3 n_nodes)."""
         return A if self.E.shape[0] == self.E.shape[1] and self.plain else self.E.T @ A @ self.E
 
-    def freedoms(self, moved: np.ndarray, turned: np.ndarray | None = None) -> np.ndarray:
+    def freedoms(self, displacements: np.ndarray, turned: np.ndarray | None = None) -> np.ndarray:
         """Degrees of freedom (n, k) of displacements (3 n_nodes, k) that they can have.
 
         And of turns of nodes, where they are given. Those that move no node are zero.
         """
         if self.axes is not None:
-            back = sp.kron(sp.identity(len(moved) // 3), self.axes.T, format="csr")
+            to_local = sp.kron(sp.identity(len(displacements) // 3), self.axes.T, format="csr")
             before = replace(self.turned(self.axes.T), axes=None)
-            return before.freedoms(back @ moved, None if turned is None else back @ turned)
-        q = np.zeros((self.E.shape[1], moved.shape[1]))
+            return before.freedoms(
+                to_local @ displacements, None if turned is None else to_local @ turned
+            )
+        q = np.zeros((self.E.shape[1], displacements.shape[1]))
         of_nodes = self.places >= 0
-        q[of_nodes] = moved[self.places[of_nodes]]
-        E, residual = self.E, moved - self.E @ q
+        q[of_nodes] = displacements[self.places[of_nodes]]
+        E, residual = self.E, displacements - self.E @ q
         if turned is not None and self.turns.nnz:
             turning_nodes = np.flatnonzero(np.diff(self.turns.indptr))
             E = sp.vstack([E, self.turns[turning_nodes]], format="csr")
             residual = np.vstack([residual, turned[turning_nodes] - self.turns[turning_nodes] @ q])
-        rest = np.flatnonzero(~of_nodes & (np.diff(E.tocsc().indptr) > 0))
-        if len(rest):
-            R = E[:, rest]
-            q[rest] = splu((R.T @ R).tocsc()).solve(R.T @ residual)
+        others = np.flatnonzero(~of_nodes & (np.diff(E.tocsc().indptr) > 0))
+        if len(others):
+            R = E[:, others]
+            q[others] = splu((R.T @ R).tocsc()).solve(R.T @ residual)
         return q
 
 
@@ -152,11 +154,11 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
         E = E @ S
     E, turns = E[: 3 * n], E[3 * n :]
     moves = np.diff(E.tocsc().indptr)  # a reference node without structure moves itself alone
-    alone = np.zeros(n_full, dtype=bool)
+    is_single = np.zeros(n_full, dtype=bool)
     bare = mesh.bare
     bare[mesh.weighed] = False
-    alone[: 3 * n] = np.repeat(bare, 3)
-    independent = free[moves[free] > alone[free]]
+    is_single[: 3 * n] = np.repeat(bare, 3)
+    independent = free[moves[free] > is_single[free]]
     E = E[:, independent].tocsr()
     E.eliminate_zeros()
     T = _turns(mesh, turning, turns[:, independent].tocsr(), E)
@@ -215,11 +217,11 @@ def _relations(
 
 def _equations(mesh: SolidMesh) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """Equations by relations; those of one node stand together, which may turn its directions."""
-    of: dict[int, list[Relation]] = {}
+    relations_of: dict[int, list[Relation]] = {}
     for c in mesh.constraints:
         if isinstance(c, Relation):
-            of.setdefault(int(c.nodes[0]), []).append(c)
-    for node, relations in of.items():
+            relations_of.setdefault(int(c.nodes[0]), []).append(c)
+    for node, relations in relations_of.items():
         A = np.array([c.vectors[0] for c in relations])
         columns = [(3 * c.nodes[1:, None] + np.arange(3)).ravel() for c in relations]
         values = np.zeros((len(relations), sum(map(len, columns))))
@@ -276,10 +278,10 @@ def _feet(mesh: SolidMesh, tie: Tie) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
     master = facets_of(mesh, tie.faces, tie.name)
     nodes = np.setdiff1d(tie.nodes, master.table)
-    far = tie.tolerance
-    if far is None:
-        far = TOLERANCE * 2 * float(master.radii.mean())
-    reach = far + 1.2 * float(master.radii.max())
+    max_distance = tie.tolerance
+    if max_distance is None:
+        max_distance = TOLERANCE * 2 * float(master.radii.mean())
+    reach = max_distance + 1.2 * float(master.radii.max())
     lists = cKDTree(master.centres).query_ball_point(mesh.nodes[nodes], reach)
     start = np.cumsum([0, *map(len, lists)])
     candidates = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.sort, lists)])
@@ -291,7 +293,7 @@ def _feet(mesh: SolidMesh, tie: Tie) -> tuple[np.ndarray, np.ndarray, np.ndarray
         candidates.astype(np.int64),
         master.kinds,
         master.nodes,
-        far,
+        max_distance,
         facet,
         distance,
         values,

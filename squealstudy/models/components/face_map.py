@@ -57,9 +57,9 @@ class FaceMap:
         from scipy.spatial import cKDTree
 
         in_plane = (self.places - self._centre) @ self._plane.T
-        near, which = cKDTree(in_plane).query(in_plane, k=2)
+        distances, which = cKDTree(in_plane).query(in_plane, k=2)
         distance = np.linalg.norm(self.places - self.places[which[:, 1]], axis=1)
-        above = np.flatnonzero(near[:, 1] < STEEPEST * distance)
+        above = np.flatnonzero(distances[:, 1] < STEEPEST * distance)
         if len(above):
             ends = above[0], which[above[0], 1]
             first, second = (", ".join(f"{v:g}" for v in self.places[k]) for k in ends)
@@ -89,12 +89,12 @@ class FaceMap:
         values = np.clip(values, self.values.min(), self.values.max())  # round-off of weights
         beyond = np.flatnonzero(np.isnan(values))
         if len(beyond):
-            away, nearest = tree.query(points_in_plane[beyond])
-            if (away > BEYOND_SPACINGS * spacing).any():
-                far = int((away > BEYOND_SPACINGS * spacing).sum())
+            distance, nearest = tree.query(points_in_plane[beyond])
+            if (distance > BEYOND_SPACINGS * spacing).any():
+                n_far = int((distance > BEYOND_SPACINGS * spacing).sum())
                 raise ModelError(
-                    f"{self.name}: {100 * far / len(points):.3g} % of the contact points lie off "
-                    f"its places, the farthest by {away.max():.3g} m where those are "
+                    f"{self.name}: {100 * n_far / len(points):.3g} % of the contact points lie off "
+                    f"its places, the farthest by {distance.max():.3g} m where those are "
                     f"{spacing:.3g} m apart. Expected places all over the face, in the "
                     "coordinates and the unit of its component's file"
                 )

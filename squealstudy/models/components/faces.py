@@ -143,9 +143,9 @@ def _times(rows: np.ndarray) -> np.ndarray:
     return times
 
 
-def _among(faces: np.ndarray, of: np.ndarray) -> np.ndarray:
+def _among(faces: np.ndarray, wanted_faces: np.ndarray) -> np.ndarray:
     """Which of faces (p, 2) are in the other list."""
-    return np.isin(8 * faces[:, 0] + faces[:, 1], 8 * of[:, 0] + of[:, 1])
+    return np.isin(8 * faces[:, 0] + faces[:, 1], 8 * wanted_faces[:, 0] + wanted_faces[:, 1])
 
 
 def facet_groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
@@ -154,10 +154,10 @@ def facet_groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
         block_faces = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
         for k, face in enumerate(block.kind.shape.faces):
-            of = block_faces[block_faces[:, 1] == k + 1]
-            if len(of):
-                nodes = block.nodes[of[:, 0] - start][:, list(face)]
-                parts.setdefault(len(face), []).append((nodes, of))
+            same_number = block_faces[block_faces[:, 1] == k + 1]
+            if len(same_number):
+                nodes = block.nodes[same_number[:, 0] - start][:, list(face)]
+                parts.setdefault(len(face), []).append((nodes, same_number))
     return tuple(
         FacetGroup(np.vstack([n for n, _ in pieces]), np.vstack([f for _, f in pieces]))
         for _, pieces in sorted(parts.items())

@@ -79,8 +79,10 @@ def placed_matrices(
     row_numbers = len(displacement_rows) + np.arange(len(turning))
     T = sp.csr_matrix((np.ones(len(turning)), (turning, row_numbers)), (n, len(used_rows)))
     if table.recovery is not None:
-        of = np.append(np.ones(len(displacement_rows)), np.full(len(turning), LENGTH.factor(units)))
-        E = _recovered(folder, name, table, E, read[0][1], of)
+        lengths = np.append(
+            np.ones(len(displacement_rows)), np.full(len(turning), LENGTH.factor(units))
+        )
+        E = _recovered(folder, name, table, E, read[0][1], lengths)
     on_used_rows = []
     for A, rows in read:
         row_numbers = np.searchsorted(used_rows, rows)
@@ -110,10 +112,10 @@ def _scales(M: sp.csr_matrix, displacement_dofs: np.ndarray) -> sp.dia_matrix:
     """
     mass, of_nodes = M.diagonal(), displacement_dofs >= 0
     scale = np.ones(len(mass))
-    rest = ~of_nodes & (mass > 0)
+    is_other = ~of_nodes & (mass > 0)
     usual = mass[of_nodes & (mass > 0)]
     if len(usual):
-        scale[rest] = np.sqrt(np.median(usual) / mass[rest])
+        scale[is_other] = np.sqrt(np.median(usual) / mass[is_other])
     return sp.diags(scale)
 
 

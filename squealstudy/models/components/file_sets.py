@@ -47,8 +47,8 @@ def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> 
                 )
             chosen &= fulfilled
         if set_table.elements is not None:
-            of = mesh.find("element_sets", set_table.elements)
-            chosen &= np.isin(faces[:, 0], of)
+            elements = mesh.find("element_sets", set_table.elements)
+            chosen &= np.isin(faces[:, 0], elements)
             if not chosen.any():
                 raise PlacedError(
                     keys, f"no such face is of the element set '{set_table.elements}'"
@@ -66,13 +66,15 @@ def _outer(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         shape = block.kind.shape
         for number, face in enumerate(shape.faces, 1):
             same_face = block_faces[block_faces[:, 1] == number]
-            of = block.nodes[same_face[:, 0] - start][:, list(face)]
-            corners = mesh.nodes[of[:, [i for i, f in enumerate(face) if shape.is_corner(f)]]]
+            face_nodes = block.nodes[same_face[:, 0] - start][:, list(face)]
+            corners = mesh.nodes[
+                face_nodes[:, [i for i, f in enumerate(face) if shape.is_corner(f)]]
+            ]
             cross = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
             if corners.shape[1] == 3:
                 cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             faces.append(same_face)
-            nodes.append(np.pad(of, ((0, 0), (0, 8 - of.shape[1])), mode="edge"))
+            nodes.append(np.pad(face_nodes, ((0, 0), (0, 8 - face_nodes.shape[1])), mode="edge"))
             normals.append(cross / np.linalg.norm(cross, axis=1, keepdims=True))
     all_faces = np.vstack(faces)
     order = np.lexsort((all_faces[:, 1], all_faces[:, 0]))
@@ -92,18 +94,18 @@ def _conditions(
     No unit: that of lengths of the model file.
     """
     x = mesh.nodes[nodes]
-    near = PLACE_TOLERANCE_OVER_SIDE * float(np.ptp(mesh.nodes, axis=0).max())
+    tolerance = PLACE_TOLERANCE_OVER_SIDE * float(np.ptp(mesh.nodes, axis=0).max())
     if table.tolerance is not None:
-        near = size * table.tolerance
+        tolerance = size * table.tolerance
     conditions = []
     if table.box is not None:
         low, high = np.sort(size * np.array(table.box), axis=0)
         off = np.maximum(low - x, x - high).max(axis=(1, 2))
-        conditions.append(("in the box", off <= near, off / size, ""))
+        conditions.append(("in the box", off <= tolerance, off / size, ""))
     if table.plane is not None:
         n = _unit(table.plane.normal, (*keys, "plane", "normal"))
         off = np.abs((x - size * np.array(table.plane.point)) @ n).max(axis=1)
-        conditions.append(("in the plane", off <= near, off / size, ""))
+        conditions.append(("in the plane", off <= tolerance, off / size, ""))
     if table.cylinder is not None:
         axis = _unit(table.cylinder.axis, (*keys, "cylinder", "axis"))
         from_axis = x - size * np.array(table.cylinder.point)
@@ -111,7 +113,7 @@ def _conditions(
         radius = table.cylinder.radius
         low_r, high_r = radius if isinstance(radius, tuple) else (radius, radius)
         off = np.maximum(size * low_r - r, r - size * high_r).max(axis=1)
-        conditions.append(("at that radius", off <= near, off / size, ""))
+        conditions.append(("at that radius", off <= tolerance, off / size, ""))
     if table.normal is not None:
         cosine = normal @ _unit(table.normal, (*keys, "normal"))
         turned = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))

@@ -236,14 +236,14 @@ def tabled_modes(
 def _nearest(row: MeasuredLine, hz: np.ndarray, rigid: int, where: str) -> int | None:
     """Number of the elastic mode nearest in frequency; None where it may be beyond those known."""
     assert row.frequency_hz is not None
-    away = np.abs(hz[rigid:] / row.frequency_hz - 1.0)
-    if len(away) and away.min() <= MAX_PARTNER_REL_DISTANCE:
-        return rigid + 1 + int(away.argmin())
-    if not len(away) or row.frequency_hz > hz[-1]:
+    rel_distance = np.abs(hz[rigid:] / row.frequency_hz - 1.0)
+    if len(rel_distance) and rel_distance.min() <= MAX_PARTNER_REL_DISTANCE:
+        return rigid + 1 + int(rel_distance.argmin())
+    if not len(rel_distance) or row.frequency_hz > hz[-1]:
         return None
-    near = hz[rigid + int(away.argmin())]
+    nearest_hz = hz[rigid + int(rel_distance.argmin())]
     raise ModelError(
         f"{where}: no free mode is within {100 * MAX_PARTNER_REL_DISTANCE:g} % of "
-        f"{row.frequency_hz:g} Hz, the nearest is at {near:.1f} Hz: give its number in a "
+        f"{row.frequency_hz:g} Hz, the nearest is at {nearest_hz:.1f} Hz: give its number in a "
         f"column {MODE}"
     )

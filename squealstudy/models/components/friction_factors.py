@@ -47,10 +47,10 @@ def friction_factors(geometry: Geometry, numbers: Numbers, number: int) -> np.nd
             keys = seed_keys
             text = f"this random field of factors falls to {factors.min():.3g}: expected at least 0"
         else:
-            most = mean / (mean - float(over_face(geometry, number, int(seed)).min()))
+            largest_factor = mean / (mean - float(over_face(geometry, number, int(seed)).min()))
             text = (
-                f"expected a {SPREAD_KEY} of at most {most:.4g}, beyond which factors over the "
-                f"face are below 0: the least would be {factors.min():.3g}"
+                f"expected a {SPREAD_KEY} of at most {largest_factor:.4g}, beyond which factors "
+                f"over the face are below 0: the least would be {factors.min():.3g}"
             )
         raise ValuesError((keys,), text) if keys in numbers.given else PlacedError(keys, text)
     return factors

@@ -185,23 +185,23 @@ class Geometry:
         for i, fixed in enumerate(self.file.fixed):
             keys: KeyPath = ("fixed", i, "set")
             name, nodes = self.nodes(fixed.set, keys)
-            of = self.bodies[name]
+            body = self.bodies[name]
             if name in self.turned and not turns_with(fixed.dofs, self._turn()[0]):
                 text = f"holds {fixed.set} in some directions alone, which do not turn with it"
                 raise PlacedError(ROTOR_ANGLE, f"[[fixed]] {text}: expected all, or the axis")
             of_turns = [3 * nodes + d - 4 for d in fixed.dofs if d > 3]
-            fixed_freedoms[name] |= held_turns(of_turns, of, (*keys[:2], "dofs"))
+            fixed_freedoms[name] |= held_turns(of_turns, body, (*keys[:2], "dofs"))
             fixed_by_axis = [3 * nodes + d - 1 for d in fixed.dofs if d <= 3]
             fixed_rows = np.concatenate([np.zeros(0, dtype=np.int64), *fixed_by_axis])
-            fixed_rows = fixed_rows[~of.expansion.lacking[fixed_rows]]
-            follows = fixed_rows[~np.isin(fixed_rows, of.expansion.places)]
+            fixed_rows = fixed_rows[~body.expansion.lacking[fixed_rows]]
+            follows = fixed_rows[~np.isin(fixed_rows, body.expansion.places)]
             if len(follows):
                 raise PlacedError(
                     keys,
-                    f"{of.mesh.nodes_named(np.unique(follows // 3))} of {fixed.set} follow others "
-                    "by a tie or a coupling, or by the recovery of a superelement: hold those",
+                    f"{body.mesh.nodes_named(np.unique(follows // 3))} of {fixed.set} follow "
+                    "others by a tie, a coupling, or the recovery of a superelement: hold those",
                 )
-            fixed_freedoms[name] |= np.isin(of.expansion.places, fixed_rows)
+            fixed_freedoms[name] |= np.isin(body.expansion.places, fixed_rows)
         return {name: np.flatnonzero(~h) for name, h in fixed_freedoms.items()}
 
     # -- where faces meet ------------------------------------------------------------------------
@@ -329,16 +329,16 @@ class Geometry:
         surface = pressed.gauss_points(LAYER_POINTS)[0]
         if table.reaction_on is None:
             return surface, None
-        _, back = self.face(table.reaction_on, (*keys, "reaction_on"))
+        _, reaction_face = self.face(table.reaction_on, (*keys, "reaction_on"))
         if table.reaction == "spread":
-            return surface, back.gauss_points(LAYER_POINTS)[0]
+            return surface, reaction_face.gauss_points(LAYER_POINTS)[0]
         search = SEARCH_OVER_FACET * float(pressed.radii.mean())
         try:
-            facing = pair(pressed, back, search=search, quadrature="gauss")
+            facing = pair(pressed, reaction_face, search=search, quadrature="gauss")
         except ModelError as error:
             raise PlacedError(keys, str(error)) from error
         size = LENGTH.factor(self.file.units)
-        expect_reach(facing, keys, pressed, back, search / size, self.file.units)
+        expect_reach(facing, keys, pressed, reaction_face, search / size, self.file.units)
         return facing.slave, facing.master
 
     @cached_property

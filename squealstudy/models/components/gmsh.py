@@ -164,16 +164,16 @@ def _groups(meshio_mesh: Any) -> list[dict[str, np.ndarray]]:
     numbers = meshio_mesh.cell_data.get("gmsh:physical")
     groups: list[dict[str, np.ndarray]] = []
     for k, block in enumerate(meshio_mesh.cells):
-        of: dict[str, np.ndarray] = {}
+        cells_of: dict[str, np.ndarray] = {}
         for name, members in meshio_mesh.cell_sets.items():
             if not name.startswith("gmsh:") and members[k] is not None and len(members[k]):
-                of[name] = np.asarray(members[k], dtype=np.int64)
+                cells_of[name] = np.asarray(members[k], dtype=np.int64)
         if numbers is not None:
             for tag in np.unique(numbers[k]):
                 name = named.get((int(tag), block.dim), str(tag))
-                if tag and name not in of:
-                    of[name] = np.flatnonzero(numbers[k] == tag)
-        groups.append(of)
+                if tag and name not in cells_of:
+                    cells_of[name] = np.flatnonzero(numbers[k] == tag)
+        groups.append(cells_of)
     return groups
 
 
@@ -183,12 +183,14 @@ def _solids(
     """Blocks by formulation, and element sets. In 2.2 a cell of two groups is there twice."""
     cells: dict[str, list[np.ndarray]] = {}
     in_groups: dict[str, list[tuple[str, np.ndarray]]] = {}
-    for block, of in zip(meshio_mesh.cells, groups, strict=True):
+    for block, cells_of in zip(meshio_mesh.cells, groups, strict=True):
         if block.type in SOLIDS:
             kind = names[block.type]
             before = sum(map(len, cells.setdefault(kind, [])))
             cells[kind].append(np.asarray(block.data, dtype=np.int64))
-            in_groups.setdefault(kind, []).extend((n, before + rows) for n, rows in of.items())
+            in_groups.setdefault(kind, []).extend(
+                (n, before + rows) for n, rows in cells_of.items()
+            )
     blocks: list[ElementBlock] = []
     sets: dict[str, list[np.ndarray]] = {}
     start = 0
@@ -211,10 +213,10 @@ def _with_facets(
     """With surfaces and node sets from the groups of facets, curves and points."""
     corners: dict[str, list[np.ndarray]] = {}
     nodes: dict[str, list[np.ndarray]] = {}
-    for block, of in zip(meshio_mesh.cells, groups, strict=True):
+    for block, cells_of in zip(meshio_mesh.cells, groups, strict=True):
         if block.type in SOLIDS:
             continue
-        for name, rows in of.items():
+        for name, rows in cells_of.items():
             nodes.setdefault(name, []).append(block.data[rows].ravel())
             if block.type in CORNERS:
                 four = np.full((len(rows), 4), -1)

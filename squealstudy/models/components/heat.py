@@ -101,18 +101,18 @@ def _between(name: str, points: np.ndarray, warm: np.ndarray, nodes: np.ndarray)
 
     tree = cKDTree(points)
     spacing = float(np.median(tree.query(points, k=2)[0][:, 1]))
-    away, nearest = tree.query(nodes)
+    distance, nearest = tree.query(nodes)
     values: np.ndarray = warm[nearest]
-    elsewhere = np.flatnonzero(away > SAME_PLACE * spacing)
+    elsewhere = np.flatnonzero(distance > SAME_PLACE * spacing)
     if not len(elsewhere):
         return values
     linear = LinearNDInterpolator(points, warm)(nodes[elsewhere])
     outside = np.isnan(linear)
-    too_far = outside & (away[elsewhere] > BEYOND_SPACINGS * spacing)
+    too_far = outside & (distance[elsewhere] > BEYOND_SPACINGS * spacing)
     if too_far.any():
         raise ModelError(
             f"{name}: {100 * too_far.sum() / len(nodes):.3g} % of the component's nodes lie off "
-            f"its places, the farthest by {away[elsewhere][too_far].max():.3g} where those are "
+            f"its places, the farthest by {distance[elsewhere][too_far].max():.3g} where those are "
             f"{spacing:.3g} apart: expected places all over the component, in the coordinates "
             "and the unit of its file"
         )

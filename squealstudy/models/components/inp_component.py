@@ -129,8 +129,8 @@ class Component:
                 elif card.keyword == "NSET":
                     card.check(SET)
                     if "ELSET" in card.parameters:
-                        of = element_sets.labels(card.parameters["ELSET"], card.line)
-                        node_sets.add(card.value("NSET"), self._nodes_of(of))
+                        labels = element_sets.labels(card.parameters["ELSET"], card.line)
+                        node_sets.add(card.value("NSET"), self._nodes_of(labels))
                     else:
                         node_sets.add(card.value("NSET"), card)
 

@@ -64,9 +64,9 @@ class Sets:
     def _members(self, entry: Card | np.ndarray, above: tuple[str, ...]) -> np.ndarray:
         if isinstance(entry, np.ndarray):
             return entry
-        of = entry.parameters.get("INSTANCE")
-        if self.part is not None and of is not None:
-            if of.upper() != self.instance:
+        instance = entry.parameters.get("INSTANCE")
+        if self.part is not None and instance is not None:
+            if instance.upper() != self.instance:
                 return NO_LABELS
             return self.part._members(entry, ())
         if "GENERATE" in entry.parameters:

@@ -144,8 +144,8 @@ def _contact(
         spread = pair.gap_spread / length
         name, taken = geometry.file.name_of("contact", i), str(table.initial_gap)
         if isinstance(table.initial_gap, GapTable):
-            least, most = (float(f(pair.gap0)) / size for f in (np.min, np.max))
-            taken = f"{least:.3g} to {most:.3g} {unit} of {table.initial_gap.file}"
+            smallest, largest = (float(f(pair.gap0)) / size for f in (np.min, np.max))
+            taken = f"{smallest:.3g} to {largest:.3g} {unit} of {table.initial_gap.file}"
         elif not isinstance(table.initial_gap, str):
             gap = overrides.get(("contact", i, "initial_gap"), table.initial_gap * size)
             taken = f"{gap / size:g} {unit}"
@@ -167,10 +167,10 @@ def _contact(
                 f"{name}: {100 * pair.in_reach:.0f} % of {table.slave} lies within "
                 f"{table.search:g} {unit} of {table.master}: meant so?"
             )
-        least = float(pair.gap0.min()) / length
-        if least > MAX_GAP_OVER_LAW_LENGTH:
+        smallest = float(pair.gap0.min()) / length
+        if smallest > MAX_GAP_OVER_LAW_LENGTH:
             inspection.doubts.append(
-                f"{name} is open without pressure, by {least:.2g} lengths of the law or more: "
+                f"{name} is open without pressure, by {smallest:.2g} lengths of the law or more: "
                 "unless the brake pressure closes it, nothing rubs; see open_share in results"
             )
         if (pull := _pull(geometry, i)) > 0:
@@ -206,9 +206,9 @@ def same_mesh(first: SolidMesh, other: SolidMesh) -> bool:
     """Whether two meshes of one component have the same elements in the same places."""
     from scipy.spatial import cKDTree
 
-    away, node = cKDTree(first.nodes).query(other.nodes)
+    distance, node = cKDTree(first.nodes).query(other.nodes)
     span = float(np.ptp(first.nodes, axis=0).max())
-    if away.max() > SAME_PLACE * span or len(np.unique(node)) < len(node):
+    if distance.max() > SAME_PLACE * span or len(np.unique(node)) < len(node):
         return False
     start = 0
     for a, b in zip(first.blocks, other.blocks, strict=True):
@@ -352,8 +352,8 @@ def _heat(
     size, unit = LENGTH.factor(geometry.file.units), UNITS[geometry.file.units][0]
     opened, pairs = hot_gaps(assembly, geometry, overrides) / size, np.array(assembly.contact.pairs)
     for name in dict.fromkeys(assembly.contact.pairs):
-        least, most = (f(opened[pairs == name]) for f in (np.min, np.max))
-        texts.append(f"{name} opens by {least:.3g} to {most:.3g} {unit}")
+        smallest, largest = (f(opened[pairs == name]) for f in (np.min, np.max))
+        texts.append(f"{name} opens by {smallest:.3g} to {largest:.3g} {unit}")
     inspection.tell("heat", f"{'; '.join(texts)}, but for motions that nothing holds")
 
 

@@ -162,15 +162,14 @@ class SolidMesh:
             else:
                 others = c.joined
             ends.append(np.column_stack([np.full(len(others), others[0]), others]))
-        ends += [
-            np.column_stack([np.full(len(d.nodes), d.nodes[0]), d.nodes]) for d in self.discrete
-        ]
+        members = (d.nodes for d in self.discrete)
+        ends += [np.column_stack([np.full(len(m), m[0]), m]) for m in members]
         starts, ends_of_edges = np.vstack(ends).T
         graph = sp.coo_matrix((np.ones(len(starts)), (starts, ends_of_edges)), (n, n))
         _, label = connected_components(graph, directed=False)
         body_of_block = [label[block.nodes[:, 0]] for block in self.blocks]
-        of = np.concatenate([np.zeros(0, dtype=np.int64), *body_of_block])
-        _, first, number = np.unique(of, return_index=True, return_inverse=True)
+        body_numbers = np.concatenate([np.zeros(0, dtype=np.int64), *body_of_block])
+        _, first, number = np.unique(body_numbers, return_index=True, return_inverse=True)
         return np.argsort(np.argsort(first))[number]
 
     def node_of_face(self, faces: np.ndarray) -> np.ndarray:
@@ -227,8 +226,8 @@ class SolidMesh:
         """Some of the elements at these places, for a message: "C3D10 elements 7, 8"."""
         kinds = np.array([b.formulation for b in self.blocks])
         elements = np.unique(elements)
-        of = kinds[np.searchsorted(self.starts, elements[:N_NAMED_IN_MESSAGE], side="right") - 1]
-        kind = f"{of[0]} " if len(set(of)) == 1 else ""
+        named = kinds[np.searchsorted(self.starts, elements[:N_NAMED_IN_MESSAGE], side="right") - 1]
+        kind = f"{named[0]} " if len(set(named)) == 1 else ""
         return f"{kind}element{'s' * (len(elements) > 1)} {_numbers_text(self.labels[elements])}"
 
     def nodes_named(self, nodes: np.ndarray) -> str:
@@ -262,10 +261,10 @@ class SolidMesh:
     def _corner_lists(self, faces: np.ndarray) -> list[np.ndarray]:
         corner_lists = []
         for block, start, end in zip(self.blocks, self.starts, self.starts[1:], strict=False):
-            of = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
+            inside = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
             for k, face in enumerate(block.kind.shape.faces):
                 corner_lists.append(
-                    block.nodes[of[of[:, 1] == k + 1, 0] - start][:, list(face)].ravel()
+                    block.nodes[inside[inside[:, 1] == k + 1, 0] - start][:, list(face)].ravel()
                 )
         return corner_lists
 
@@ -291,8 +290,9 @@ class SolidMesh:
         if not name:
             raise self.error("a material needs a name")
         rows = slice(None) if elements is None else self.find("element_sets", elements)
-        of, axes, orientations = self.material.astype(object), self.orientation, self.orientations
-        of[rows] = name
+        axes, orientations = self.orientation, self.orientations
+        names = self.material.astype(object)
+        names[rows] = name
         if orientation is not None:
             axes = axes.astype(object)
             axes[rows] = orientation[0]
@@ -307,7 +307,7 @@ class SolidMesh:
             self,
             materials=other_materials,
             unfinished=unfinished,
-            material=of,
+            material=names,
             orientations=orientations,
             orientation=axes,
         )

@@ -131,14 +131,14 @@ class _Deck:
         path: Path,
         cards: list[BulkCard],
         above: list[Line],
-        wanted: Mapping[str, str],
-        asked: Collection[str],
+        formulation_of: Mapping[str, str],
+        named_keywords: Collection[str],
         ignored: set[str],
         points: bool,
         temperature: float | None,
     ) -> None:
-        self._temperature = temperature
-        self._path, self._wanted, self._asked, self._points = path, wanted, asked, points
+        self._temperature, self._named_keywords = temperature, named_keywords
+        self._path, self._points, self._formulation_of = path, points, formulation_of
         self._above, self._turned = above, set[int]()
         self._cards: dict[str, list[BulkCard]] = {}
         for card in cards:
@@ -147,7 +147,7 @@ class _Deck:
         _refuse_selections(above, ignored)
         self._weight = self._factor(above)
         self._consistent = self._coupled_mass(above)
-        plates = [name for name in PLATES if wanted.get(name) == FACES]
+        plates = [name for name in PLATES if formulation_of.get(name) == FACES]
         read_cards = {*READ, *plates, *(PLATE_SECTIONS if plates else ())}
         self._refuse(read_cards | ignored | set(PASSED_OVER))
         for name, cards_of_name in self._cards.items():
@@ -213,9 +213,9 @@ class _Deck:
     def mesh(self) -> SolidMesh:
         """The component."""
         self._read_nodes()
-        blocks, of = self._solids()
+        blocks, pids = self._solids()
         mesh = SolidMesh(self._path, self._nodes, self._numbers, blocks)
-        property_of = np.concatenate([np.zeros(0, int), *(of[b.formulation] for b in blocks)])
+        property_of = np.concatenate([np.zeros(0, int), *(pids[b.formulation] for b in blocks)])
         sets = {f"PID{p}": np.flatnonzero(property_of == p) for p in np.unique(property_of)}
         mesh = replace(mesh, element_sets=sets, node_sets=self._sets())
         mesh = self._with_materials(mesh, property_of)
@@ -274,22 +274,22 @@ class _Deck:
             words = card.fields[2:]
             while words and not words[-1]:
                 words.pop()
-            least, most = sorted(n for name, n in SOLIDS if name == card.name)
-            count = least if len(words) <= least else most
-            if not least <= len(words) <= most or not all(words[:least]):
+            min_nodes, max_nodes = sorted(n for name, n in SOLIDS if name == card.name)
+            count = min_nodes if len(words) <= min_nodes else max_nodes
+            if not min_nodes <= len(words) <= max_nodes or not all(words[:min_nodes]):
                 count = len([w for w in words if w])
                 raise card.error(
-                    f"element {label}: expected {least} or {most} nodes, found {count}"
+                    f"element {label}: expected {min_nodes} or {max_nodes} nodes, found {count}"
                 )
             name, _, order = SOLIDS[card.name, count]
             present = [k for k in range(count) if card.at(2 + k).strip("0")]
-            if not set(range(least)) <= set(present):
+            if not set(range(min_nodes)) <= set(present):
                 raise card.error(f"element {label}: expected nodes at its corners")
             nodes = np.full(count, LACKING)
             numbers = [card.whole(2 + k, "a node number") for k in present]
             nodes[present] = self._places(card, numbers)
-            formulation = self._wanted[name]
-            if name == BRICK and pid in plain and BRICK not in self._asked:
+            formulation = self._formulation_of[name]
+            if name == BRICK and pid in plain and BRICK not in self._named_keywords:
                 formulation = "C3D8"
             nodes = self._middles.filled(FORMULATIONS[formulation].shape, nodes[list(order)])
             rows.setdefault(formulation, []).append((label, label if pid < 0 else pid, nodes))

@@ -74,9 +74,9 @@ def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
             lists = tree.query_ball_point(slave.centres[part], reach[part])
             i = np.repeat(part, counts[part])
             m = some[np.concatenate([np.asarray(x, dtype=int) for x in lists])]
-            away = master.centres[m] - slave.centres[i]
-            height = np.sum(away * normal[i], axis=1)
-            off = np.linalg.norm(away - height[:, None] * normal[i], axis=1)
+            offset = master.centres[m] - slave.centres[i]
+            height = np.sum(offset * normal[i], axis=1)
+            off = np.linalg.norm(offset - height[:, None] * normal[i], axis=1)
             extent = CURVED_RADIUS_FACTOR * (slave.radii[i] + master.radii[m])
             in_reach = (abs(height) <= extent + search) & (off <= extent + spread[i] * abs(height))
             owner.append(i[in_reach])

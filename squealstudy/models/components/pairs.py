@@ -163,7 +163,7 @@ def _check(
     degree: int,
 ) -> None:
     """Raise ModelError where a setting is out of range."""
-    most = 3 if quadrature == "clipped" else 32
+    max_points = 3 if quadrature == "clipped" else 32
     if quadrature not in QUADRATURES:
         raise ModelError(f"quadrature '{quadrature}' is not known; there are clipped and gauss")
     if not 0 < search < np.inf:
@@ -175,9 +175,9 @@ def _check(
             )
     elif not np.isfinite(initial_gap):
         raise ModelError(f"initial_gap must be finite, got {initial_gap}")
-    if not 1 <= points_per_side <= most:
+    if not 1 <= points_per_side <= max_points:
         raise ModelError(
-            f"{quadrature} has 1 to {most} points a side of a facet, got {points_per_side}"
+            f"{quadrature} has 1 to {max_points} points a side of a facet, got {points_per_side}"
         )
     if pieces < 1 or not 2 <= degree <= 12:
         raise ModelError(f"clipping needs pieces >= 1 and degree 2 to 12, got {pieces}, {degree}")

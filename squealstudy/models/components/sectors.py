@@ -90,14 +90,16 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
     from scipy.sparse.csgraph import connected_components
 
     n, total = len(mesh.nodes), len(everywhere)
-    near = MERGED * _shortest_edge(mesh)
+    tolerance = MERGED * _shortest_edge(mesh)
     # the first sector against the second tells all others but for round-off; within a body first,
     # since nodes of bodies in contact lie at one place
     body = _bodies(mesh)[:, None] * 10 * np.ptp(everywhere, axis=0).max()
-    a, b = _pairs(np.hstack([everywhere[:n], body]), np.hstack([everywhere[n : 2 * n], body]), near)
+    a, b = _pairs(
+        np.hstack([everywhere[:n], body]), np.hstack([everywhere[n : 2 * n], body]), tolerance
+    )
     rest_a, rest_b = np.setdiff1d(np.arange(n), a), np.setdiff1d(np.arange(n), b)
     if len(rest_a) and len(rest_b):
-        more = _pairs(everywhere[rest_a], everywhere[n + rest_b], near)
+        more = _pairs(everywhere[rest_a], everywhere[n + rest_b], tolerance)
         a, b = np.append(a, rest_a[more[0]]), np.append(b, rest_b[more[1]])
     cyclic = any(isinstance(c, Tie) and c.cyclic for c in mesh.constraints)
     if not len(a) and not cyclic:
@@ -115,12 +117,12 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
 
 
 def _pairs(
-    points: np.ndarray, other_points: np.ndarray, near: float
+    points: np.ndarray, other_points: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows of two lists of points that lie at one place."""
     from scipy.spatial import cKDTree  # heavy: only what reads meshes needs it
 
-    distance, partner = cKDTree(other_points).query(points, distance_upper_bound=near)
+    distance, partner = cKDTree(other_points).query(points, distance_upper_bound=tolerance)
     rows = np.flatnonzero(np.isfinite(distance))
     return rows, partner[rows]
 
@@ -214,11 +216,13 @@ class _Copies:
             named["SECTOR"] = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
             names = np.where(bare, "SECTOR", names)
         turned_axes: dict[str, Orientation] = {}
-        of = np.empty(names.size * self._count, dtype=object)
+        orientation_of = np.empty(names.size * self._count, dtype=object)
         for k, (R, shift) in enumerate(self._turns):
-            of[self._element_at[k]] = [f"{name}@{k + 1}" if name else "" for name in names]
+            orientation_of[self._element_at[k]] = [
+                f"{name}@{k + 1}" if name else "" for name in names
+            ]
             turned_axes |= {f"{name}@{k + 1}": o.moved(R, shift) for name, o in named.items()}
-        return turned_axes, of
+        return turned_axes, orientation_of
 
     def _faces(self, faces: np.ndarray, k: int) -> np.ndarray:
         return np.column_stack([self._element_at[k][faces[:, 0]], faces[:, 1]])
@@ -324,8 +328,8 @@ def _check_sides(mesh: SolidMesh, full_mesh: SolidMesh, how: Repetition) -> None
     turned, across = c @ R.T + shift, n @ R.T
     tree = cKDTree(turned)
     facing = 0
-    for i, near in enumerate(tree.query_ball_point(c, OVERLAP_DISTANCE_OVER_FACET * h)):
-        j = np.array(near, dtype=int)
+    for i, nearby in enumerate(tree.query_ball_point(c, OVERLAP_DISTANCE_OVER_FACET * h)):
+        j = np.array(nearby, dtype=int)
         opposite = across[j] @ n[i] < OPPOSITE
         facing += bool(
             (

@@ -128,10 +128,12 @@ def _means(
     number = np.full(len(some), -1)
     number[is_covered] = np.arange(np.count_nonzero(is_covered))
 
-    def rows(facets: Facets, which: np.ndarray, of: np.ndarray, M: np.ndarray) -> sp.csr_matrix:
-        """Rows from the integrals M of the facets `which`, each over a part of slave `of`."""
-        values = functions[of] @ M
-        row = number[of][:, None] * len(share) + np.arange(len(share))
+    def rows(
+        facets: Facets, which: np.ndarray, slave_rows: np.ndarray, M: np.ndarray
+    ) -> sp.csr_matrix:
+        """Rows from integrals M of the facets `which`, each over a part of one of `slave_rows`."""
+        values = functions[slave_rows] @ M
+        row = number[slave_rows][:, None] * len(share) + np.arange(len(share))
         columns = np.broadcast_to(facets.table[which][:, None], values.shape)
         entries = values.ravel(), (np.repeat(row.ravel(), MAX_FACET_NODES), columns.ravel())
         matrix = sp.csr_matrix(entries, shape=(n, len(facets.coordinates)))

@@ -11,20 +11,20 @@ from squealstudy.errors import ModelError
 T = TypeVar("T")
 
 
-def has_name(of: Mapping[str, T], name: str) -> bool:
+def has_name(sets: Mapping[str, T], name: str) -> bool:
     """Whether a name is there, in whatever capitals."""
-    return any(existing.casefold() == name.casefold() for existing in of)
+    return any(existing.casefold() == name.casefold() for existing in sets)
 
 
-def found_name(of: Mapping[str, T], name: str, noun: str, origin: Path) -> T:
+def found_name(sets: Mapping[str, T], name: str, noun: str, origin: Path) -> T:
     """The value of a name; capitals count only where names differ by nothing else.
 
     Raises ModelError, with the names that there are.
     """
-    if name in of:
-        return of[name]
-    alike: Sequence[str] = [existing for existing in of if existing.casefold() == name.casefold()]
+    if name in sets:
+        return sets[name]
+    alike: Sequence[str] = [existing for existing in sets if existing.casefold() == name.casefold()]
     if len(alike) != 1:
-        existing = ", ".join(sorted(of)) or "none"
+        existing = ", ".join(sorted(sets)) or "none"
         raise ModelError(f"{origin} has no {noun} '{name}'; it has {existing}")
-    return of[alike[0]]
+    return sets[alike[0]]

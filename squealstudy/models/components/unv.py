@@ -139,10 +139,10 @@ class _Reader:
             line_number += 1
 
     @staticmethod
-    def _whole(line: Line, least: int) -> list[int]:
+    def _whole(line: Line, minimum: int) -> list[int]:
         numbers = [line.whole(word, "a whole number") for word in line.text.split()]
-        if len(numbers) < least:
-            raise line.error(f"expected {least} whole numbers, found {len(numbers)}")
+        if len(numbers) < minimum:
+            raise line.error(f"expected {minimum} whole numbers, found {len(numbers)}")
         return numbers
 
     def _read_nodes(self, lines: list[Line]) -> None:

@@ -112,7 +112,7 @@ def orthotropic_stiffness(
     compliances = np.linalg.eigvalsh(S)
     if compliances[0] <= SINGULAR_COMPLIANCE_RATIO * compliances[-1]:
         constants = "; ".join(
-            f"{n} {', '.join(f'{v:g}' for v in of)}" for n, of in (("E", E), ("nu", nu))
+            f"{n} {', '.join(f'{v:g}' for v in triple)}" for n, triple in (("E", E), ("nu", nu))
         )
         raise ModelError(f"elastic constants {constants} give no positive definite stiffness")
     return np.linalg.inv(S)

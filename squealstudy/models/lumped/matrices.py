@@ -169,10 +169,18 @@ def _fault(letter: str, A: np.ndarray) -> tuple[int, str, str] | None:
         text = f"M has {diagonal[k, row]:g} on its diagonal in row {row + 1}"
         return int(k), text, "a mass above 0 of every coordinate"
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    least = np.linalg.eigvalsh(scale[:, :, None] * A * scale[:, None, :])[:, 0]
-    if letter == "M" and not (least > LEAST_MASS_ROOT).all():
-        return int(least.argmin()), "M is not positive definite", "energy of every motion above 0"
-    if letter == "K" and not (least >= LEAST_ROOT).all():
+    smallest_eigenvalues = np.linalg.eigvalsh(scale[:, :, None] * A * scale[:, None, :])[:, 0]
+    if letter == "M" and not (smallest_eigenvalues > LEAST_MASS_ROOT).all():
+        return (
+            int(smallest_eigenvalues.argmin()),
+            "M is not positive definite",
+            "energy of every motion above 0",
+        )
+    if letter == "K" and not (smallest_eigenvalues >= LEAST_ROOT).all():
         text = "K has a negative eigenvalue"
-        return int(least.argmin()), text, "a stiffness whose energy is nowhere negative"
+        return (
+            int(smallest_eigenvalues.argmin()),
+            text,
+            "a stiffness whose energy is nowhere negative",
+        )
     return None

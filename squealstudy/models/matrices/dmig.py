@@ -136,21 +136,21 @@ def _cards(text: TextFile) -> Iterator[_Card]:
 def fields_of(line: str) -> tuple[str, list[str]]:
     """The first field of a line, and those behind it: 8, or 4 large ones."""
     if "," in line:
-        first, *rest = (word.strip() for word in line.split(","))
+        first, *others = (word.strip() for word in line.split(","))
         if not line[:FIRST].strip():  # a continuation, whatever it holds
-            first, rest = "", [first, *rest] if first else rest
+            first, others = "", [first, *others] if first else others
         elif " " in first:  # blanks part fields as well
             first, *more = first.split()
-            rest = [*more, *rest]
+            others = [*more, *others]
     else:
         line = line.expandtabs(WIDTH)
         first = line[:FIRST].strip()
-        rest = []
+        others = []
     count = LARGE_FIELDS if "*" in first else FIELDS
-    if not rest and "," not in line:
+    if not others and "," not in line:
         width = LARGE_WIDTH if "*" in first else WIDTH
-        rest = [line[FIRST + k * width : FIRST + (k + 1) * width].strip() for k in range(count)]
-    return first, (rest + [""] * count)[:count]
+        others = [line[FIRST + k * width : FIRST + (k + 1) * width].strip() for k in range(count)]
+    return first, (others + [""] * count)[:count]
 
 
 def _add(text: TextFile, card: _Card, matrices: dict[str, _Matrix]) -> None:

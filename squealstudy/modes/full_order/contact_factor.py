@@ -80,14 +80,14 @@ class ContactFactor(RefinedFactor):
     """
 
     def __init__(
-        self, held: HeldStiffness, A: sp.spmatrix, normal: np.ndarray, coupling: np.ndarray
+        self, stiffness: HeldStiffness, A: sp.spmatrix, normal: np.ndarray, coupling: np.ndarray
     ) -> None:
-        self.A, self._given = A.tocsr(), (held, A, normal, coupling)
-        rows = held.rows
-        self._held = held
-        self._pressed = (rows.S_N.T @ sp.diags(normal - held.normal) @ rows.S_N).tocsr()
+        self.A, self._given = A.tocsr(), (stiffness, A, normal, coupling)
+        rows = stiffness.rows
+        self._held = stiffness
+        self._pressed = (rows.S_N.T @ sp.diags(normal - stiffness.normal) @ rows.S_N).tocsr()
         self._rubbed = (rows.S_T.T @ sp.diags(coupling) @ rows.S_N).tocsr()
-        core = (self._pressed.T @ held.C_NN.T).T + (self._rubbed.T @ held.C_TN).T
+        core = (self._pressed.T @ stiffness.C_NN.T).T + (self._rubbed.T @ stiffness.C_TN).T
         core[np.diag_indices_from(core)] += 1.0
         factorised, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (core,))
         self._lu, self._pivots, lapack_status = factorised(core)

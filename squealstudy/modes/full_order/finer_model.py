@@ -353,17 +353,19 @@ def extended_basis(
     ) -> tuple[np.ndarray, np.ndarray]:
         X, energy = missing_directions
         count = modes[component.name].phi.shape[1]
-        phi, chosen = block[:, :count], X[:, energy > least]
+        phi, chosen = block[:, :count], X[:, energy > min_energy]
         size = np.sqrt(np.einsum("ij,ij->j", chosen, component.M @ chosen))
         more = new_directions(component.M, block, chosen / size, GRAM_RESOLUTION)
-        rest = np.hstack([block[:, count:], more])
-        k_rest, y = la.eigh(rest.T @ (component.K @ rest))
+        other_columns = np.hstack([block[:, count:], more])
+        k_rest, y = la.eigh(other_columns.T @ (component.K @ other_columns))
         k_phi = np.einsum("ij,ij->j", phi, component.K @ phi)
-        return np.ascontiguousarray(np.hstack([phi, rest @ y])), np.concatenate([k_phi, k_rest])
+        return np.ascontiguousarray(np.hstack([phi, other_columns @ y])), np.concatenate(
+            [k_phi, k_rest]
+        )
 
     with side_by_side(assembly.n_dof) as pool:
         missing_directions = list(pool.map(missing, parts, basis.blocks))
-        least = share**2 * max(energy.max(initial=0.0) for _, energy in missing_directions)
+        min_energy = share**2 * max(energy.max(initial=0.0) for _, energy in missing_directions)
         blocks, diagonals = zip(
             *pool.map(extended, parts, basis.blocks, missing_directions), strict=True
         )

@@ -105,7 +105,7 @@ def full_order_system(
     point: WorkingPoint,
     state: DesignState,
     damped_to_hz: float,
-    held: HeldStiffness | None = None,
+    held_stiffness: HeldStiffness | None = None,
 ) -> FullOrderSystem:
     """The unreduced assembly about a working point (THEORY.md eq. (17), (19)).
 
@@ -117,7 +117,7 @@ def full_order_system(
     ----------
     modes : mapping of component -> ComponentModes
         Of the components whose modes the state changes or damps.
-    held : HeldStiffness or None
+    held_stiffness : HeldStiffness or None
         Of the assembly, in place of factors of this design point's own.
 
     Raises
@@ -132,7 +132,7 @@ def full_order_system(
     omega, phi = np.zeros(0), np.zeros((assembly.n_dof, 0))
     if state.damping_ratio or any(state.assembly_damping.values()):
         K_sym = structure.system.sparse_sum(named, SYMMETRIC_STIFFNESS_FIELDS)
-        omega, phi = _real_modes(M, K_sym, damped_to_hz, _factor(held, K_sym, named, 0.0))
+        omega, phi = _real_modes(M, K_sym, damped_to_hz, _factor(held_stiffness, K_sym, named, 0.0))
         dampers, beyond = 2.0 * state.assembly_damping_ratios(len(omega)) * omega, 0.0
         if len(omega) < assembly.n_dof:  # the others have one coefficient
             beyond = 4.0 * np.pi * state.damping_ratio * damped_to_hz
@@ -150,17 +150,17 @@ def full_order_system(
         K=K,
         omega=omega,
         phi=phi,
-        factor=_factor(held, K, named, 1.0),
+        factor=_factor(held_stiffness, K, named, 1.0),
     )
 
 
 def _factor(
-    held: HeldStiffness | None, K: LowRankSum, weights: StructureWeights, friction: float
+    held_stiffness: HeldStiffness | None, K: LowRankSum, weights: StructureWeights, friction: float
 ) -> RefinedFactor | None:
     """A factor of the sparse part of a stiffness with or without friction (1 or 0)."""
-    if held is None:
+    if held_stiffness is None:
         return None
-    return ContactFactor(held, K.sparse, weights.normal, friction * weights.coupling)
+    return ContactFactor(held_stiffness, K.sparse, weights.normal, friction * weights.coupling)
 
 
 def _real_modes(
@@ -202,7 +202,7 @@ def full_order_modes(
     state: DesignState,
     band_hz: tuple[float, float],
     damped_to_hz: float,
-    held: HeldStiffness | None = None,
+    held_stiffness: HeldStiffness | None = None,
 ) -> PointModes:
     """Complex modes of the unreduced assembly in a band, read as those of the reduced rungs.
 
@@ -218,7 +218,7 @@ def full_order_modes(
         Damping of an assembly mode beyond `damped_to_hz`.
     """
     point = state_working_point(prepared, state)
-    system = full_order_system(assembly, modes, point, state, damped_to_hz, held)
+    system = full_order_system(assembly, modes, point, state, damped_to_hz, held_stiffness)
     roots = full_order_roots(system, angular_band(band_hz))
     order = oscillating_first(roots.lam)
     lam, psi = roots.lam[order], roots.psi[:, order]

@@ -153,12 +153,12 @@ def _within_reach(
     spread = np.array([[np.abs(lam - lam.mean()).max() for lam in row] for row in roots])
     size = np.abs(grid.cardinals(spread_points(grid.nodes.shape[1])) @ mean)
     low, high = _followed_band(band)
-    away = spread.max(axis=0)
-    meets = ((size + away >= low) & (size - away <= high)).any(axis=0)
+    spread_of_roots = spread.max(axis=0)
+    meets = ((size + spread_of_roots >= low) & (size - spread_of_roots <= high)).any(axis=0)
     above = np.array([[(lam.imag >= 0).any() for lam in row] for row in roots]).any(axis=0)
     chosen = meets & above
     if not chosen.any():
-        beyond = np.maximum(low - size - away, size - away - high).min(axis=0)
+        beyond = np.maximum(low - size - spread_of_roots, size - spread_of_roots - high).min(axis=0)
         chosen[np.where(above, beyond, np.inf).argmin()] = True
     return [b for b, is_within in zip(blocks, chosen, strict=True) if is_within]
 

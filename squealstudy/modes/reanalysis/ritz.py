@@ -191,9 +191,9 @@ def _error(
     gap = np.where(np.abs(gap) < NEAREST * np.abs(lam)[:, :, None], np.inf, gap)
     parts = through / gap
     # contributions may cancel by chance, and the next order then counts
-    near = np.maximum(np.abs(parts.sum(axis=2)), np.linalg.norm(parts, axis=2))
-    far = np.einsum("brm,brm,brm->bm", ry.conj(), _flexibility(patch, basis, lam), rx)
-    total: np.ndarray = near + np.abs(far)
+    by_block = np.maximum(np.abs(parts.sum(axis=2)), np.linalg.norm(parts, axis=2))
+    by_basis = np.einsum("brm,brm,brm->bm", ry.conj(), _flexibility(patch, basis, lam), rx)
+    total: np.ndarray = by_block + np.abs(by_basis)
     return total
 
 

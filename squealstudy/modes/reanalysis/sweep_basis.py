@@ -107,7 +107,7 @@ def corners(dimension: int) -> np.ndarray:
 def build_sweep_basis(
     problem: SweptProblem,
     tolerance: float,
-    most: int = 16,
+    max_points: int = 16,
     report: Report = lambda done, total: None,
 ) -> SweepBasis:
     """Make the basis of a box to a tolerance (relative error of light roots).
@@ -116,7 +116,7 @@ def build_sweep_basis(
     ----------
     problem : SweptProblem
     tolerance : float
-    most : int
+    max_points : int
         Design points whose modes may enter.
     report : callable
         Told (points used, most).
@@ -139,7 +139,7 @@ def build_sweep_basis(
             if block is not None:
                 blocks.append(block)
                 trained.append(theta)
-        report(len(trained), most)
+        report(len(trained), max_points)
         if not blocks:
             raise ConvergenceError("working_point", "no working point at the ends of the sweeps")
         if not sum(block.shape[1] for block in blocks):
@@ -153,7 +153,7 @@ def build_sweep_basis(
         worst, error = points[errors.argmax()], float(errors.max())
         basis = replace(basis, error=error, seconds=time.perf_counter() - started)
         good = error <= tolerance
-        if len(trained) >= most or (good and _all_seen(problem, basis, worst, tolerance)):
+        if len(trained) >= max_points or (good and _all_seen(problem, basis, worst, tolerance)):
             return basis
         stalled = not good and error > STALLED * last and len(trained) > 3
         if stalled or not problem.dimension:
@@ -161,7 +161,7 @@ def build_sweep_basis(
                 return basis
             cut *= CUTOFF_REDUCTION
         last = error
-        pending = _next_points(points, errors, tolerance)[: most - len(trained)]
+        pending = _next_points(points, errors, tolerance)[: max_points - len(trained)]
 
 
 def _first_points(dimension: int) -> np.ndarray:
@@ -253,8 +253,8 @@ def _next_points(points: np.ndarray, errors: np.ndarray, tolerance: float) -> np
     if not points.shape[1]:
         return points[:0]
     worst = int(errors.argmax())
-    away = np.linalg.norm(points - points[worst], axis=1)
-    other = int((errors * away).argmax())
+    distance = np.linalg.norm(points - points[worst], axis=1)
+    other = int((errors * distance).argmax())
     chosen = [worst, other] if errors[other] > tolerance and other != worst else [worst]
     return points[chosen]
 

@@ -110,11 +110,11 @@ def perturbed_roots(
         raise ValueError(f"order must be 1 or 2, got {order}")
 
     lam = anchor.pairs.lam
-    near = np.flatnonzero(in_band(lam, problem.band, ANCHOR_BAND_FACTOR))
+    followed = np.flatnonzero(in_band(lam, problem.band, ANCHOR_BAND_FACTOR))
     last: list[tuple[np.ndarray, np.ndarray]] = []  # roots, and their last terms
 
     def solve(weights: Weights) -> Eigenpairs:
-        pairs, term = perturbed_pairs(problem.system, anchor, weights, order, near)
+        pairs, term = perturbed_pairs(problem.system, anchor, weights, order, followed)
         last.append((pairs.lam, term))
         return pairs
 

@@ -238,8 +238,10 @@ class Windows(InBasis):
         order_inside = order_inside[np.argsort(np.abs(lam[order_inside]))]
         # far from the band the basis has roots that the model has not: its error is not added
         doubtful = ~inside & _may_be_inside(lam, root_error, band, self.tolerance)
-        near = (np.abs(lam) + root_error >= band[0]) & (np.abs(lam) - root_error <= band[1])
-        doubtful |= near & ~lightly_damped(lam) & _may_be_real(lam, root_error)
+        may_be_in_band = (np.abs(lam) + root_error >= band[0]) & (
+            np.abs(lam) - root_error <= band[1]
+        )
+        doubtful |= may_be_in_band & ~lightly_damped(lam) & _may_be_real(lam, root_error)
         return EstimatedRoots(
             at=linearisation,
             lam=lam[order_inside],

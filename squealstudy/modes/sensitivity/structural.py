@@ -259,8 +259,10 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
     unreduced = [unreduced_structure(e, m, state) for e, m in zip(ends, modes, strict=True)]
     U = np.vstack([np.asarray(s.shapes) for s in unreduced]).T
 
-    def slope(of: Callable[[Assembly], sp.spmatrix | np.ndarray]) -> sp.spmatrix | np.ndarray:
-        return (of(ends[0]) - of(ends[1])) / (high - low)
+    def slope(
+        matrix_of: Callable[[Assembly], sp.spmatrix | np.ndarray],
+    ) -> sp.spmatrix | np.ndarray:
+        return (matrix_of(ends[0]) - matrix_of(ends[1])) / (high - low)
 
     def by_shapes(
         values_of: Callable[[Mapping[ModeKey, float]], Mapping[ModeKey, float]],

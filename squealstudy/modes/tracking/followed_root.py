@@ -50,15 +50,15 @@ class RootFollower:
     def __init__(self) -> None:
         self._factor: ShiftedFactor | None = None
 
-    def at(self, pencil: QuadraticPencil, near: RootState) -> RootState:
-        """The root of a pencil that lies near one of a neighbouring pencil, guessed by `near`.
+    def at(self, pencil: QuadraticPencil, start: RootState) -> RootState:
+        """The root of a pencil that lies near one of a neighbouring pencil, guessed by `start`.
 
         Raises
         ------
         ConvergenceError
             ``lost`` where it does not converge, or next to an exceptional point.
         """
-        state = near
+        state = start
         for number in range(MAX_FACTORS):
             if self._factor is None or number:
                 self._factor = pencil.factor(state.lam)
@@ -76,11 +76,15 @@ def _converged(
     adjoint, last = pencil.adjoint(), np.inf
     for _ in range(MAX_TURNS):
         parts = [product(A, x) for A in (pencil.M, pencil.C, pencil.K)]
-        back = [product(A, y) for A in (adjoint.M, adjoint.C, adjoint.K)]
+        adjoint_products = [product(A, y) for A in (adjoint.M, adjoint.C, adjoint.K)]
         before = lam
         lam = _nearest_zero([complex(np.vdot(y, part)) for part in parts], before)
         r = lam**2 * parts[0] + lam * parts[1] + parts[2]
-        s = np.conj(lam) ** 2 * back[0] + np.conj(lam) * back[1] + back[2]
+        s = (
+            np.conj(lam) ** 2 * adjoint_products[0]
+            + np.conj(lam) * adjoint_products[1]
+            + adjoint_products[2]
+        )
         size = float(max(np.linalg.norm(r), np.linalg.norm(s))) / abs(lam) ** 2
         if not size < np.inf:
             break
@@ -95,12 +99,12 @@ def _converged(
     return RootState(lam, x, y), False
 
 
-def _nearest_zero(coefficients: list[complex], near: complex) -> complex:
+def _nearest_zero(coefficients: list[complex], guess: complex) -> complex:
     """Zero of a quadratic polynomial, of falling powers, nearest a value."""
     zeros = np.roots(coefficients)
     if not len(zeros):
         raise ConvergenceError("lost", "vectors of a root that is followed are orthogonal")
-    return complex(zeros[np.argmin(np.abs(zeros - near))])
+    return complex(zeros[np.argmin(np.abs(zeros - guess))])
 
 
 class FollowedEnd(NamedTuple):

@@ -246,14 +246,14 @@ def _votes(a: int, b: int, tracks: Tracks, lams: Ragged, shapes: Shapes) -> list
 
 def _joined(votes: Counter[Pair], labels: Ragged) -> np.ndarray:
     """New number of each track, without gaps and in the order of the old ones."""
-    most = int(labels.flat.max(initial=0))
+    last_label = int(labels.flat.max(initial=0))
     order = np.argsort(labels.flat, kind="stable")
-    ends = np.searchsorted(labels.flat[order], np.arange(most + 2))
+    ends = np.searchsorted(labels.flat[order], np.arange(last_label + 2))
     points = labels.owner[order]
     points_of_track = {
         t: points[ends[t] : ends[t + 1]] for pair in votes for t in pair
     }  # ascending
-    stands_for = np.arange(most + 1)
+    stands_for = np.arange(last_label + 1)
     for (track_a, track_b), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
         a, b = sorted((int(stands_for[track_a]), int(stands_for[track_b])))
         both = np.sort(np.concatenate([points_of_track[a], points_of_track[b]]))

@@ -47,17 +47,24 @@ SolveMany = Callable[[np.ndarray, np.ndarray], tuple[ManyModes, np.ndarray]]
 
 @dataclass
 class _Ends:
-    """One end of all brackets: value, damping ratio plus tolerance, modes, place of the one."""
+    """One end of all brackets: value, damping ratio plus tolerance, modes, the followed one."""
 
     x: np.ndarray
     f: np.ndarray
     modes: ManyModes
     place: np.ndarray
 
-    def take(self, rows: np.ndarray, other: _Ends, of: np.ndarray) -> None:
-        """Rows of this one become rows `of` another."""
-        self.x[rows], self.f[rows], self.place[rows] = other.x[of], other.f[of], other.place[of]
-        self.modes.lam[rows], self.modes.shapes[rows] = other.modes.lam[of], other.modes.shapes[of]
+    def take(self, rows: np.ndarray, other: _Ends, rows_of_other: np.ndarray) -> None:
+        """Copy `rows_of_other` of another end into `rows` of this one."""
+        self.x[rows], self.f[rows], self.place[rows] = (
+            other.x[rows_of_other],
+            other.f[rows_of_other],
+            other.place[rows_of_other],
+        )
+        self.modes.lam[rows], self.modes.shapes[rows] = (
+            other.modes.lam[rows_of_other],
+            other.modes.shapes[rows_of_other],
+        )
 
 
 class ManyOnsets(NamedTuple):

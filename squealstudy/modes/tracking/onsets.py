@@ -263,10 +263,10 @@ def bracketed_crossing(
     scale = max(abs(zeta) for zeta in excess.values())
     jumps = min(abs(before_zero), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
     before, after = sampled[change], sampled[change + 1]
-    far = abs(root(after) - root(before)) > MAX_REL_ROOT_CHANGE * min(
+    is_jump = abs(root(after) - root(before)) > MAX_REL_ROOT_CHANGE * min(
         abs(root(x)) for x in (before, after)
     )
-    return Crossing(zero, (before, after), bool(jumps or far))
+    return Crossing(zero, (before, after), bool(jumps or is_jump))
 
 
 def exchanged(
@@ -318,15 +318,15 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     zero = _zero(at, c)
     part = np.linspace(0.0, 1.0, LOOKED_AT)
     v = at[:, 1, None] + part * (at[:, 2] - at[:, 1])[:, None]
-    away = v[:, :, None] - at[:, None, :]
-    product = np.maximum(*(np.abs(away[:, :, i : i + 3].prod(axis=2)) for i in (0, 1)))
+    distance = v[:, :, None] - at[:, None, :]
+    product = np.maximum(*(np.abs(distance[:, :, i : i + 3].prod(axis=2)) for i in (0, 1)))
     slope = np.diff(_evaluated(at[:, :, None], c[:, :, None], v), axis=1) / np.diff(v, axis=1)
-    least = np.abs(slope).min(axis=1)
-    turns = (np.sign(slope) != np.sign(slope[:, :1])).any(axis=1) | (least == 0)
+    smallest_slope = np.abs(slope).min(axis=1)
+    turns = (np.sign(slope) != np.sign(slope[:, :1])).any(axis=1) | (smallest_slope == 0)
     turns |= ~_secants_agree(x, f) | (np.isnan(x[:, 0]) & np.isnan(x[:, 5]))
     third = [np.abs(_divided_differences(x[:, k : k + 4], f[:, k : k + 4])[:, 3]) for k in range(3)]
     bend = np.nanmax(third, axis=0)
-    error = CUBIC_SAFETY_FACTOR * bend * product.max(axis=1) / np.where(turns, 1.0, least)
+    error = CUBIC_SAFETY_FACTOR * bend * product.max(axis=1) / np.where(turns, 1.0, smallest_slope)
     return zero, np.where(turns, np.inf, error)
 
 

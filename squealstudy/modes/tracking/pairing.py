@@ -141,11 +141,11 @@ def pair_many(
     """`pair_modes` of n pairs of design points that have as many modes each: arrays (n, ...)."""
     n, count = lam_a.shape
     if not count or not lam_b.shape[1]:
-        alone, unknown = np.full((n, count), -1), np.full((n, count), np.nan)
-        return Pairing(alone, unknown, np.zeros((n, count), bool), np.full((n, count), np.inf))
-    far, tie = _distance(expected, lam_b)
-    all_macs = _macs(shapes_a, shapes_b, far < UNPAIRED_COST)
-    cost = np.minimum(1.0 - all_macs + far + tie, UNPAIRED_COST)
+        unpaired, unknown = np.full((n, count), -1), np.full((n, count), np.nan)
+        return Pairing(unpaired, unknown, np.zeros((n, count), bool), np.full((n, count), np.inf))
+    distance, tie = _distance(expected, lam_b)
+    all_macs = _macs(shapes_a, shapes_b, distance < UNPAIRED_COST)
+    cost = np.minimum(1.0 - all_macs + distance + tie, UNPAIRED_COST)
     partner = _partners(cost)
     paired = partner >= 0
     column = np.where(paired, partner, 0)
@@ -158,7 +158,7 @@ def pair_many(
     if not paired.all():
         sizes = np.abs(lam_a), np.abs(lam_b)
         lost = may_be_one(*sizes, partner, band) | (
-            may_be_one(*sizes, partner) & (far < LONE_MODES_DISTANCE)
+            may_be_one(*sizes, partner) & (distance < LONE_MODES_DISTANCE)
         )
         trust[lost.any(axis=2)] = 1.0
     return Pairing(partner, macs, ambiguous, trust)
@@ -177,13 +177,13 @@ def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.n
     """
     size_a, size_b = np.maximum(np.abs(expected), 1e-300), np.maximum(np.abs(lam_b), 1e-300)
     zeta_a, zeta_b = -expected.real / size_a, (-lam_b.real / size_b)[:, None, :]
-    far = np.abs(np.log(size_b)[:, None, :] - np.log(size_a)[:, :, None]) / FREQUENCY_WINDOW
-    far += np.abs(zeta_b - zeta_a[:, :, None]) / DAMPING_WINDOW
+    distance = np.abs(np.log(size_b)[:, None, :] - np.log(size_a)[:, :, None]) / FREQUENCY_WINDOW
+    distance += np.abs(zeta_b - zeta_a[:, :, None]) / DAMPING_WINDOW
     share = size_a / size_a.max(axis=1, keepdims=True)
-    return far, share[:, :, None] * (-TIE_COST * zeta_b)
+    return distance, share[:, :, None] * (-TIE_COST * zeta_b)
 
 
-def _macs(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
+def _macs(a: np.ndarray, b: np.ndarray, candidates: np.ndarray) -> np.ndarray:
     """MAC (n, ma, mb) of the pairs that are near enough; zero or MAC of others.
 
     Modes come roughly by frequency, so that a block of them sees a part of the others only.
@@ -191,11 +191,11 @@ def _macs(a: np.ndarray, b: np.ndarray, near: np.ndarray) -> np.ndarray:
     a2, b2 = squares(a), squares(b)
     if a.shape[1] <= MODES_PER_BLOCK:
         return _mac(a, b, a2, b2)
-    macs = np.zeros(near.shape, dtype=a2.dtype)
+    macs = np.zeros(candidates.shape, dtype=a2.dtype)
     for i in range(len(a)):
         for start in range(0, a.shape[1], MODES_PER_BLOCK):
             rows = slice(start, start + MODES_PER_BLOCK)
-            near_columns = np.flatnonzero(near[i, rows].any(axis=0))
+            near_columns = np.flatnonzero(candidates[i, rows].any(axis=0))
             if len(near_columns):
                 columns = slice(near_columns[0], near_columns[-1] + 1)
                 sides = a[i, rows], b[i, columns], a2[i, rows], b2[i, columns]
@@ -209,14 +209,14 @@ def _partners(cost: np.ndarray) -> np.ndarray:
     Where the cheapest columns of all rows are different ones, by more than rounding, they are the
     assignment: no other can be as cheap. What is left is solved one by one.
     """
-    least, best = cost.min(axis=2), cost.argmin(axis=2)
-    rest = cost.copy()
-    np.put_along_axis(rest, best[:, :, None], UNPAIRED_COST, axis=2)
-    alone = least >= UNPAIRED_COST
-    clear = alone | (rest.min(axis=2) - least > COST_ROUND_OFF)
+    lowest_cost, best = cost.min(axis=2), cost.argmin(axis=2)
+    other_costs = cost.copy()
+    np.put_along_axis(other_costs, best[:, :, None], UNPAIRED_COST, axis=2)
+    is_unpaired = lowest_cost >= UNPAIRED_COST
+    clear = is_unpaired | (other_costs.min(axis=2) - lowest_cost > COST_ROUND_OFF)
     rows = np.arange(cost.shape[1])
-    partner = np.where(alone, -1, best)
-    ordered = np.sort(np.where(alone, -1 - rows, best), axis=1)
+    partner = np.where(is_unpaired, -1, best)
+    ordered = np.sort(np.where(is_unpaired, -1 - rows, best), axis=1)
     clear[:, 0] &= (np.diff(ordered, axis=1) != 0).all(axis=1)
     for i in np.flatnonzero(~clear.all(axis=1)):
         chosen_rows, columns = least_assignment(cost[i])
@@ -232,12 +232,12 @@ def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndar
     It exchanges partners with another pair, and then the costs of both count; or it takes a mode
     that has no partner at all. Infinite where there is no other choice.
     """
-    least = 1e-300  # the cost of a pair that did not change is zero but for rounding
+    min_cost = 1e-300  # the cost of a pair that did not change is zero but for rounding
     n, count = column.shape
     swapped = np.take_along_axis(cost, np.broadcast_to(column[:, None, :], (n, count, count)), 2)
     pair_cost = np.einsum("nii->ni", swapped)
     ratio = swapped + swapped.transpose(0, 2, 1)
-    ratio /= np.maximum(pair_cost[:, :, None] + pair_cost[:, None, :], least)
+    ratio /= np.maximum(pair_cost[:, :, None] + pair_cost[:, None, :], min_cost)
     ratio[:, np.arange(count), np.arange(count)] = np.inf
     if not paired.all():
         ratio[np.broadcast_to(~paired[:, None, :], ratio.shape)] = np.inf
@@ -251,10 +251,10 @@ def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndar
         by_row = np.where(~paired[:, :, None] & (swapped < UNPAIRED_COST), swapped, np.inf).min(
             axis=1
         )
-        best = np.minimum(best, by_row / np.maximum(pair_cost, least))
+        best = np.minimum(best, by_row / np.maximum(pair_cost, min_cost))
     if free.any():
         others = np.where(free[:, None, :] & (cost < UNPAIRED_COST), cost, np.inf).min(axis=2)
-        best = np.minimum(best, others / np.maximum(pair_cost, least))
+        best = np.minimum(best, others / np.maximum(pair_cost, min_cost))
     return best
 
 
@@ -299,10 +299,10 @@ def may_be_one(
     ndarray (n, ma, mb) of bool
     """
     paired = partner >= 0
-    alone = np.ones(size_b.shape, dtype=bool)
+    is_unpaired = np.ones(size_b.shape, dtype=bool)
     i, row = np.nonzero(paired)
-    alone[i, partner[i, row]] = False
-    both: np.ndarray = ~paired[:, :, None] & alone[:, None, :]
+    is_unpaired[i, partner[i, row]] = False
+    both: np.ndarray = ~paired[:, :, None] & is_unpaired[:, None, :]
     if band is None or not both.any():
         return both
     log_a, log_b = (np.log(np.maximum(size, 1e-300)) for size in (size_a, size_b))

@@ -84,21 +84,21 @@ class StepRefinement:
         b: Modes,
         x_a: np.ndarray,
         x_b: np.ndarray,
-        wanted: np.ndarray,
+        modes_to_pair: np.ndarray,
         expected: np.ndarray | None,
         depth: int,
     ) -> Pairing:
         direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected, self.band)
-        doubtful = wanted & (direct.trust <= HALVING_TRUST)
+        doubtful = modes_to_pair & (direct.trust <= HALVING_TRUST)
         if not depth:
-            return unresolved(direct, wanted)
+            return unresolved(direct, modes_to_pair)
         if not doubtful.any():
             return direct
         middle = (x_a + x_b) / 2
         try:
             mid = self.solve(middle)
         except SquealstudyError:
-            return unresolved(direct, wanted)
+            return unresolved(direct, modes_to_pair)
         finally:
             self.points += 1
         halfway = None if expected is None else (a.lam + expected) / 2
@@ -110,18 +110,18 @@ class StepRefinement:
         return _composed(a, b, direct, first, second, doubtful)
 
 
-def unresolved(pairing: Pairing, wanted: np.ndarray | None = None) -> Pairing:
+def unresolved(pairing: Pairing, modes_to_pair: np.ndarray | None = None) -> Pairing:
     """A pairing that is not refined any more: pairs that should have been are ambiguous.
 
     Frequencies that pass each other in one step may as well have veered.
 
     Parameters
     ----------
-    wanted : ndarray (ma,) of bool or None
+    modes_to_pair : ndarray (ma,) of bool or None
         Modes that matter; None: all.
     """
     doubtful = (pairing.trust <= PASSING_TRUST) & (pairing.partner >= 0)
-    doubtful &= True if wanted is None else wanted
+    doubtful &= True if modes_to_pair is None else modes_to_pair
     return pairing._replace(ambiguous=pairing.ambiguous | doubtful)
 
 

@@ -169,8 +169,8 @@ def _nearest(x: np.ndarray, count: int) -> np.ndarray:
     key_lists = [np.zeros(0, dtype=np.int64)]
     for i in range(0, n, POINTS_PER_QUERY):
         block = np.arange(i, min(i + POINTS_PER_QUERY, n))
-        near = tree.query(x[block], min(count + 1, n))[1].reshape(len(block), -1)
-        key_lists.append(_keys(np.repeat(block, near.shape[1]), near.ravel(), n))
+        nearest = tree.query(x[block], min(count + 1, n))[1].reshape(len(block), -1)
+        key_lists.append(_keys(np.repeat(block, nearest.shape[1]), nearest.ravel(), n))
     return _once(np.concatenate(key_lists))
 
 

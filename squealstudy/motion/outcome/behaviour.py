@@ -237,8 +237,8 @@ class Envelope:
 def _start_overshoot(y: np.ndarray) -> float:
     judged = last_part(y, JUDGED_SHARE)
     before = y[: len(y) - len(judged)]
-    far = max(float(before.max() - judged.max()), float(judged.min() - before.min()))
-    return far if far >= float(np.ptp(judged)) else 0.0
+    overshoot = max(float(before.max() - judged.max()), float(judged.min() - before.min()))
+    return overshoot if overshoot >= float(np.ptp(judged)) else 0.0
 
 
 def _rises(course: LevelTrend) -> bool:
@@ -269,8 +269,9 @@ def _levels_off(envelope: Envelope, course: LevelTrend) -> bool:
 
 def _shows_approach(envelope: Envelope, drift: float) -> bool:
     """Whether the start shows how the level was reached, or it stays where decay is predicted."""
-    least = max(MIN_LN_TRANSIENT, TRANSIENT_OVER_DRIFT * drift)
-    return envelope.reached or envelope.transient >= least or -envelope.predicted >= least
+    min_change = max(MIN_LN_TRANSIENT, TRANSIENT_OVER_DRIFT * drift)
+    decays = -envelope.predicted >= min_change
+    return envelope.reached or envelope.transient >= min_change or decays
 
 
 def _quiet(course: LevelTrend) -> bool:

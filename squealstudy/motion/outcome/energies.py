@@ -153,14 +153,14 @@ def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np
         NaN where nothing vibrates.
     """
     m = len(overlap) // 2
-    rest = states - states.mean(axis=0)
-    product = rest.T @ rest / len(rest)
-    alone = [_projected(product, overlap, [k]) for k in range(m)]
-    order = np.argsort([-energy for energy in alone], kind="stable")
+    deviations = states - states.mean(axis=0)
+    product = deviations.T @ deviations / len(deviations)
+    single_energies = [_projected(product, overlap, [k]) for k in range(m)]
+    order = np.argsort([-energy for energy in single_energies], kind="stable")
     share, energy_so_far = np.zeros(m), 0.0
     for position, k in enumerate(order):
         modes = list(order[: position + 1])
-        energy_with_mode = _projected(product, overlap, modes) if position else alone[k]
+        energy_with_mode = _projected(product, overlap, modes) if position else single_energies[k]
         share[k], energy_so_far = (
             max(energy_with_mode - energy_so_far, 0.0),
             max(energy_with_mode, energy_so_far),
@@ -237,7 +237,7 @@ def transfer(
     time: np.ndarray,
     energies: np.ndarray,
     modes: np.ndarray,
-    held: np.ndarray | None = None,
+    held_energy: np.ndarray | None = None,
 ) -> tuple[int, int, float]:
     """The mode that led at first, the one that leads at the end, and when it took over for good.
 
@@ -258,7 +258,7 @@ def transfer(
         J.
     modes : ndarray (ns,)
         Mode numbers.
-    held : ndarray (rows, m) or None
+    held_energy : ndarray (rows, m) or None
         Part of their sum that lies in the subspace of each of m complex modes, J.
 
     Returns
@@ -284,8 +284,8 @@ def transfer(
     first, last = int(np.argmax((level / total_energy)[:early].mean(axis=0))), int(np.argmax(final))
     if first == last:
         return 0, 0, np.nan
-    if held is not None:
-        within = np.add.reduceat(held, edges, axis=0) / rows[:, None]
+    if held_energy is not None:
+        within = np.add.reduceat(held_energy, edges, axis=0) / rows[:, None]
         at_first = (within / total_energy)[:early].mean(axis=0)
         at_last = within[end].mean(axis=0) / (final.sum() or 1.0)
         if (np.minimum(at_first, at_last) >= LEADING_THROUGHOUT_SHARE).any():

@@ -81,8 +81,8 @@ def level_trend(level: np.ndarray) -> tuple[float, float, float]:
     y = level / (level.mean() or 1.0)
     x = np.arange(len(y)) - 0.5 * (len(y) - 1)
     slope = float(x @ y / (x @ x))
-    rest = y - y.mean() - slope * x
-    variance = float(rest @ rest) / (len(y) - 2)
+    residual = y - y.mean() - slope * x
+    variance = float(residual @ residual) / (len(y) - 2)
     return slope * len(y), len(y) * float(np.sqrt(variance / (x @ x))), float(np.sqrt(variance))
 
 
@@ -99,15 +99,15 @@ def windows(time: np.ndarray, energy: np.ndarray) -> LevelWindows:
     energy : ndarray (rows,)
         Of the vibration (`energies.vibration_energy`), or a squared torque fluctuation.
     """
-    few, most = WINDOW_COUNT_RANGE
+    min_windows, max_windows = WINDOW_COUNT_RANGE
     rows = len(energy)
-    width = rows // few
-    middle = rows % few + width * (np.arange(few) + 0.5)
-    level = _levels(energy, few)
+    width = rows // min_windows
+    middle = rows % min_windows + width * (np.arange(min_windows) + 0.5)
+    level = _levels(energy, min_windows)
     level = np.maximum(level, SILENT_LEVEL_RATIO * (level.max() or 1.0))
     trend = np.interp(np.arange(rows), middle, np.log(level / level.max()))
     slow, line = _periods(energy / level.max() ** 2 * np.exp(-2 * trend))
-    count = int(min(max(slow / WINDOW_PERIODS, few), min(most, rows)))
+    count = int(min(max(slow / WINDOW_PERIODS, min_windows), min(max_windows, rows)))
     if line < FINE_PERIODS * count:  # a record of few periods
         count = max(MIN_WINDOWS_SHORT_RECORD, int(line / FINE_PERIODS))
     fine = max(LEAST_ROWS, int(FINE_PERIODS * rows / slow))
@@ -194,10 +194,14 @@ class LevelTrend:
         x = (np.arange(m) - 0.5 * (m - 1)) * 2 / m
         square = x**2 - (x @ x) / m
         slope, bend = float(x @ y / (x @ x)), float(square @ y / (square @ square))
-        rest = y - y.mean() - slope * x - bend * square
-        size = float(rest @ rest)
+        residual = y - y.mean() - slope * x - bend * square
+        size = float(residual @ residual)
         scatter = float(np.sqrt(size / (m - 3))) + MIN_REL_SCATTER
-        rho = float(rest[1:] @ rest[:-1]) / size + 2.0 / m if size > m * MIN_REL_SCATTER**2 else 0.0
+        rho = (
+            float(residual[1:] @ residual[:-1]) / size + 2.0 / m
+            if size > m * MIN_REL_SCATTER**2
+            else 0.0
+        )
         rho = min(max(rho, 0.0), MAX_CORRELATION)
         reach = float(special.stdtrit(m - 3, BOUND_CONFIDENCE)) * float(
             np.sqrt((1 + rho) / (1 - rho))

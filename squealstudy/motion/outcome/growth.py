@@ -108,8 +108,8 @@ def fit_growth(
     real = not np.iscomplexobj(amplitude)
     step = (time[-1] - time[0]) / (len(time) - 1)
     rows_per_period = period / step if real else 0.0  # rows in a period
-    least = max(least_rows(amplitude), int(np.ceil(LEAST_PERIODS * rows_per_period)))
-    window = growth_window(RisingLogarithm.of(log, real), least)
+    min_rows = max(least_rows(amplitude), int(np.ceil(LEAST_PERIODS * rows_per_period)))
+    window = growth_window(RisingLogarithm.of(log, real), min_rows)
     if isinstance(window, str):
         return GrowthFit(status=window)
     window = window[0], whole_periods(*window, rows_per_period)
@@ -178,20 +178,20 @@ class RisingLogarithm:
         return int(np.argmax(above)) * width if above.any() else len(self.log)
 
 
-def growth_window(rising: RisingLogarithm, least: int) -> tuple[int, int] | str:
+def growth_window(rising: RisingLogarithm, min_rows: int) -> tuple[int, int] | str:
     """First row and the row after the last of a straight stretch, or why there is none."""
     end = len(rising.log)
-    if rising.sign < 0 and not rising.real and (late := _late_fall(rising, least)):
+    if rising.sign < 0 and not rising.real and (late := _late_fall(rising, min_rows)):
         return late
-    if not _rises_throughout(rising, least):
+    if not _rises_throughout(rising, min_rows):
         level = _ceiling(rising)
         end = rising.first_above(level + float(np.log(WINDOW_END_LEVEL_RATIO)))
-        if end < least or abs(rising.log[end - 1] - rising.log[0]) < 1.0:
+        if end < min_rows or abs(rising.log[end - 1] - rising.log[0]) < 1.0:
             end = rising.first_above(level + float(np.log(SHORT_WINDOW_END_LEVEL_RATIO)))
     width = max(3, -(-end // SEARCH_BLOCKS))
     blocks = rising.blocks(width, end)
     skipped = 0 if rising.real else _noisy_blocks(rising.log[:end], width)
-    count = max(8, -(-least // width))
+    count = max(8, -(-min_rows // width))
     if len(blocks) - skipped < count:
         return "too_short"
     stretch = best_stretch(blocks, count, None if rising.real else skipped)
@@ -215,12 +215,12 @@ def bend_time(time: np.ndarray, amplitude: np.ndarray) -> float:
     return float(time[min(rising.first_above(level), len(time) - 1)])
 
 
-def _late_fall(rising: RisingLogarithm, least: int) -> tuple[int, int] | None:
+def _late_fall(rising: RisingLogarithm, min_rows: int) -> tuple[int, int] | None:
     """The straight stretch that a fall ends with, where motion is smallest; None of a floor."""
     rows = len(rising.log)
     width = max(3, -(-rows // SEARCH_BLOCKS))
     blocks = rising.blocks(width)
-    count = max(8, -(-least // width))
+    count = max(8, -(-min_rows // width))
     if len(blocks) < count:
         return None
     stretch = best_stretch(-blocks[::-1], count, 0)
@@ -234,11 +234,11 @@ def _late_fall(rising: RisingLogarithm, least: int) -> tuple[int, int] | None:
     )
 
 
-def _rises_throughout(rising: RisingLogarithm, least: int) -> bool:
+def _rises_throughout(rising: RisingLogarithm, min_rows: int) -> bool:
     """Whether the logarithm of the whole record is one rising line."""
     rows = len(rising.log)
     blocks = rising.blocks(max(3, rows // SEARCH_BLOCKS))
-    if rows < least or len(blocks) < 8:
+    if rows < min_rows or len(blocks) < 8:
         return False
     straightness_of_all = straightness(blocks, np.array([0]), np.array([len(blocks)]))
     rise = float(straightness_of_all.slope[0]) * len(blocks)

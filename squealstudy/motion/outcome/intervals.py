@@ -126,9 +126,11 @@ class _Periods:
         rows = self.summed.shape[1] - 1
         position = np.minimum(np.maximum(rows - self.width[:, None] * edges, 0.0), rows)
         before = np.minimum(position.astype(int), rows - 1)
-        at, behind = (np.take_along_axis(self.summed, k, 1) for k in (before, before + 1))
-        at = at + (position - before) * (behind - at)
-        blocks: np.ndarray = np.diff(at) / (self.width[:, None] * -np.diff(edges))
+        sum_before, sum_after = (
+            np.take_along_axis(self.summed, k, 1) for k in (before, before + 1)
+        )
+        sum_before = sum_before + (position - before) * (sum_after - sum_before)
+        blocks: np.ndarray = np.diff(sum_before) / (self.width[:, None] * -np.diff(edges))
         return blocks
 
     def mean(self) -> np.ndarray:
@@ -171,10 +173,10 @@ def _still_to_come(mean: np.ndarray, blocks: np.ndarray, thirds: np.ndarray) -> 
     limit.
     """
     x = np.arange(blocks.shape[1]) - 0.5 * (blocks.shape[1] - 1)
-    rest = blocks - blocks.mean(axis=1, keepdims=True)
-    total = (rest**2).sum(axis=1)
+    deviations = blocks - blocks.mean(axis=1, keepdims=True)
+    total = (deviations**2).sum(axis=1)
     drifts = (total > 0) & (
-        (rest * x).sum(axis=1) ** 2 >= MIN_TREND_VARIANCE_SHARE * total * float(x @ x)
+        (deviations * x).sum(axis=1) ** 2 >= MIN_TREND_VARIANCE_SHARE * total * float(x @ x)
     )
     first, second = np.diff(thirds, axis=1).T
     passes = np.abs(thirds[:, 2] - thirds[:, 0]) > MAX_REL_DRIFT * np.abs(mean)
@@ -208,9 +210,9 @@ def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarr
 def _student(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Half-width of a mean's interval by its blocks (count, ..), and their correlation."""
     count = len(blocks)
-    rest = blocks - blocks.mean(axis=0)
-    size = (rest**2).sum(axis=0)
-    product = (rest[1:] * rest[:-1]).sum(axis=0)
+    deviations = blocks - blocks.mean(axis=0)
+    size = (deviations**2).sum(axis=0)
+    product = (deviations[1:] * deviations[:-1]).sum(axis=0)
     rho = np.where(size > 0, product / np.where(size > 0, size, 1.0) + 1.0 / count, 0.0)
     rho_counted = np.minimum(np.maximum(rho, 0.0), 0.9)
     error = np.sqrt(size / (count * (count - 1)) * (1 + rho_counted) / (1 - rho_counted))

@@ -55,12 +55,12 @@ class Level:
     parts: LevelParts = field(default_factory=LevelParts)
 
     @classmethod
-    def of(cls, value: float, parts: LevelParts, least: float = -np.inf) -> Level:
-        """A value with the bounds that its parts make, none below `least`."""
+    def of(cls, value: float, parts: LevelParts, lower_bound: float = -np.inf) -> Level:
+        """A value with the bounds that its parts make, none below `lower_bound`."""
         half = parts.total
         if not np.isfinite(half):
             return cls(value, np.nan, np.nan, parts)
-        return cls(value, max(value - half, least), value + half, parts)
+        return cls(value, max(value - half, lower_bound), value + half, parts)
 
     @property
     def relative(self) -> float:

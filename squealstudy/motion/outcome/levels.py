@@ -94,10 +94,10 @@ def window_of_line(time: np.ndarray, signal: np.ndarray, frequency: float) -> sl
     rows, part = len(time), judged_part(len(time))
     count = rows - part.start
     if np.isfinite(frequency):
-        least = int(np.ceil(LEAST_PERIODS / (frequency * step_of(time))))
-        if least <= count // 2 and _begins_with_transient(signal[part]):
+        min_rows = int(np.ceil(LEAST_PERIODS / (frequency * step_of(time))))
+        if min_rows <= count // 2 and _begins_with_transient(signal[part]):
             count //= 2
-        count = max(count, least)
+        count = max(count, min_rows)
     return slice(max(0, rows - count), rows)
 
 
@@ -170,19 +170,19 @@ class TorqueSums:
     def extent(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean and peak to peak (m,) of several runs, and which of them move beyond round-off."""
         mean = self.mean.mean(axis=1)
-        most, least = self.most.max(axis=1), self.least.min(axis=1)
-        rest = np.maximum(np.abs(most - mean), np.abs(least - mean))
-        moves = rest > FLUCTUATION_ROUND_OFF * np.abs(torque).max(axis=1)
-        return mean, most - least, moves & (torque.shape[1] > 1)
+        largest, smallest = self.most.max(axis=1), self.least.min(axis=1)
+        half_swing = np.maximum(np.abs(largest - mean), np.abs(smallest - mean))
+        moves = half_swing > FLUCTUATION_ROUND_OFF * np.abs(torque).max(axis=1)
+        return mean, largest - smallest, moves & (torque.shape[1] > 1)
 
     def quietest_quarter(self) -> np.ndarray:
         """Least peak to peak (m,) of a quarter of several runs; of a half where rows are few."""
         rows = self.least.shape[1]
         count = min(N_QUARTERS if rows >= LEAST_ROWS * N_QUARTERS else 2, rows)
         starts = [part[0] for part in np.array_split(np.arange(rows), count)]
-        most = np.maximum.reduceat(self.most, starts, axis=1)
-        least = np.minimum.reduceat(self.least, starts, axis=1)
-        quietest: np.ndarray = (most - least).min(axis=1)
+        largest = np.maximum.reduceat(self.most, starts, axis=1)
+        smallest = np.minimum.reduceat(self.least, starts, axis=1)
+        quietest: np.ndarray = (largest - smallest).min(axis=1)
         return quietest
 
 

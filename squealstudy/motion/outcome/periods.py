@@ -142,8 +142,8 @@ class _Record:
                 period, residual = self._multiple(period, residual)
             if not (first and period == shortest) and self._roughly_known():
                 return Fundamental()
-            refined, count, rest = self._refined(period, residual)
-            error = (rest + INTERPOLATION_RESIDUAL) / (2 * np.pi * count)
+            refined, count, refined_residual = self._refined(period, residual)
+            error = (refined_residual + INTERPOLATION_RESIDUAL) / (2 * np.pi * count)
             return Fundamental(1.0 / (self.step * refined), residual, error)
         return Fundamental()
 
@@ -217,26 +217,26 @@ class _Record:
         inside = turning.real[np.abs(turning.imag) < NO_IMAGE]
         ways = np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]])
         squared_residual = np.polynomial.polynomial.polyval(ways, square)
-        least = int(np.argmin(squared_residual))
-        return k + float(ways[least]), float(np.sqrt(max(squared_residual[least], 0.0) / expected))
+        best = int(np.argmin(squared_residual))
+        return k + float(ways[best]), float(np.sqrt(max(squared_residual[best], 0.0) / expected))
 
     def _multiple(self, period: float, residual: float) -> tuple[float, float]:
         """The period, or the multiple of it at which far less is left: a doubled one."""
         for n in TRIED_MULTIPLES:
             if n * period < self._longest:
-                longer, rest = self._best(round(n * period))
-                if rest < MULTIPLE_RESIDUAL_RATIO * residual:
-                    return longer, rest
+                longer, longer_residual = self._best(round(n * period))
+                if longer_residual < MULTIPLE_RESIDUAL_RATIO * residual:
+                    return longer, longer_residual
         return period, residual
 
     def _refined(self, period: float, residual: float) -> tuple[float, int, float]:
         """The period from as many as still come back, twice as many each time; what is left."""
         count = 1
         while 2 * count * period < self._longest:
-            longer, rest = self._best(round(2 * count * period))
-            if rest > MAX_PERIODIC_RESIDUAL:
+            longer, longer_residual = self._best(round(2 * count * period))
+            if longer_residual > MAX_PERIODIC_RESIDUAL:
                 break
-            count, residual = 2 * count, rest
+            count, residual = 2 * count, longer_residual
             period = longer / count
         return period, count, residual
 

@@ -75,14 +75,16 @@ def settled(
         return False, np.nan
     mean = float(torque[-round(JUDGED_SHARE * len(torque)) :].mean())
     swing = torque - mean
-    least = FLUCTUATION_ROUND_OFF * float(np.abs(torque).max())
+    round_off = FLUCTUATION_ROUND_OFF * float(np.abs(torque).max())
     motion, force = windows(time, energy), windows(time, swing**2)
     moves = _start(motion, _away(motion, name, 0.0))
-    quiet = float(force.level[force.judged :].max()) <= least
-    away = _away(force, STABLE if quiet else name, least)
-    if away is not None:
-        away = away | _shifted(torque, force, mean, least) | _exceeds(swing, force, least)
-    since = max(moves, _start(force, away))  # infinite where either has not settled
+    quiet = float(force.level[force.judged :].max()) <= round_off
+    differs = _away(force, STABLE if quiet else name, round_off)
+    if differs is not None:
+        differs = (
+            differs | _shifted(torque, force, mean, round_off) | _exceeds(swing, force, round_off)
+        )
+    since = max(moves, _start(force, differs))  # infinite where either has not settled
     if not since <= time[last_window(time, torque)][0]:
         return False, np.nan
     return True, since
@@ -96,43 +98,43 @@ def _start(levels: LevelWindows, differs: np.ndarray | None) -> float:
     return float(levels.start[first]) if first <= levels.judged else np.inf
 
 
-def _away(levels: LevelWindows, name: str, least: float) -> np.ndarray | None:
+def _away(levels: LevelWindows, name: str, round_off: float) -> np.ndarray | None:
     """Which levels differ from those judged; None where the judged ones differ themselves.
 
-    What is below `least` is at rest.
+    What is below `round_off` is at rest.
     """
     level, judged = levels.level, levels.level[levels.judged :]
     if name == STABLE:
-        rest = max(REST_RATIO_FALLING * float(level.max()), least)
-        return level > rest if judged.max() <= rest else None
+        rest_level = max(REST_RATIO_FALLING * float(level.max()), round_off)
+        return level > rest_level if judged.max() <= rest_level else None
     rise, error, scatter = levels.trend()
     if scatter > MAX_REL_SCATTER or abs(rise) > max(MAX_LN_TREND, TREND_SIGMAS * error):
         return None
     return _outside(level, levels.judged, float(judged.mean()), 0.0)
 
 
-def _outside(values: np.ndarray, judged: int, mean: float, least: float) -> np.ndarray:
-    """Which values are off the mean by more than the band, `least`, or any of those judged is."""
+def _outside(values: np.ndarray, judged: int, mean: float, round_off: float) -> np.ndarray:
+    """Which values are off the mean by more than the band, `round_off` and all judged ones."""
     off = np.abs(values - mean)
     is_outside: np.ndarray = off > max(
-        MIN_AGREEMENT_HALF_WIDTH * abs(mean), least, 1.01 * float(off[judged:].max())
+        MIN_AGREEMENT_HALF_WIDTH * abs(mean), round_off, 1.01 * float(off[judged:].max())
     )
     return is_outside
 
 
-def _shifted(torque: np.ndarray, levels: LevelWindows, mean: float, least: float) -> np.ndarray:
+def _shifted(torque: np.ndarray, levels: LevelWindows, mean: float, round_off: float) -> np.ndarray:
     """Windows whose mean torque is not the one judged."""
-    return _outside(window_means(torque, len(levels.level)), levels.judged, mean, least)
+    return _outside(window_means(torque, len(levels.level)), levels.judged, mean, round_off)
 
 
-def _exceeds(swing: np.ndarray, levels: LevelWindows, least: float) -> np.ndarray:
+def _exceeds(swing: np.ndarray, levels: LevelWindows, round_off: float) -> np.ndarray:
     """Windows in which the torque swings wider than in those judged."""
     count = len(levels.level)
     cut = np.abs(swing[len(swing) % count :]).reshape(count, -1)
     peak = cut.max(axis=1)
     top = float(peak[levels.judged :].max())
     wider: np.ndarray = peak > max(
-        (1 + MIN_AGREEMENT_HALF_WIDTH) * top, REST_RATIO_FALLING * float(peak.max()), least
+        (1 + MIN_AGREEMENT_HALF_WIDTH) * top, REST_RATIO_FALLING * float(peak.max()), round_off
     )
     return wider
 

@@ -38,12 +38,12 @@ class Spectrum:
             return np.full(self.power.shape[:-1], np.nan)[()]
         inner = self.power[..., first:-1]
         k = first + np.argmax(inner, axis=-1)
-        near = k[..., None] + np.array([-1, 0, 1])
-        size = np.sqrt(np.take_along_axis(self.power, near, axis=-1))
-        before, at_line, behind = size[..., 0], size[..., 1], size[..., 2]
-        side = np.where(behind >= before, 1, -1)
+        neighbours = k[..., None] + np.array([-1, 0, 1])
+        size = np.sqrt(np.take_along_axis(self.power, neighbours, axis=-1))
+        before, at_line, after = size[..., 0], size[..., 1], size[..., 2]
+        side = np.where(after >= before, 1, -1)
         is_line = at_line > 0.0
-        ratio = np.maximum(before, behind) / np.where(is_line, at_line, 1.0)
+        ratio = np.maximum(before, after) / np.where(is_line, at_line, 1.0)
         shift = np.maximum(0.0, (2 * ratio - 1) / (ratio + 1))
         is_line &= ratio < 1.0  # else the flank of slower drift
         lines: np.ndarray = np.where(is_line, (k + side * shift) * self.resolution, np.nan)[()]
@@ -68,13 +68,17 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
     """Power of the bins of signals (..., rows) sampled every `step` seconds."""
     rows = signal.shape[-1]
     x = np.arange(rows) - 0.5 * (rows - 1)
-    rest = signal - signal.mean(axis=-1, keepdims=True)
+    fluctuation = signal - signal.mean(axis=-1, keepdims=True)
     # sums of each signal by itself: a product of matrices rounds by how many there are
-    rest = rest - x * ((rest * x).sum(axis=-1) / max(float(x @ x), 1.0))[..., None]
+    fluctuation = (
+        fluctuation - x * ((fluctuation * x).sum(axis=-1) / max(float(x @ x), 1.0))[..., None]
+    )
     window = hann(rows)
     scale = rows * float(window @ window)
-    power = 2 * np.abs(np.fft.rfft(window * rest, axis=-1)) ** 2 / scale
-    is_flat = np.abs(rest).max(axis=-1) <= FLUCTUATION_ROUND_OFF * np.abs(signal).max(axis=-1)
+    power = 2 * np.abs(np.fft.rfft(window * fluctuation, axis=-1)) ** 2 / scale
+    is_flat = np.abs(fluctuation).max(axis=-1) <= FLUCTUATION_ROUND_OFF * np.abs(signal).max(
+        axis=-1
+    )
     if np.any(is_flat):
         power = np.where(is_flat[..., None], 0.0, power)
     return Spectrum(power, 1.0 / (rows * step))
@@ -105,9 +109,9 @@ def folds(
     is_line = np.isfinite(frequency)
     if not np.any(is_line):
         return is_line
-    least = (1.0 - MAX_MISSING_SHARE) * np.sinc(np.where(is_line, frequency, 0.0) * step)
+    min_share = (1.0 - MAX_MISSING_SHARE) * np.sinc(np.where(is_line, frequency, 0.0) * step)
     is_folded: np.ndarray = is_line & (
-        spectrum(step, means).level(frequency) < least * lines.level(frequency)
+        spectrum(step, means).level(frequency) < min_share * lines.level(frequency)
     )
     return is_folded
 

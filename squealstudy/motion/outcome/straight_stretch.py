@@ -46,12 +46,12 @@ def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> FittedLi
     """Compare the halves of the stretches [first, last) of y, each of six values or more."""
     sums = _Sums(y)
     middle = (first + last) // 2
-    slope, rest, _ = sums.line(first, last)
+    slope, residual, _ = sums.line(first, last)
     slope_a, rest_a, spread_a = sums.line(first, middle)
     slope_b, rest_b, spread_b = sums.line(middle, last)
     variance = np.maximum(rest_a + rest_b, 0.0) / (last - first - 4)
     deviation = np.sqrt(variance * (1 / spread_a + 1 / spread_b))
-    scatter = np.maximum(rest, 0.0) / (last - first - 2) + LEAST_SCATTER**2
+    scatter = np.maximum(residual, 0.0) / (last - first - 2) + LEAST_SCATTER**2
     error = np.sqrt(12 * scatter / (last - first))
     return FittedLines(slope=slope, difference=slope_b - slope_a, deviation=deviation, error=error)
 

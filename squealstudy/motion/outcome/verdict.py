@@ -236,8 +236,8 @@ def line_sizes(
     weight = hann(rows)
     power = np.abs(np.fft.fft(weight * cut, axis=1)) ** 2 / (rows * float(weight @ weight))
     distance = np.abs(np.abs(np.fft.fftfreq(rows, step)) - frequency_hz)
-    near = distance <= max(LINE_REL_HALF_WIDTH * frequency_hz, 2.0 / (rows * step))
-    sizes: np.ndarray = np.sqrt(power[:, near].sum(axis=1))
+    in_line = distance <= max(LINE_REL_HALF_WIDTH * frequency_hz, 2.0 / (rows * step))
+    sizes: np.ndarray = np.sqrt(power[:, in_line].sum(axis=1))
     return sizes
 
 
@@ -246,5 +246,5 @@ def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
     y = np.log(np.maximum(size, SMALLEST_POSITIVE))
     x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
     rate = float(x @ y / (x @ x))
-    rest = y - y.mean() - rate * x
-    return rate, float(np.sqrt(rest @ rest / (len(y) - 2) / (x @ x)))
+    residual = y - y.mean() - rate * x
+    return rate, float(np.sqrt(residual @ residual / (len(y) - 2) / (x @ x)))
