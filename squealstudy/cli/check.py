@@ -159,7 +159,9 @@ def _facts(
         model = "model" if isinstance(study.model, FamilyDefinition) else "reduced model"
         rows.append((model, f"{cost.n_coordinates} degrees of freedom"))
     if cost.by_size is not None and missing:
-        return [*rows, ("time", _by_size(plan, cost, cost.by_size, missing, jobs))]
+        free_gb = available_memory_mb() / 1024
+        time = _by_size(plan, cost, cost.by_size, missing, jobs)
+        return [*rows, ("time", time), ("memory", cost.by_size.memory_text(free_gb))]
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
     if not missing:

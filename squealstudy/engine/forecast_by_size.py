@@ -1,4 +1,4 @@
-"""Time of a study with a mesh before its first reduction: by its size, and by past reductions.
+"""Cost of a study with a mesh before its first reduction: by its size, and by past reductions.
 
 The first reduction says more than any table, but takes a while; before it only the degrees of
 freedom are known. What reductions of like size took, on this machine where some are in the cache,
@@ -23,6 +23,11 @@ MEASURED_REDUCTION_S, MEASURED_POINT_S = (21.0, 77.0, 253.0), (0.29, 0.36, 0.70)
 # how far times of another machine, under another load and of other meshes may be from those, and
 # from each other on one machine: bounds on factors
 ELSEWHERE, HERE = (0.25, 4.0), (0.6, 1.7)
+# largest memory of a reduction up to 12 kHz: Python, matrices and shapes, and a factor by fronts,
+# whose fill grows faster than the size; measured are 1.1 GB of 28,875 and 3.0 GB of 95,217 degrees
+# of freedom. Bounds on its factor: of other bands and contacts
+BASE_GB, GB_PER_DOF, FACTOR_GB, FACTOR_DOF, FILL_POWER = 0.25, 2.3e-5, 0.115, 28_875, 1.35
+MEMORY_ELSEWHERE = (0.6, 1.6)
 LIKE_SIZE = 2.0  # factor of degrees of freedom within which a past reduction is of like size
 
 
@@ -38,12 +43,26 @@ class SizeForecast:
         Of one reduction, and of one exact design point of complex modes.
     by : str
         What they are told by, in words.
+    memory_gb : (float, float)
+        The most that one reduction needs.
     """
 
     n_dof: int
     reduction_s: tuple[float, float]
     point_s: tuple[float, float]
     by: str
+    memory_gb: tuple[float, float]
+
+    def memory_text(self, free_gb: float) -> str:
+        """Memory that a reduction needs, and whether it fits into what is left [GB]."""
+        low, high = self.memory_gb
+        text = f"a reduction needs about {np.sqrt(low * high):.1f} GB, {low:.1f} to {high:.1f} GB"
+        if high <= free_gb:
+            return text
+        if low <= free_gb:
+            return f"{text}: it may not fit into the {free_gb:.1f} GB that are left here"
+        advice = "take coarser meshes, a lower band or a machine with more"
+        return f"{text}: more than the {free_gb:.1f} GB that are left here; {advice}"
 
 
 def forecast_by_size(plan: Plan) -> SizeForecast | None:
@@ -73,7 +92,15 @@ def forecast_by_size(plan: Plan) -> SizeForecast | None:
         (ends[0] * reduction_s, ends[1] * reduction_s),
         (ends[0] * point_s, ends[1] * point_s),
         by,
+        _memory_gb(n_dof),
     )
+
+
+def _memory_gb(n_dof: int) -> tuple[float, float]:
+    """Bounds of the largest memory of a reduction, GB."""
+    factor_gb = FACTOR_GB * (n_dof / FACTOR_DOF) ** FILL_POWER
+    middle = BASE_GB + GB_PER_DOF * n_dof + factor_gb
+    return MEMORY_ELSEWHERE[0] * middle, MEMORY_ELSEWHERE[1] * middle
 
 
 def _measured(seconds: tuple[float, ...], n_dof: int) -> float:

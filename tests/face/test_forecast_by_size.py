@@ -32,6 +32,18 @@ def test_times_follow_those_measured_and_bound_them(monkeypatch):
     assert low < 3000 < high
 
 
+def test_memory_is_told_before_a_machine_runs_out_of_it():
+    """By what reductions took; a study of 544,929 degrees of freedom took 20.8 GB."""
+    for n_dof, measured_gb in ((28_875, 1.1), (95_217, 3.0), (544_929, 20.8)):
+        size = forecast(plan_of(n_dof))
+        low, high = size.memory_gb
+        assert low < measured_gb < high < 3 * low
+    needed = "a reduction needs about 18.5 GB, 11.3 to 30.2 GB"
+    assert size.memory_text(64.0) == needed
+    assert size.memory_text(16.0) == f"{needed}: it may not fit into the 16.0 GB that are left here"
+    assert size.memory_text(8.0).startswith(f"{needed}: more than the 8.0 GB that are left here")
+
+
 def test_past_reductions_of_like_size_say_more(monkeypatch):
     past = [(14_769, 42.0), (27_810, 2 * 45.0), (500_000, 1.0)]  # half as fast; another size
     monkeypatch.setattr(forecast_by_size, "past_reductions", lambda: past)
