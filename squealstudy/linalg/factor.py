@@ -1,6 +1,6 @@
-"""Sparse factors: one interface over SuperLU, dense fronts and, where installed, PARDISO.
+"""Sparse factors: one interface over SuperLU and, where installed, PARDISO and CHOLMOD.
 
-PARDISO comes with the extra `mkl`.
+PARDISO comes with the extra `mkl`, CHOLMOD (by cholespy, large definite matrices) with `large`.
 
 Cholesky factors F^T F of symmetric positive definite matrices come out of SuperLU.
 """
@@ -23,18 +23,16 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.faults import raise_if_memory
-from squealstudy.linalg.multifrontal import IndefiniteMatrixError, MultifrontalCholesky
-from squealstudy.linalg.nested_dissection import EliminationTree, elimination_tree
 
 SINGULAR = "singular"  # status of the failure
 # largest backward error of a trial after which solves are not refined: round-off is 1e-15, and what
 # a refined solve leaves of b is no smaller then, however large it is beside b
 PLAIN_ERROR = 1e-14
-# rows from which a definite matrix is eliminated by dense fronts; of a brake's 28,875 that takes
-# 0.95 s of a core and 0.15 s for 64 right-hand sides, SuperLU 1.7 and 0.6 s
-FRONTS_MIN_ROWS = 2_000
-MAX_FILL_RATIO = 60.0  # of a factor to its matrix (3 to 6 for brakes), from which SuperLU is taken
+# rows from which CHOLMOD is taken; of a brake's 48,588 it takes 6.3 s of a core for the factor and
+# 0.9 s for 64 right-hand sides, SuperLU 5.1 and 1.2 s: a reduction has about a thousand
+CHOLMOD_MIN_ROWS = 50_000
 RHS_PER_SOLVE = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
+CHOLMOD_BLOCK = 8  # of 115,959 rows 4 to 8 at once take 0.039 s of a core each, 64 0.044, 1 0.113
 DENSE_FILL_RATIO = 0.2  # of all entries: a projected assembly is block by block full
 LEAST_FULL = 1000  # rows: below it time is no matter, and SuperLU has the same bits in any process
 LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
@@ -43,7 +41,7 @@ FEW_ROWS = 200  # solved faster than a thread starts (0.1 ms)
 
 PARDISO_DEFINITE, PARDISO_UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
 
-PARDISO_MODULE = "pypardiso"
+MODULES = {"pardiso": "pypardiso", "cholmod": "cholespy"}
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -106,16 +104,16 @@ def factorise(
         Definite, or nearly: pivots stay on the diagonal, refinement repairs the rest. A dense one
         is LAPACK's, whatever the backend.
     backend : str
-        ``pardiso``, ``fronts`` (a definite A alone) or ``superlu``; ``auto``: PARDISO where it is
-        installed, dense fronts where the matrix is `definite` and has FRONTS_MIN_ROWS rows, else
-        SuperLU.
+        ``pardiso``, ``cholmod`` (a definite A alone) or ``superlu``; ``auto``: PARDISO where it is
+        installed, CHOLMOD where it is, the matrix is `definite` and has CHOLMOD_MIN_ROWS rows,
+        else SuperLU.
     definite : bool
         Whether A is symmetric and positive definite.
 
     Raises
     ------
     ConvergenceError
-        ``singular``, where SuperLU meets a zero pivot, fronts or LAPACK one that is not positive.
+        ``singular``, where SuperLU meets a zero pivot, CHOLMOD or LAPACK one that is not positive.
     """
     if isinstance(A, np.ndarray):
         return DenseCholesky(A)
@@ -123,24 +121,22 @@ def factorise(
         backend = automatic_backend(A.shape[0], definite)
     if backend == "pardiso":
         return PardisoFactor(A, definite)
-    if backend == "fronts":
-        tree = elimination_tree(A.tocsr())
-        if tree.factor_entries <= MAX_FILL_RATIO * A.nnz:
-            return FrontsFactor(A, tree)
-    return SuperLUFactor(A)
+    return CholmodFactor(A) if backend == "cholmod" else SuperLUFactor(A)
 
 
 def automatic_backend(n: int, definite: bool) -> str:
     """Backend that ``auto`` chooses for a sparse matrix of n rows."""
-    if find_spec(PARDISO_MODULE):
-        return "pardiso"
-    return "fronts" if definite and n >= FRONTS_MIN_ROWS else "superlu"
+    preferred = {"pardiso": True, "cholmod": definite and n >= CHOLMOD_MIN_ROWS}
+    installed = (name for name, use in preferred.items() if use and find_spec(MODULES[name]))
+    return next(installed, "superlu")
 
 
 def is_definite(A: sp.spmatrix) -> bool:
     """Whether a symmetric sparse A (n, n) is positive definite, beyond round-off."""
     try:
-        if A.shape[0] < FRONTS_MIN_ROWS or isinstance(factorise(A, "fronts"), SuperLUFactor):
+        if A.shape[0] >= CHOLMOD_MIN_ROWS and find_spec(MODULES["cholmod"]):
+            CholmodFactor(A)
+        else:
             SparseCholesky(A)
     except ConvergenceError:
         return False
@@ -232,15 +228,6 @@ class FullLU:
         return x
 
 
-def _in_parts(solve: Callable[[np.ndarray], np.ndarray], b: np.ndarray) -> np.ndarray:
-    """Solutions for right-hand sides b (n, k), some at a time, side by side."""
-    if b.shape[1] <= RHS_PER_SOLVE:
-        return solve(np.ascontiguousarray(b))
-    parts = [b[:, i : i + RHS_PER_SOLVE] for i in range(0, b.shape[1], RHS_PER_SOLVE)]
-    with side_by_side(len(b)) as pool:  # what solves lets go of the interpreter
-        return np.hstack(list(pool.map(solve, parts)))
-
-
 class SuperLUFactor(RefinedFactor):
     """A sparse LU factorisation by SuperLU, pivots on the diagonal; by LAPACK of a full matrix."""
 
@@ -259,9 +246,11 @@ class SuperLUFactor(RefinedFactor):
 
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """See `RefinedFactor.solve_once`; in parts."""
-        if b.ndim == 1:
+        if b.ndim == 1 or b.shape[1] <= RHS_PER_SOLVE:
             return self._lu.solve(np.ascontiguousarray(b))
-        return _in_parts(self._lu.solve, b)
+        parts = [b[:, i : i + RHS_PER_SOLVE] for i in range(0, b.shape[1], RHS_PER_SOLVE)]
+        with side_by_side(len(b)) as pool:  # SuperLU lets go of the interpreter
+            return np.hstack(list(pool.map(self._lu.solve, parts)))
 
 
 class PardisoFactor(RefinedFactor):
@@ -289,25 +278,36 @@ class PardisoFactor(RefinedFactor):
         return self._solver.solve(self._held, np.asfortranarray(b))
 
 
-class FrontsFactor(RefinedFactor):
-    """A sparse Cholesky factorisation by dense fronts, of a definite A alone."""
+class CholmodFactor(RefinedFactor):
+    """A sparse Cholesky factorisation by CHOLMOD (extra `large`), of a definite A alone."""
 
-    def __init__(self, A: sp.spmatrix, tree: EliminationTree | None = None) -> None:
+    def __init__(self, A: sp.spmatrix) -> None:
+        from cholespy import CholeskySolverD, MatrixType
+
         self.A = A.tocsr()
-        with side_by_side(A.shape[0]) as pool:
-            try:
-                self._factor = MultifrontalCholesky(
-                    self.A, tree or elimination_tree(self.A), pool, threads_to_share()
-                )
-            except IndefiniteMatrixError as error:
-                text = f"a stiffness matrix is singular ({error})"
-                raise ConvergenceError(SINGULAR, text) from error
+        try:
+            self._solver = CholeskySolverD(
+                self.A.shape[0],
+                self.A.indptr.astype(np.int32),
+                self.A.indices.astype(np.int32),
+                self.A.data,
+                MatrixType.CSR,
+            )
+        except ValueError as error:  # "Matrix is not positive definite!"
+            raise ConvergenceError(SINGULAR, f"a stiffness matrix is singular ({error})") from error
 
     def solve_once(self, b: np.ndarray) -> np.ndarray:
         """See `RefinedFactor.solve_once`; in parts."""
+        x = np.empty(b.shape)
         if b.ndim == 1:
-            return self._factor.solve(b[:, None])[:, 0]
-        return _in_parts(self._factor.solve, b)
+            self._solver.solve(np.ascontiguousarray(b, dtype=float), x)
+            return x
+        for i in range(0, b.shape[1], CHOLMOD_BLOCK):
+            part = np.ascontiguousarray(b[:, i : i + CHOLMOD_BLOCK], dtype=float)
+            solution = np.empty_like(part)
+            self._solver.solve(part, solution)
+            x[:, i : i + CHOLMOD_BLOCK] = solution
+        return x
 
 
 class DenseCholesky(RefinedFactor):

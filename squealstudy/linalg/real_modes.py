@@ -30,9 +30,7 @@ REL_RESIDUAL_FLOOR = 1e-14  # and of the largest theta: without a shift no resid
 MAX_REL_ROUND_OFF = 1e-6  # of theta: where that is more than this of it, another shift is needed
 # of the highest frequency of a single degree of freedom: far above round-off
 RIGID_FREQUENCY_RATIO = 1e-6
-# states at a time: more make a larger space, fewer use a factor worse; of unsymmetric matrices,
-# whose states are twice as long, fewer than of real modes
-KRYLOV_BLOCK_SIZE, LANCZOS_BLOCK_SIZE = 4, 8
+LANCZOS_BLOCK_SIZE = 4  # states at a time: more make a larger space, fewer use a factor worse
 # of an image's squared size: what is outside the space by less is round-off
 DEPENDENCE_TOLERANCE_SQUARED = 1e-28
 GRAM_SCHMIDT_PASSES = 2  # of Gram and Schmidt
@@ -90,7 +88,7 @@ def _space_below(
 
     And where they drown in round-off of the softest one.
     """
-    space = BlockKrylov(factor.solve_once, M.shape[0], M, LANCZOS_BLOCK_SIZE)
+    space = BlockKrylov(factor.solve_once, M.shape[0], M)
     size = FIRST_TEST_SIZE
     while size <= MAX_KRYLOV_SHARE * M.shape[0]:
         space.grow(size)
@@ -154,8 +152,6 @@ class BlockKrylov:
     n : int
     mass : sparse (n, n) or None
         M of the inner product, symmetric; None is the identity.
-    width : int
-        States of a block.
     """
 
     def __init__(
@@ -163,14 +159,13 @@ class BlockKrylov:
         apply: Callable[[np.ndarray], np.ndarray],
         n: int,
         mass: sp.spmatrix | None,
-        width: int = KRYLOV_BLOCK_SIZE,
     ) -> None:
-        self._apply, self._mass, self._width, self.size = apply, mass, width, 0
-        self._V = np.empty((n, 16 * self._width), order="F")
-        self._H = np.zeros((16 * self._width, 16 * self._width))
+        self._apply, self._mass, self.size = apply, mass, 0
+        self._V = np.empty((n, 16 * LANCZOS_BLOCK_SIZE), order="F")
+        self._H = np.zeros((16 * LANCZOS_BLOCK_SIZE, 16 * LANCZOS_BLOCK_SIZE))
         self._random = np.random.default_rng(0)  # the same operator has the same space
         self._next = np.zeros((n, 0))  # M times the block that is mapped next
-        self._append(*self._orthonormal(self._random.standard_normal((n, self._width)))[:2])
+        self._append(*self._orthonormal(self._random.standard_normal((n, LANCZOS_BLOCK_SIZE)))[:2])
 
     @property
     def vectors(self) -> np.ndarray:
@@ -184,24 +179,26 @@ class BlockKrylov:
 
     def left_out(self, y: np.ndarray) -> np.ndarray:
         """Sizes (k,) of what the images of V y, y (size, k), have outside of the space."""
-        leaves = self._H[self.size : self.size + self._width, self.size - self._width : self.size]
-        size: np.ndarray = la.norm(leaves @ y[-self._width :], axis=0)
+        leaves = self._H[
+            self.size : self.size + LANCZOS_BLOCK_SIZE, self.size - LANCZOS_BLOCK_SIZE : self.size
+        ]
+        size: np.ndarray = la.norm(leaves @ y[-LANCZOS_BLOCK_SIZE:], axis=0)
         return size
 
     def grow(self, size: int) -> None:
         """Grow to at least `size` states."""
         while self.size < size:
-            end = self.size + self._width
+            end = self.size + LANCZOS_BLOCK_SIZE
             image = self._apply(np.ascontiguousarray(self._next))
             self.size = end
             Q, MQ, along, R = self._orthonormal(image)
             self._append(Q, MQ)
-            self._H[:end, end - self._width : end] = along
-            self._H[end : end + self._width, end - self._width : end] = R
+            self._H[:end, end - LANCZOS_BLOCK_SIZE : end] = along
+            self._H[end : end + LANCZOS_BLOCK_SIZE, end - LANCZOS_BLOCK_SIZE : end] = R
 
     def _append(self, Q: np.ndarray, MQ: np.ndarray) -> None:
         """Make states the block that is mapped next."""
-        end = self.size + self._width
+        end = self.size + LANCZOS_BLOCK_SIZE
         if end > self._V.shape[1]:
             self._V = _wider(self._V)
             self._H = np.pad(self._H, (0, len(self._H)))
@@ -214,7 +211,7 @@ class BlockKrylov:
         Where W has nothing more outside of V, random states take its place.
         """
         V = self._V[:, : self.size]
-        along, R = np.zeros((self.size, self._width)), np.eye(self._width)
+        along, R = np.zeros((self.size, LANCZOS_BLOCK_SIZE)), np.eye(LANCZOS_BLOCK_SIZE)
         MW = self._weigh(W)
         min_norm_squared = DEPENDENCE_TOLERANCE_SQUARED * max(
             float(np.einsum("ij,ij->", W, MW)), 0.0

@@ -18,7 +18,7 @@ from squealstudy.linalg.companion import pairs_up_to
 from squealstudy.linalg.factor import Factor, RefinedFactor, factorise
 from squealstudy.linalg.real_modes import (
     FIRST_TEST_SIZE,
-    KRYLOV_BLOCK_SIZE,
+    LANCZOS_BLOCK_SIZE,
     REL_RESIDUAL_FLOOR,
     BlockKrylov,
 )
@@ -123,7 +123,7 @@ def roots_below(
                 upper_half, lower = lam.imag >= 0, space.vectors[n:]
                 y = y[:, upper_half]
                 return one_of_each_pair(lam[upper_half], lower @ y.real + 1j * (lower @ y.imag))
-        size = space.size + max(2 * KRYLOV_BLOCK_SIZE, space.size // TEST_GROWTH_DIVISOR)
+        size = space.size + max(2 * LANCZOS_BLOCK_SIZE, space.size // TEST_GROWTH_DIVISOR)
     return _dense_roots(M, C, K, 2 * n, limit)
 
 

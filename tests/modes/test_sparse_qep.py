@@ -17,7 +17,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg import factor as linalg_factor
 from squealstudy.linalg.band_roots import judged_roots
 from squealstudy.linalg.dense_qep import backward_error, dense_roots
-from squealstudy.linalg.factor import PARDISO_MODULE, PLAIN_ERROR, factorise, is_definite, is_full
+from squealstudy.linalg.factor import MODULES, PLAIN_ERROR, factorise, is_definite, is_full
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, SparseShiftedFactor
 from squealstudy.linalg.real_modes import BlockKrylov, real_modes
 from squealstudy.linalg.sparse_qep import (
@@ -222,10 +222,10 @@ def symmetric_chain(n):
 # -- its neighbours in linalg and analysis -------------------------------------------------------
 @pytest.mark.parametrize("columns", [1, 5, 150])
 @pytest.mark.parametrize("kind", [float, complex])
-@pytest.mark.parametrize("backend", ["superlu", "fronts", "pardiso"])
+@pytest.mark.parametrize("backend", ["superlu", "cholmod", "pardiso"])
 def test_factor_solves_blocks(columns, kind, backend):
-    if backend == "pardiso":
-        pytest.importorskip(PARDISO_MODULE)
+    if backend != "superlu":
+        pytest.importorskip(MODULES[backend])
     K = symmetric_chain(60)
     b = np.random.default_rng(0).standard_normal((60, columns)).astype(kind)
     if kind is complex:
@@ -238,21 +238,24 @@ def test_factor_solves_blocks(columns, kind, backend):
     np.testing.assert_allclose(first, x[:, 0], rtol=1e-12, atol=1e-18)
 
 
-@pytest.mark.parametrize("backend", ["superlu", "fronts", "pardiso"])
+@pytest.mark.parametrize("backend", ["superlu", "cholmod", "pardiso"])
 def test_zero_pivot_is_a_named_failure(backend):
-    if backend == "pardiso":
-        pytest.importorskip(PARDISO_MODULE)
+    if backend != "superlu":
+        pytest.importorskip(MODULES[backend])
     A = sp.csc_matrix(np.diag([1.0, 0.0]) if backend != "pardiso" else [[1.0, 2.0], [2.0, 1.0]])
     with pytest.raises(ConvergenceError, match="singular"):
         factorise(A, backend, definite=True)
 
 
-def test_large_definite_matrices_alone_are_eliminated_by_fronts(monkeypatch):
-    monkeypatch.setattr("squealstudy.linalg.factor.FRONTS_MIN_ROWS", 60)
-    monkeypatch.setattr("squealstudy.linalg.factor.find_spec", lambda name: None)
+def test_large_definite_matrices_alone_go_to_cholmod(monkeypatch):
+    pytest.importorskip("cholespy")
+    monkeypatch.setattr("squealstudy.linalg.factor.CHOLMOD_MIN_ROWS", 60)
+    monkeypatch.setattr(
+        "squealstudy.linalg.factor.find_spec", lambda name: None if name == "pypardiso" else name
+    )
     K = symmetric_chain(60)
     names = [type(factorise(K, definite=d)).__name__ for d in (True, False)]
-    assert names == ["FrontsFactor", "SuperLUFactor"]
+    assert names == ["CholmodFactor", "SuperLUFactor"]
     small = sp.eye(59, format="csr")
     assert type(factorise(small, definite=True)).__name__ == "SuperLUFactor"
     b = np.random.default_rng(0).standard_normal((60, 3))

@@ -22,7 +22,6 @@ from squealstudy.linalg.factor import SINGULAR, RefinedFactor, automatic_backend
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.contact_space import ContactRows, contact_compliances
 
-HELD_MIN_ROWS = 50_000  # from which a factor of each point's own takes longer than twice the solves
 # backward error up to which solves are not refined: of a brake it is some 1e-14
 MAX_UNREFINED_BACKWARD_ERROR = 1e-12
 
@@ -58,8 +57,7 @@ class HeldStiffness:
     @staticmethod
     def pays(assembly: Assembly) -> bool:
         """Whether the factor of a symmetric matrix is the cheaper one, at this size and here."""
-        backend = automatic_backend(assembly.n_dof, definite=True)
-        return backend == "fronts" and assembly.n_dof >= HELD_MIN_ROWS
+        return automatic_backend(assembly.n_dof, definite=True) == "cholmod"
 
 
 class ContactFactor(RefinedFactor):
