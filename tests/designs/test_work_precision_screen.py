@@ -43,6 +43,9 @@ def test_the_cheapest_within_the_tolerance_of_the_study_is_told():
         "'newmark, step 1' costs least of 3 measurements against 'exact' within 0.01 in RMS: 4 s a "
         "point; the default, 'usual, step 1', 1.50 times that. Its largest error is 1.0e-03."
     )
+    of_onset = results_of(FINE, quantity="onset")
+    of_onset.measurements["cost_onset"] = 7.0  # of a whole line of points
+    assert "within 0.01 in onset: 7 s an onset" in SCREEN.verdict(of_onset)
     rough = SCREEN.verdict(results_of(ROUGH, FINE, USUAL, tolerance=0.1))
     assert rough.startswith("'newmark, step 4' costs least of 3 measurements")
 

@@ -71,7 +71,7 @@ class WorkPrecisionScreen(KindScreen):
             return f"None {of_all} is within {tolerance:g} in {what}{exact}."
         text = (
             f"'{row['cheapest']}' costs least {of_all} within {tolerance:g} in {what}: "
-            f"{row['cost']:.3g} s {'an onset' if quantities[-1] == 'onset' else 'a point'}"
+            f"{row['cost']:.3g} s {'an onset' if 'onset' in quantities else 'a point'}"
         )
         if row["default"] == row["cheapest"]:
             text += ", by the default method"
