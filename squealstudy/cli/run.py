@@ -107,10 +107,16 @@ def fidelity(fidelity_facts: Mapping[str, Any] | None) -> Rows:
         verdict = "passed" if audit["passed"] else "MISSED"
         points = plural(len(audit["points"]), "random point")
         text = (
-            f"{verdict}: error {audit['error']:.1e} of {fidelity_facts['tolerance']:g} allowed, at "
+            f"{verdict}: error {_error(audit['error'])} of {fidelity_facts['tolerance']:g} "
+            "allowed, at "
         )
         rows.append(("  audit", f"{text}{points} against {audit['against']}"))
     return rows
+
+
+def _error(relative: float) -> str:
+    """An error in two digits; zero as it is."""
+    return f"{relative:.1e}" if relative else "0"
 
 
 def _choice(setting: Mapping[str, Any]) -> str:
@@ -122,4 +128,6 @@ def _choice(setting: Mapping[str, Any]) -> str:
             else str(setting["reason"])
         )
     time = f"{seconds:.3g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
-    return f"{setting['settings']}; estimated error {setting['estimated_error']:.1e}, about {time}"
+    return (
+        f"{setting['settings']}; estimated error {_error(setting['estimated_error'])}, about {time}"
+    )

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from squealstudy import screen
+from squealstudy.cli.run import fidelity
 from squealstudy.kinds.limit_cycles.screen import footnotes, levels_in_words, merged_reasons
 from squealstudy.wording import (
     CHANGING,
@@ -201,3 +202,20 @@ def test_sentences_in_a_pipe_have_short_lines_and_paths_stay_whole(capsys, monke
 def test_a_distance_has_its_prefix():
     assert amount(10e3, "m") == "10 km"
     assert (amount(0.15, "m"), amount(0.0, "m"), amount(20.0, "m/s")) == ("0.15 m", "0 m", "20 m/s")
+
+
+def test_an_error_that_is_zero_is_no_power_of_ten():
+    chosen = {"settings": "dense", "estimated_error": 0.0, "seconds": 2.0, "reason": "exact"}
+    none = {"settings": "", "seconds": None, "reason": "there is none"}
+    other = chosen | {"estimated_error": 2.5e-5}
+    audit = {"passed": True, "error": 0.0, "points": [1], "against": "exact solves"}
+    told = fidelity(
+        {"chosen": chosen, "cheaper": none, "dearer": other, "tolerance": 1e-3, "audit": audit}
+        | {"reason": "meets the tolerance"}
+    )
+    assert [text for _, text in told] == [
+        "dense; estimated error 0, about 2 s: meets the tolerance",
+        "there is none",
+        "dense; estimated error 2.5e-05, about 2 s",
+        "passed: error 0 of 0.001 allowed, at 1 random point against exact solves",
+    ]
