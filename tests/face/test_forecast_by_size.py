@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,8 @@ from squealstudy.engine.forecast_by_size import ELSEWHERE, HERE
 from squealstudy.engine.forecast_by_size import forecast_by_size as forecast
 from squealstudy.errors import ModelError
 from squealstudy.files import sealed
+
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def plan_of(n_dof):
@@ -42,6 +45,15 @@ def test_memory_is_told_before_a_machine_runs_out_of_it():
     assert size.memory_text(64.0) == needed
     assert size.memory_text(16.0) == f"{needed}: it may not fit into the 16.0 GB that are left here"
     assert size.memory_text(8.0).startswith(f"{needed}: more than the 8.0 GB that are left here")
+
+
+def test_the_page_on_cost_has_the_same_figures():
+    page = (DOCS / "explanation" / "cost-and-size.md").read_text(encoding="utf-8")
+    sizes = " / ".join(f"{n:,}" for n in forecast_by_size.MEASURED_DOF)
+    seconds = " / ".join(f"{s:g}" for s in forecast_by_size.MEASURED_REDUCTION_S)
+    assert f"| a reduction, {sizes} degrees of freedom | {seconds} s |" in page
+    of_point = " / ".join(f"{s:.2f}" for s in forecast_by_size.MEASURED_POINT_S)
+    assert f"| a design point after it | {of_point} s" in page
 
 
 def test_past_reductions_of_like_size_say_more(monkeypatch):
