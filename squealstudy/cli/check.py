@@ -158,14 +158,14 @@ def _facts(
     if cost.n_coordinates is not None:
         model = "model" if isinstance(study.model, FamilyDefinition) else "reduced model"
         rows.append((model, f"{cost.n_coordinates} degrees of freedom"))
-    if cost.by_size is not None and missing:
+    if not missing:
+        return [*rows, ("time", "nothing is left to solve")]
+    if cost.by_size is not None:
         free_gb = available_memory_mb() / 1024
         time = _by_size(plan, cost, cost.by_size, missing, jobs)
         return [*rows, ("time", time), ("memory", cost.by_size.memory_text(free_gb))]
     if cost.point_s is None:
         return [*rows, ("estimate", f"time and memory cannot be told: {cost.reason}")]
-    if not missing:
-        return [*rows, ("time", "nothing is left to solve")]
     workers = min(jobs, missing)
     growing = plan.study.grows and missing
     max_points = missing + most_points(plan.study) - len(plan.tasks) if growing else None
