@@ -138,6 +138,8 @@ def cycle_near(
         except ConvergenceError:
             if len(rungs) < 2:
                 raise
+            if projection.complete:
+                continue  # one number of harmonics may miss a kink that the next ones find
             break  # more harmonics are lost: what is known of the last ones is the error
         if motion.omega < slowest:
             raise ConvergenceError(STANDSTILL, "a motion that comes to a standstill is no cycle")
