@@ -21,6 +21,7 @@ from squealstudy.cycles.contact import LEVEL_SAMPLES, ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import MIN_REL_FREQUENCY, STANDSTILL
+from squealstudy.cycles.harmonics import most_finer
 from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError
 
@@ -42,10 +43,7 @@ FINER_SERIES_SAFETY_FACTOR = 2.5
 MAX_CHANGE_RATIO = 4.0
 # times the harmonics of a cycle: of those that it is held against
 FINER_HARMONIC_FACTORS = (2.25, 4.0)
-LEAST_FINER = 1.5  # the same where that would be more than
-MOST_FINER = 39  # harmonics: of more the cost is that of the whole cycle
-# the same of few coordinates, whose equations are as many: a contact that opens needs them
-MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS = 100, 420
+LEAST_FINER = 1.5  # the same where that would be more than `most_finer`
 # times the samples: Hulten's contact that opens errs by 3.5e-5 in frequency, twice show 1.3e-5
 FINER_SAMPLES = 4
 SOLVED = 1e-8  # relative: to which balances are solved
@@ -271,8 +269,7 @@ def errors_by_finer_series(
     The largest change of two such cycles, of which one may agree by chance. None where not known.
     """
     H, motion = cycle_levels.motion.harmonics, cycle_levels.motion
-    of_few = min(MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS // (2 * contact.oscillator.n))
-    max_harmonics = max(MOST_FINER, of_few)
+    max_harmonics = most_finer(contact.oscillator.n)
     orders = sorted({min(math.ceil(f * H), max_harmonics) for f in FINER_HARMONIC_FACTORS})
     orders = [order for order in orders if order >= LEAST_FINER * H]
     if not projection.complete or not orders:

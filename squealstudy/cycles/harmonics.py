@@ -12,6 +12,9 @@ import numpy as np
 
 LEAST_SAMPLES = 256  # a period
 SAMPLES_A_HARMONIC = 10  # at least: forces of the fourth power are exact up to H, and beyond
+MOST_FINER = 39  # harmonics: of more the cost is that of the whole cycle
+# the same of few coordinates, whose equations are as many: a contact that opens needs them
+MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS = 100, 420
 
 
 @dataclass(frozen=True)
@@ -98,3 +101,8 @@ def with_harmonics(series: np.ndarray, harmonics: int) -> np.ndarray:
     resized[: n_common + 1] = series[: n_common + 1]
     resized[harmonics + 1 : harmonics + 1 + n_common] = series[H + 1 : H + 1 + n_common]
     return resized
+
+
+def most_finer(coordinates: int) -> int:
+    """Most harmonics of the cycle that another of so many coordinates is held against."""
+    return max(MOST_FINER, min(MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS // (2 * coordinates)))

@@ -10,13 +10,14 @@ from dataclasses import replace
 from squealstudy.cycles.continuation import TOLERANCE
 from squealstudy.cycles.equations import BranchEquations, PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.harmonics import with_harmonics
+from squealstudy.cycles.harmonics import most_finer, with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import DAMPING_HELD, PROJECTED_TOLERANCE, Projection
 from squealstudy.errors import ConvergenceError
 
-# harmonics of the cycle that judges another's multipliers, over those of that
-FINER_HARMONIC_FACTORS, MAX_FINER_HARMONICS = (2.25, 1.5), 39  # the second where none is found
+# harmonics of the cycle that judges another's multipliers, over those of that: fewer where more
+# find none, or there are `most_finer` already
+FINER_HARMONIC_FACTORS = (2.25, 1.5, 1 / 1.5)
 Oscillators = Callable[[float], Oscillator]  # of a value of the parameter
 
 
@@ -118,14 +119,17 @@ class Moving:
 
     @staticmethod
     def _finer(projection: Projection, cycle: PeriodicMotion) -> PeriodicMotion | None:
-        """The cycle with more harmonics and samples; None where it is not found."""
+        """The cycle with other harmonics and more samples; None where it is not found."""
         osc = with_finer_samples(projection.oscillator, cycle.harmonics)
         for factor in FINER_HARMONIC_FACTORS:
-            harmonics = min(math.ceil(factor * cycle.harmonics), MAX_FINER_HARMONICS)
-            finer = replace(cycle, Q=with_harmonics(cycle.Q, harmonics))
+            harmonics = math.ceil(factor * cycle.harmonics)
+            if factor > 1.0:
+                harmonics = min(harmonics, most_finer(osc.n))
+                if harmonics <= cycle.harmonics:
+                    continue
+            other = replace(cycle, Q=with_harmonics(cycle.Q, harmonics))
             with suppress(ConvergenceError):
-                if harmonics > cycle.harmonics:
-                    return Projection.on_harmonics_of(osc, finer).solve(finer, DAMPING_HELD)[0]
+                return Projection.on_harmonics_of(osc, other).solve(other, DAMPING_HELD)[0]
         return None
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:

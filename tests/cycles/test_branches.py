@@ -351,3 +351,20 @@ def test_the_error_of_an_event_is_told_where_the_value_does_not_hold_it():
     assert screen._uncertainty({"value": 5e5}, "Pa") == ""
     unknown = {"value": 0.4163, "value_error": np.nan}
     assert screen._uncertainty(unknown, "") == " (error not known)"
+
+
+@pytest.mark.parametrize(("harmonics", "judges"), [(17, 39), (59, 100), (100, 67)])
+def test_multipliers_of_any_number_of_harmonics_are_held_against_another(
+    harmonics, judges, monkeypatch
+):
+    """Beyond 38 none was: a pad that sticks had .9033 +- .0011 for .9137."""
+    held = []
+    circle = PeriodicMotion(np.zeros((2 * harmonics + 1, 1)), 1.0, 0.5)
+    circle.Q[1] = 2.0
+    moving = Moving(lambda p: models.scalar_oscillator(models.van_der_pol, p), (0, 1), circle)
+    cycle, _, _ = moving.improve(circle, CURVE_BASIS_ERROR, projected.DAMPING_HELD)
+    monkeypatch.setattr(
+        projected, "floquet", lambda osc, cycle, other=None: held.append(other.harmonics)
+    )
+    moving.stability(cycle, np.inf)
+    assert held == [judges]
