@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -235,9 +236,12 @@ class Model:
         0.3
         """
         arrays = {k: np.asarray(v) for k, v in values.items() if np.ndim(v) == 1}
-        grids = np.meshgrid(*reversed(arrays.values()), indexing="ij")
-        columns = zip(reversed(arrays), (array.ravel() for array in grids), strict=True)
-        modes = self.at(**{**values, **dict(columns)}).modes(band)
+        columns, count = {}, math.prod(len(array) for array in arrays.values())
+        inner = 1  # points over which a value stays; numpy's grids end at 32 parameters
+        for name, array in arrays.items():
+            columns[name] = np.resize(np.repeat(array, inner), count)
+            inner *= len(array)
+        modes = self.at(**{**values, **dict(reversed(columns.items()))}).modes(band)
         table = modes.to_pandas()
         counts_and_messages = zip(
             np.atleast_1d(modes.counts), np.atleast_1d(modes.message), strict=True

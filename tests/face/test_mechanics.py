@@ -548,3 +548,19 @@ def test_names_of_parameters_and_models_are_texts_or_paths(tmp_path):
 def test_a_run_that_no_memory_holds_is_one_sentence():
     with pytest.raises(SquealstudyError, match="memory ran out"):
         sq.model("hulten", friction=0.4).at().simulate(duration=1e9, step=1e-5)
+
+
+def test_a_sweep_over_many_parameters_varies_the_first_fastest():
+    """A friction map has 34 values: numpy's grids end at 32 parameters."""
+    ones = {f"friction_law.map_ratio_{k}_{j}": [1.0] for k in range(1, 7) for j in range(1, 5)}
+    speeds = {f"friction_law.map_speed_{k}": [float(k)] for k in range(1, 7)}
+    pressures = {f"friction_law.map_pressure_{j}": [1e6 * j] for j in range(1, 5)}
+    model = sq.model("hulten", friction_law="map")
+    swept = {"friction": [0.1, 0.2], "sliding_speed": [1.0, 2.0, 3.0]}
+    many = model.sweep(**swept, **ones, **speeds, **pressures)
+    points = many.groupby("point").first()
+    assert points["friction"].tolist() == [0.1, 0.2] * 3
+    assert points["sliding_speed"].tolist() == [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
+    np.testing.assert_allclose(
+        many["frequency_hz"], sq.model("hulten").sweep(**swept)["frequency_hz"], rtol=1e-12
+    )
