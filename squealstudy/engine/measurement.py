@@ -17,21 +17,20 @@ class Measurement:
     Attributes
     ----------
     seconds : float
-        Of the processor for a design point, without what several share: work of others on the
-        machine is not counted.
+        CPU time of a design point, without the shared set-up.
     setup_seconds : float
-        What they share: basis, training.
+        CPU time of the shared set-up: basis, training.
     reduction_seconds : float
-        Of the structures, when they were made.
+        Time in which the structures were reduced.
     memory_mb : float
         Largest resident size while it ran, above that before.
     iterations : float
         Evaluations of the contact forces a step; NaN without steps.
     n_coordinates : int
     findings : mapping of str -> mapping
-        By measured point: ``status`` and what was found.
+        Results by measured point, with a ``status`` each.
     onset_seconds : float
-        An onset: design points of its line, modes followed along it, root finding; NaN where no
+        Time of an onset: design points of its line, following modes, root finding; NaN where no
         onsets were sought.
     line_points : float
         Design points of a line.
@@ -60,10 +59,9 @@ class MeasurementRequest:
     Attributes
     ----------
     lines : mapping of int -> sequence of int
-        By number of a measured point, positions of the points of the line on which its onset is
-        sought.
+        By number of a measured point: positions of the points on the line of its onset.
     integrator : Integrator or None
-        In place of the study's own.
+        Replaces the study's integrator.
     starts : int
         Runs in time of each point, from perturbations of other sizes.
     """
@@ -80,15 +78,15 @@ class Measuring:
     Attributes
     ----------
     quantities : tuple of str
-        What errors can be judged by.
+        Quantities with errors.
     judged : tuple of str
-        By which they are where nobody says.
+        Quantities by which errors are judged by default.
     measure : callable
-        (plan, positions of the measured points, Asked) -> Measurement.
+        (plan, positions of the measured points, MeasurementRequest) -> Measurement.
     comparisons : tuple of callable
         (finding, true finding) -> errors, and modes missed and spurious.
     finding : callable
-        What `measure` would have found, of a row of a finished study.
+        Makes a finding, as `measure` does, of a row of a finished study.
     """
 
     quantities: tuple[str, ...]

@@ -21,7 +21,7 @@ class HeldError(Exception):
 
 @contextlib.contextmanager
 def lock(path: Path, wait: bool = True) -> Iterator[None]:
-    """Hold a lock file, made with its directory; the lock ends with its process.
+    """Hold a lock on a file, which is made if it is missing; the lock ends with its process.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
 
 
 def flush(path: Path) -> None:
-    """Bring a file, or the names in a directory, to the disk; the names where that is possible."""
+    """Flush a file to the disk, or the names in a directory where the system can."""
     if path.is_dir():
         if sys.platform == "win32":  # which keeps names in a journal and opens no directory
             return

@@ -15,11 +15,11 @@ from squealstudy.reduction.gap_equations import GapJacobian
 from squealstudy.reduction.prepared import mean_contact_stiffness
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
-GAP_ERROR = 1e-3  # of a step, over the length in which the contact law changes by its own size
-LEAST_RELATIVE = (
-    1e-12  # a face wears by far more than that length: its depth says nothing of errors
-)
-LEAST_PRESSURE = 1.0  # Pa, where next to nothing presses
+# error of a step, over the change of gap that changes the contact pressure by its own size
+GAP_ERROR = 1e-3
+# relative tolerance, so small that the absolute one decides: faces may wear by many such lengths
+REL_TOLERANCE = 1e-12
+MIN_MEAN_PRESSURE = 1.0  # Pa: lower bound of the pressure at which that length is taken
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
     """Depth (n_points,) [m] that is worn off the contact points with friction.
 
     It solves dh/ds = rate p(gap0 + h) speed_factor, p being the pressures of steady sliding on the
-    worn faces (THEORY.md eq. (117)). p v comes to one value for all.
+    worn faces (THEORY.md eq. (117)). In time p v becomes equal at all points.
 
     Raises
     ------
@@ -56,21 +56,21 @@ def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
     rubbing = contact.frictional > 0
     if wear.distance == 0.0 or not rubbing.any():
         return np.zeros(contact.n_points)
-    law, nothing = wear.operating.law, np.zeros((assembly.n_dof, 0))
-    space = contact_space(assembly, mean_contact_stiffness(assembly, wear.operating), nothing)
+    law, no_shapes = wear.operating.law, np.zeros((assembly.n_dof, 0))
+    space = contact_space(assembly, mean_contact_stiffness(assembly, wear.operating), no_shapes)
     faces = _WearingFaces(space, wear, np.where(rubbing, wear.rate * contact.speed_factor, 0.0))
-    new = np.zeros(contact.n_points)
-    pressed = np.maximum(faces.at(new).contact_pressure, 0.0)
-    level = float(np.average(pressed[rubbing], weights=contact.area[rubbing]))
-    error = GAP_ERROR * law.gap_scale(max(level, LEAST_PRESSURE))
-    fastest = float(faces.slope(0.0, new).max())
+    unworn = np.zeros(contact.n_points)
+    pressed = np.maximum(faces.at(unworn).contact_pressure, 0.0)
+    mean_pressure = float(np.average(pressed[rubbing], weights=contact.area[rubbing]))
+    error = GAP_ERROR * law.gap_scale(max(mean_pressure, MIN_MEAN_PRESSURE))
+    fastest = float(faces.slope(0.0, unworn).max())
     solution = solve_ivp(
         faces.slope,
         (0.0, wear.distance),
-        new,
+        unworn,
         method="BDF",  # neighbours that stand out wear off thousands of times faster than the face
         jac=faces.jacobian,
-        rtol=LEAST_RELATIVE,
+        rtol=REL_TOLERANCE,
         atol=error,
         first_step=min(wear.distance, error / fastest) if fastest > 0 else None,
     )
@@ -87,7 +87,7 @@ class _WearingFaces:
     Parameters
     ----------
     space : ContactSpace
-        Of the new faces.
+        Contact space of the unworn faces.
     wear : Wear
     rates : ndarray (nc,)
         Depth over pressure and distance, 1/Pa; 0 where nothing wears.
@@ -100,7 +100,7 @@ class _WearingFaces:
         self._jacobian = np.zeros((len(rates), len(rates)))
 
     def at(self, depth: np.ndarray) -> WorkingPoint:
-        """Steady sliding on faces worn by a depth (nc,) [m], from that of the last depth."""
+        """Steady sliding on faces worn by a depth (nc,) [m]; Newton starts from the last gaps."""
         if self._last is None or not np.array_equal(depth, self._depth):
             start = None if self._last is None else self._last.gap + depth - self._depth
             self._last = self._solved(depth, start)
@@ -130,7 +130,7 @@ class _WearingFaces:
     def jacobian(self, _: float, depth: np.ndarray) -> np.ndarray:
         """d(dh/ds)/dh (nc, nc) [1/m]: faces that wear open their gaps, and press less.
 
-        That of the last depth where this one has no steady sliding.
+        Where there is no steady sliding at this depth, the last Jacobian is returned.
         """
         try:
             point = self.at(depth)

@@ -126,10 +126,10 @@ def write_example(name: str, folder: Path | str | None = None) -> list[Path]:
 
 
 def _common_folder(files: list[Path]) -> Path:
-    top = files[0].parent
-    while not all(path.is_relative_to(top) for path in files):
-        top = top.parent
-    return top
+    folder = files[0].parent
+    while not all(path.is_relative_to(folder) for path in files):
+        folder = folder.parent
+    return folder
 
 
 def _with_named_files(path: Path) -> Iterator[Path]:

@@ -1,4 +1,4 @@
-"""The laws that a study chooses: whose parameters act, and whether those from outside are sound."""
+"""Checks of the laws that a study chooses and that are not of the package."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_laws(
         The nominal values.
     sweeps : iterable of Sweep
     error_at : callable
-        The error about a place of the study file, with a message.
+        Function of the keys of a place in the study file and a message: the error to raise.
 
     Raises
     ------
@@ -47,10 +47,10 @@ def check_laws(
     ):
         if law.definition.in_package and law.definition.refuses is None:
             continue
-        law_keys: list[tuple[KeyPath, Mapping[str, float]]] = [(("model", option), {})]
+        cases: list[tuple[KeyPath, Mapping[str, float]]] = [(("model", option), {})]
         for number, sweep in numbered:
-            law_keys += [(("sweep", number), {sweep.name: end}) for end in (sweep.low, sweep.high)]
-        for keys, changes in law_keys:
+            cases += [(("sweep", number), {sweep.name: end}) for end in (sweep.low, sweep.high)]
+        for keys, changes in cases:
             try:
                 try_law(design.with_values({**design.values, **changes}).operating_point())
             except ModelError as error:
@@ -58,7 +58,7 @@ def check_laws(
                 raise error_at(keys, f"{error}{where}") from None
 
 
-# A law that cannot be computed at a test pressure is not refused: working points may have others.
+# A law may have no value at a test pressure: working points may be at other pressures.
 def _try_contact(operating: OperatingPoint) -> None:
     law = operating.law
     for p in TEST_PRESSURES:
@@ -67,7 +67,7 @@ def _try_contact(operating: OperatingPoint) -> None:
 
 
 def _try_friction(operating: OperatingPoint) -> None:
-    if operating.curve.definition.in_package:  # it is sound where its values fit each other
+    if operating.curve.definition.in_package:  # it has been tested, and its values fit each other
         return
     for s, p in product((*TEST_SPEEDS, abs(operating.sliding_speed)), TEST_PRESSURES):
         with suppress(NotComputedError):

@@ -105,7 +105,7 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
         work.try_neighbours()
     work.keep()
     observers = Observers(plan)
-    velocities = work.observed(observers) if observers.asked else []
+    velocities = work.observed(observers) if observers.has_requests else []
     seconds = time.perf_counter() - started
     store.write_table(VERDICTS, nested(rows, "verdicts", VERDICT_FIELDS))
     cycles = nested(rows, "cycles", CYCLE_FIELDS)
@@ -122,8 +122,8 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
     store.write_table(VELOCITIES, pa.Table.from_pylist(velocities, schema=schema))
     points = write_points(plan, store, tabled(rows, (*SUMMARY_FIELDS, *WORKING_POINT_FIELDS)))
     facts = {"seconds": {"continued_s": seconds}, "continued": work.facts}
-    facts_of_observers = {"not_observed": sorted(observers.unlike)} if observers.unlike else {}
-    return points, facts_of_observers | (facts if work.facts["tried"] else {"seconds": {}})
+    unobserved = {"not_observed": sorted(changed)} if (changed := observers.changed_bases) else {}
+    return points, unobserved | (facts if work.facts["tried"] else {"seconds": {}})
 
 
 class Continuation:

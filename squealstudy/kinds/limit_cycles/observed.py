@@ -1,6 +1,6 @@
 """Cycles seen on the whole model: velocities of named points, power that surfaces radiate.
 
-The basis that leads to all nodes is made once for each structure, where a study asks for either.
+The expansion to all nodes is made once for each structure, if the study has either.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from squealstudy.shapes.radiation import AIR_IMPEDANCE_PA_S_PER_M, Place, mean_s
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.design import DesignPoint
 
-SAMPLES_PER_PERIOD = 512  # a period
+SAMPLES_PER_PERIOD = 512
 VELOCITY_FIELDS = (
     ("cycle_id", TEXT),
     ("mode", WHOLE_NUMBER),
@@ -42,7 +42,7 @@ class Observer:
     Attributes
     ----------
     form : ndarray (n, n) or None
-        `mean_square_form` of all surfaces that radiate; None where none does.
+        Matrix of the mean square velocity of all radiating surfaces (`mean_square_form`), or None.
     places : mapping of name -> Place
     """
 
@@ -53,12 +53,12 @@ class Observer:
     def of(
         cls,
         assembly: Assembly,
-        way: Expansion,
+        expansion: Expansion,
         radiating: Sequence[str],
         points: Sequence[NamedPoint],
     ) -> Observer:
-        """Observer of an assembly, by the way from its reduced model to all nodes."""
-        model = way.model
+        """Observer of an assembly, by the expansion of its reduced model to all nodes."""
+        model = expansion.model
         components = {c.name: (k, c) for k, c in enumerate(assembly.components)}
         form = np.zeros((model.n, model.n)) if radiating else None
         for name in radiating:
@@ -66,12 +66,12 @@ class Observer:
             component_columns = slice(int(model.offsets[k]), int(model.offsets[k + 1]))
             assert form is not None
             form[component_columns, component_columns] = mean_square_form(
-                component, np.asarray(way.blocks[k])
+                component, np.asarray(expansion.blocks[k])
             )
         places = {}
         for point in points:
             k, component = components[point.component]
-            observed = place(component, np.asarray(way.blocks[k]), point.at)
+            observed = place(component, np.asarray(expansion.blocks[k]), point.at)
             rows = np.zeros((len(observed.rows), model.n))
             rows[:, int(model.offsets[k]) : int(model.offsets[k + 1])] = observed.rows
             places[point.name] = Place(rows, observed.distance)
@@ -100,26 +100,26 @@ class Observers:
 
     Attributes
     ----------
-    unlike : set of str
-        Structures whose basis, made again, has other coordinates: nothing is said of their cycles.
+    changed_bases : set of str
+        Structures whose basis, made again, has other coordinates: their cycles are not observed.
     """
 
     def __init__(self, plan: Plan) -> None:
-        self._plan, self._known = plan, dict[str, Observer | None]()
-        self.unlike: set[str] = set()
+        self._plan, self._observers = plan, dict[str, Observer | None]()
+        self.changed_bases: set[str] = set()
 
     @property
-    def asked(self) -> bool:
-        """Whether the study asks for anything."""
+    def has_requests(self) -> bool:
+        """Whether the study names points or radiating components."""
         section = self._plan.study.section
         return bool(section.radiating or section.points)
 
     def observe(self, series: CycleSeries) -> tuple[float, list[dict[str, Any]]]:
         """Radiated power [W] of a cycle, NaN where it is not known; rows of its points."""
         key = series.prepared_key
-        if key not in self._known:
-            self._known[key] = self._made(key)
-        observer = self._known[key]
+        if key not in self._observers:
+            self._observers[key] = self._observer_of(key)
+        observer = self._observers[key]
         if observer is None:
             return np.nan, []
         rows = [
@@ -134,14 +134,14 @@ class Observers:
         ]
         return observer.power(series.Q, series.omega), rows
 
-    def _made(self, key: str) -> Observer | None:
+    def _observer_of(self, key: str) -> Observer | None:
         plan, section = self._plan, self._plan.study.section
         row = next(
             int(rows[0]) for key_there, rows in plan.tasks.of_structures() if key_there == key
         )
         way = expansion(plan, row, lambda *_: None)
         if not same_coordinates(way.model, load_prepared(key).model):
-            self.unlike.add(key)
+            self.changed_bases.add(key)
             return None
         return Observer.of(plan.tasks[row].assembly(), way, section.radiating, section.points)
 
@@ -167,6 +167,8 @@ def not_observed(study: ResolvedStudy) -> tuple[tuple[str | int, ...], str]:
         sizes = {c.name: c.n_dof for c in assembly.components}
         for k, point in enumerate(section.points):
             if point.at > sizes[point.component]:
-                said = f"'{point.component}' has degrees of freedom 1 to {sizes[point.component]}"
-                return ("points", k, "at"), f"{said}, got {point.at}"
+                freedoms_text = (
+                    f"'{point.component}' has degrees of freedom 1 to {sizes[point.component]}"
+                )
+                return ("points", k, "at"), f"{freedoms_text}, got {point.at}"
     return (), ""

@@ -1,9 +1,9 @@
 """An undamped mass that hits an exponential contact: energy from nowhere.
 
-The trapezoidal rule integrates the work of the contact force over a step; where the stiffness
-changes by its own size within one, what an impact takes and what it gives back differ (Hughes
-1976). The largest tangent stiffness that a motion of energy E meets is k = lambda p at the
-penetration d where all of E is potential, (p - p0) / lambda + w^2 d^2 / 2 = E.
+The trapezoidal rule integrates the work of the contact force over a step. Where the stiffness
+changes by its own size within a step, the energy that an impact stores differs from the energy that
+it returns (Hughes 1976). The largest tangent stiffness that a motion of energy E meets is
+k = lambda p at the penetration d where all of E is potential, (p - p0) / lambda + w^2 d^2 / 2 = E.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import MotionPoint
 
 N_IMPACTS = 30
-# h omega_peak below which 1 % of random cells gain more than MAX_REL_ENERGY_GAIN, beyond 2 all
+# h omega_peak: below it 1 % of random cells gain more than MAX_REL_ENERGY_GAIN, above 2 all do
 STEP_LIMIT = 1.26
-MAX_REL_ENERGY_GAIN = 1e-2  # of the energy from which on an answer is wrong
-P_0 = 1e-2  # Pa: the contact is far away in free flight
+MAX_REL_ENERGY_GAIN = 1e-2  # relative energy gain from which a result is wrong
+P_0 = 1e-2  # Pa, contact pressure at zero gap: far smaller than in an impact
 
 KNOBS = (
     Knob("step", "time step h", 1e-5, low=1e-9, high=1e-2, unit="s"),
@@ -71,10 +71,10 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     ratio = float(stored[free].max() / stored[0])
     error = float(np.abs(stored[free] / stored[0] - 1.0).max())
     limit = (ExactFreeMotion if knobs["exact"] >= 0.5 else Newmark).drift_limit
-    said = alarm("energy drift", energy_drift(motion), limit)
+    warning = alarm("energy drift", energy_drift(motion), limit)
     return judged(
         error > MAX_REL_ENERGY_GAIN,
-        said,
+        warning,
         predicted=predicted,
         measured=ratio,
         error=error,
@@ -83,7 +83,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 def peak_number(knobs: Mapping[str, float]) -> float:
-    """H omega_peak at the deepest penetration, for a mass of 1 kg."""
+    """Product of the step h and omega_peak at the deepest penetration, for a mass of 1 kg."""
     lam, energy = knobs["lambda"], knobs["velocity"] ** 2 / 2
     omega_squared = (2 * np.pi * knobs["frequency"]) ** 2
 
@@ -96,14 +96,14 @@ def peak_number(knobs: Mapping[str, float]) -> float:
 
 
 def fly(knobs: Mapping[str, float]) -> Motion:
-    """Thirty half periods, every step saved."""
+    """Motion over N_IMPACTS half periods, with every step saved."""
     omega = 2 * np.pi * knobs["frequency"]
-    towards, one, none = np.array([[[1.0]], [[0.0]], [[0.0]]]), np.ones(1), np.zeros(1)
+    directions, ones, zeros = np.array([[[1.0]], [[0.0]], [[0.0]]]), np.ones(1), np.zeros(1)
     law = contact_law("exponential", p0=P_0, lam=knobs["lambda"])
-    system = pressed(np.array([omega**2]), towards, one, P_0 * one, knobs["lambda"], p0=P_0)
-    free = replace(system, k_ref=none, force=np.zeros((1, 3)))  # all of the contact is in its law
+    system = pressed(np.array([omega**2]), directions, ones, P_0 * ones, knobs["lambda"], p0=P_0)
+    free = replace(system, k_ref=zeros, force=np.zeros((1, 3)))  # all of the contact is in its law
     v0 = np.array([knobs["velocity"]])
-    design = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, none, v0=v0)
+    design = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, zeros, v0=v0)
     duration = max(N_IMPACTS * np.pi / omega, 2 * knobs["step"])
     method: Integrator = ExactFreeMotion() if knobs["exact"] >= 0.5 else Newmark()
     if knobs["gradient"] >= 0.5:

@@ -27,7 +27,7 @@ NAME = "matrices"
 DESCRIPTION = "a family M(p), C(p), K(p) of matrices from files, coefficients in named parameters"
 ORDERS = {"K": 0, "C": 1, "M": 2}  # power of lambda
 LETTERS = {order: letter for letter, order in ORDERS.items()}
-NEEDED = ("M", "K")
+REQUIRED = ("M", "K")  # matrices of which a family has at least one term
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class MatrixFamily:
     terms: tuple[FamilyTerm, ...]
 
     def __post_init__(self) -> None:
-        for letter in NEEDED:
+        for letter in REQUIRED:
             if all(t.order != ORDERS[letter] for t in self.terms):
                 raise ModelError(f"a family of matrices needs at least one term of {letter}")
         for number, term in enumerate(self.terms, start=1):
@@ -94,7 +94,7 @@ class MatrixFamily:
             ``overflow``: one whose term has entries too large to compute with.
         """
         weights = tuple(t.coefficient.value(values) for t in self.terms)
-        for t, size, weight in zip(self.terms, self._sizes, weights, strict=True):
+        for t, size, weight in zip(self.terms, self._largest_entries, weights, strict=True):
             if not (entry := abs(weight) * size) <= MAX_SQUARABLE_ENTRY:
                 term = f"the term '{t.coefficient.text}' of {LETTERS[t.order]}"
                 raise ConvergenceError(OVERFLOW, too_large(term, entry))
@@ -106,7 +106,7 @@ class MatrixFamily:
         return np.array([term.matrix.toarray() for term in self.terms])
 
     def dense(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The matrices without zeros left out, for families so small that LAPACK solves them."""
+        """M, C, K as dense matrices, for families so small that LAPACK solves them."""
         weights = np.array(self.weights(values))
         orders = np.array([term.order for term in self.terms])
         stiffness, damping, mass = (
@@ -117,7 +117,7 @@ class MatrixFamily:
         return mass, damping, stiffness
 
     @cached_property
-    def _sizes(self) -> tuple[float, ...]:
+    def _largest_entries(self) -> tuple[float, ...]:
         """Largest entry of each term's matrix."""
         return tuple(largest_entry(t.matrix) for t in self.terms)
 
@@ -167,7 +167,7 @@ class TermSource:
 class FamilyDefinition(ModelDefinition):
     """A family as a study describes it: a model without contact, friction or components.
 
-    Its parameters are the names in the coefficients, their defaults what the study gives.
+    Its parameters are the names in the coefficients, with the study's values as defaults.
 
     Attributes
     ----------

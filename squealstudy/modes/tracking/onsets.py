@@ -1,6 +1,6 @@
 """Onset of instability on a mode that is followed between two design points, by root finding.
 
-Between points so close that polynomials through them tell where, there is no root finding.
+Between points so close that a polynomial through them is accurate, there is no root finding.
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.modes.tracking.refinement import Modes
 
 MOST_ITERATIONS = 40
-JUMP = 0.1  # change of zeta across the root, as a share of its size over the bracket
+MIN_JUMP = 0.1  # change of zeta across the root over its largest value, from which it is a jump
 NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
-ONE_SIDED = 0.02  # a square-root onset is as steep as a jump, but vanishes on one side
-CLOSER = 0.25  # of the way of a mode across such a bracket: where both ends have another mode
+# values beside a jump over the jump: a square-root onset is as steep, but zero on one side
+MIN_VALUE_BESIDE_JUMP = 0.02
+# distance of another root over that of the mode's own, up to which the mode was exchanged
+EXCHANGED_DISTANCE_RATIO = 0.25
 # change of a root, of its modulus, across a bracket as narrow as an onset's error
 MAX_REL_ROOT_CHANGE = 0.05
 HALVINGS = 50
 MOST_HALVINGS = 4  # of a step in which a mode is lost
-LOOKED_AT = 9  # places between both ends
-# of the error of a cubic: 0 of 2,300 onsets of random families beyond it, 1 without
+N_CHECKED = 9  # values of the parameter between both ends
+# on the error of a cubic: with it 0 of 2,300 onsets of random families err by more, without it 1
 CUBIC_SAFETY_FACTOR = 2.0
-# largest change of the slope between neighbouring pairs of points, as its share
+# largest relative change of the slope from one pair of points to the next
 MAX_REL_SLOPE_CHANGE = 0.5
 
 
@@ -71,18 +73,18 @@ class SolvedLine:
     ) -> None:
         self.low, self.high = low, high
         self._solve = solve
-        self._found = {low: at_low, high: at_high}
+        self._modes_at = {low: at_low, high: at_high}
 
     @property
     def values(self) -> list[float]:
         """Values of the parameter at which modes are known, ascending."""
-        return sorted(self._found)
+        return sorted(self._modes_at)
 
     def at(self, x: float) -> Modes:
         """Modes at a value of the parameter, solved where they are not known yet."""
-        if x not in self._found:
-            self._found[x] = self._solve(x)
-        return self._found[x]
+        if x not in self._modes_at:
+            self._modes_at[x] = self._solve(x)
+        return self._modes_at[x]
 
 
 class FollowedMode:
@@ -95,49 +97,52 @@ class FollowedMode:
     ----------
     samples : SolvedLine
     at_low, at_high : int or None
-        Place of the mode at both ends; None to follow it from the other end alone.
+        Index of the mode at both ends; None to follow it from the other end alone.
     """
 
     def __init__(self, samples: SolvedLine, at_low: int | None, at_high: int | None) -> None:
         self._samples = samples
         ends = {samples.low: at_low, samples.high: at_high}
-        self._place = {x: index for x, index in ends.items() if index is not None}
-        self._known = sorted(self._place)
+        self._index_at = {x: index for x, index in ends.items() if index is not None}
+        self._followed_x = sorted(self._index_at)
 
     def root(self, x: float) -> complex:
         """Root of the mode, rad/s. Raises ConvergenceError where it cannot be followed."""
-        if x not in self._place and not self._follow(x, MOST_HALVINGS):
+        if x not in self._index_at and not self._follow(x, MOST_HALVINGS):
             raise ConvergenceError("lost", f"the mode cannot be followed at {x:g}")
-        return complex(self._samples.at(x).lam[self._place[x]])
+        return complex(self._samples.at(x).lam[self._index_at[x]])
 
     def at(self, x: float) -> tuple[np.ndarray, int]:
-        """All roots at a value, and the place of the mode among them."""
+        """All roots at a value, and the index of the mode among them."""
         self.root(x)
-        return self._samples.at(x).lam, self._place[x]
+        return self._samples.at(x).lam, self._index_at[x]
 
     def outwards(self, values: list[float]) -> list[float]:
         """Values in the order in which the mode is best followed: from where it is known."""
-        return sorted(values, key=lambda x: min(abs(x - known_x) for known_x in self._known))
+        return sorted(values, key=lambda x: min(abs(x - known_x) for known_x in self._followed_x))
 
     def _follow(self, x: float, halvings: int) -> bool:
-        """Whether the mode is found at x, at values on the way where the step there is too long."""
-        index = self._found(x)
+        """Whether the mode can be followed to x; a step that is too long is halved."""
+        index = self._paired_index(x)
         if index is None and halvings:
-            nearest = min(self._known, key=lambda known_x: abs(known_x - x))
+            nearest = min(self._followed_x, key=lambda known_x: abs(known_x - x))
             middle = (x + nearest) / 2
             if self._follow(middle, halvings - 1):
                 return self._follow(x, halvings - 1)
         if index is not None:
-            self._place[x] = index
-            insort(self._known, x)
+            self._index_at[x] = index
+            insort(self._followed_x, x)
         return index is not None
 
-    def _found(self, x: float) -> int | None:
+    def _paired_index(self, x: float) -> int | None:
         modes_at_x = self._samples.at(x)
-        number = bisect_left(self._known, x)
+        number = bisect_left(self._followed_x, x)
         choices = []
-        for neighbour in self._known[max(number - 1, 0) : number + 1]:
-            neighbour_modes, neighbour_index = self._samples.at(neighbour), self._place[neighbour]
+        for neighbour in self._followed_x[max(number - 1, 0) : number + 1]:
+            neighbour_modes, neighbour_index = (
+                self._samples.at(neighbour),
+                self._index_at[neighbour],
+            )
             pairs = pair_modes(
                 neighbour_modes.lam, neighbour_modes.shapes, modes_at_x.lam, modes_at_x.shapes
             )
@@ -159,9 +164,9 @@ def refine_onset(
     Parameters
     ----------
     samples : SolvedLine
-        What other modes have asked for narrows the bracket.
+        Values at which other modes have been sought narrow the bracket.
     at_low, at_high : int
-        Place of the mode among those at both ends, of which one is unstable.
+        Index of the mode at both ends, at one of which it is unstable.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     precision : float
@@ -227,15 +232,15 @@ def bracketed_crossing(
     root : callable
         Root of a mode [rad/s] at a value of the parameter.
     solved_values : list of float
-        Values, ascending, at which it is known: the first two between which the sign changes are
-        the bracket.
+        Values at which the root is known, ascending. The bracket is the first two between which
+        the sign changes.
     precision : float
         Absolute, of the value.
 
     Raises
     ------
     ConvergenceError
-        Of status NO_CROSSING where there is no bracket; what `root` raises.
+        With status NO_CROSSING where there is no bracket; any that `root` raises.
     """
     from scipy.optimize import brentq
 
@@ -256,12 +261,16 @@ def bracketed_crossing(
     a, b = solved_values[changes[0]], solved_values[changes[0] + 1]
     zero = float(brentq(function, a, b, xtol=precision, rtol=1e-14, maxiter=MOST_ITERATIONS))
     sampled = [x for x in sorted(excess) if a <= x <= b]
-    around = np.array([excess[x] for x in sampled])
-    change = int(np.flatnonzero(np.sign(around[:-1]) * np.sign(around[1:]) <= 0)[0])
-    before_zero, right = around[change], around[change + 1]
-    step = abs(right - before_zero)
+    excesses = np.array([excess[x] for x in sampled])
+    change = int(np.flatnonzero(np.sign(excesses[:-1]) * np.sign(excesses[1:]) <= 0)[0])
+    excess_before, excess_after = excesses[change], excesses[change + 1]
+    step = abs(excess_after - excess_before)
     scale = max(abs(zeta) for zeta in excess.values())
-    jumps = min(abs(before_zero), abs(right)) > ONE_SIDED * step > ONE_SIDED * JUMP * scale
+    jumps = (
+        min(abs(excess_before), abs(excess_after))
+        > MIN_VALUE_BESIDE_JUMP * step
+        > MIN_VALUE_BESIDE_JUMP * MIN_JUMP * scale
+    )
     before, after = sampled[change], sampled[change + 1]
     is_jump = abs(root(after) - root(before)) > MAX_REL_ROOT_CHANGE * min(
         abs(root(x)) for x in (before, after)
@@ -282,14 +291,14 @@ def exchanged(
     low, high : ndarray (n, m) complex
         All roots at both places.
     at_low, at_high : ndarray (n,) of int
-        Place of the mode among them.
+        Index of the mode among them.
     """
     rows = np.arange(len(low))
     own_low, own_high = low[rows, at_low], high[rows, at_high]
-    way = np.abs(own_high - own_low)
+    distance = np.abs(own_high - own_low)
     from_low, from_high = np.abs(high - own_low[:, None]), np.abs(low - own_high[:, None])
     nearest = np.maximum(from_low.min(axis=1), from_high.min(axis=1))
-    is_exchanged: np.ndarray = nearest < CLOSER * way
+    is_exchanged: np.ndarray = nearest < EXCHANGED_DISTANCE_RATIO * distance
     return is_exchanged
 
 
@@ -307,20 +316,22 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     -------
     value : ndarray (n,)
     error : ndarray (n,)
-        SAFETY times the largest distance of a parabola through three of the four points from a
-        cubic, anywhere in the interval, over the least slope there. The third difference is the
-        largest of all points: that of four may vanish by chance where the function is no cubic.
+        CUBIC_SAFETY_FACTOR times the largest distance between a cubic and a parabola through three
+        of the four points, anywhere in the interval, over the least slope there. The largest third
+        difference of all points is taken: that of four points may vanish by chance.
         Infinite where there are four points only, or where the slope between the points changes by
-        more than STEADY: at a kink, a square-root onset, a mode wrongly followed.
+        more than MAX_REL_SLOPE_CHANGE: at a kink, a square-root onset, a mode wrongly followed.
     """
     inner, at = slice(1, 5), x[:, 1:5]
     c = _divided_differences(at, f[:, inner])
     zero = _zero(at, c)
-    part = np.linspace(0.0, 1.0, LOOKED_AT)
-    v = at[:, 1, None] + part * (at[:, 2] - at[:, 1])[:, None]
-    distance = v[:, :, None] - at[:, None, :]
+    fractions = np.linspace(0.0, 1.0, N_CHECKED)
+    checked_x = at[:, 1, None] + fractions * (at[:, 2] - at[:, 1])[:, None]
+    distance = checked_x[:, :, None] - at[:, None, :]
     product = np.maximum(*(np.abs(distance[:, :, i : i + 3].prod(axis=2)) for i in (0, 1)))
-    slope = np.diff(_evaluated(at[:, :, None], c[:, :, None], v), axis=1) / np.diff(v, axis=1)
+    slope = np.diff(_evaluated(at[:, :, None], c[:, :, None], checked_x), axis=1) / np.diff(
+        checked_x, axis=1
+    )
     smallest_slope = np.abs(slope).min(axis=1)
     turns = (np.sign(slope) != np.sign(slope[:, :1])).any(axis=1) | (smallest_slope == 0)
     turns |= ~_secants_agree(x, f) | (np.isnan(x[:, 0]) & np.isnan(x[:, 5]))
