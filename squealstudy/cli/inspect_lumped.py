@@ -31,7 +31,7 @@ from squealstudy.study.lumped import read_lumped
 from squealstudy.wording import in_digits
 
 MOST_FREQUENCIES = 12  # that are listed
-RIGID_FREQUENCY_RATIO = 1e-6  # of the highest frequency: a motion that springs do not hold
+RIGID_FREQUENCY_RATIO = 1e-6  # frequency over the highest of a motion that springs do not hold
 
 
 def lumped_facts(path: Path) -> Iterator[RenderableType]:

@@ -29,9 +29,10 @@ from squealstudy.wording import amount, in_digits, plural, track_number
 
 ALL, UNSTABLE = "all", "unstable"
 FOLDER = "shapes"
-LEAST_SHARE = 0.01  # of kinetic energy: below it a second real mode is not named
+LEAST_SHARE = 0.01  # share of kinetic energy from which a second real mode is named
 CONTACT_WORDS = (" (friction that follows the contact's pressure)", ", and friction over speed")
-LOCKED_IN_SHARE = 0.1  # of kinetic energy, from which a second real mode has locked in (a choice)
+# share of kinetic energy from which a second real mode has locked in (a choice)
+LOCKED_IN_SHARE = 0.1
 MOST_PLACED = 4  # parameters by which a design point is told
 LISTED_MODES = 6  # of a motion
 MOST_COORDINATES = 12  # of vectors listed

@@ -23,16 +23,16 @@ from squealstudy.errors import ConvergenceError
 TURNED = "turned"  # why a border ends: it goes back in the second parameter
 ANOTHER = "another"  # another border is all that was found
 MET = "hopf"  # a fold whose cycle shrinks to nothing: it meets the border of Hopf points
-FOLD_FIRST_STEP = 1e-3  # of log size: the first two places at which a fold is looked for
-FOLD_TOLERANCE = 1e-6  # of log size; the parameter is known to the square of it
+FOLD_FIRST_STEP = 1e-3  # step of log size between the first two places where a fold is sought
+FOLD_TOLERANCE = 1e-6  # tolerance of log size; the parameter is known to its square
 FOLD_MAX_ITERATIONS = 12  # places looked at
-FOLD_MAX_STEP = 0.2  # of log size, at most between two of them
+FOLD_MAX_STEP = 0.2  # largest step of log size
 FIRST_STEP, MIN_STEP, MAX_STEP = 0.05, 1e-4, 0.25  # steps, of the range of the second parameter
 # of a step: how far from its end, as it was foreseen, the border may be
 PREDICTION_ERROR_GROW, PREDICTION_ERROR_HALVE = 0.1, 0.4
 MIN_PREDICTED_MOVE = 0.02  # and how far at least
 MAX_EXTRAPOLATION_STEPS = 4.0  # last steps within which a border that cannot be followed turns back
-VANISHING_REL_SIZE = 0.2  # of its size, at that place: the cycle shrinks to nothing
+VANISHING_REL_SIZE = 0.2  # size over the one at that place: smaller cycles shrink to nothing
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,7 @@ MAX_STEPS_PAST_START, MAX_STEPS_BESIDE_START = 1.2, 0.5
 # of log size, frequency and range: a branch is at its start again
 CLOSURE_TOLERANCE, PROJECTED_CLOSURE_TOLERANCE = 1e-6, 1e-3
 PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
-BIFURCATION_REL_TOLERANCE = 1e-6  # of the range of the parameter, of NS, PD and BP
+BIFURCATION_REL_TOLERANCE = 1e-6  # tolerance of NS, PD and BP over the range of the parameter
 FOLD_NEIGHBOURS = 2, 5  # between which points of a branch, on either side, a fold is looked for
 HOPF_STEPS = 2.0  # last steps of a branch within which cycles that fall by the square of it vanish
 # of the range of the parameter: cycles beside each other that differ less lie at one value

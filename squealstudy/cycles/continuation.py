@@ -29,10 +29,10 @@ MIN_DECREASE_SHARE = 0.1  # by what share of a Newton step the equations shall b
 GROW_NEWTON_STEPS, SHRINK_NEWTON_STEPS = 2, 5  # Newton steps at which the arc-length grows, shrinks
 MIN_TANGENT_COSINE = 0.9  # cosine between tangents below which a step was too long
 MAX_TURN_RAD = 0.3  # rad: what the next step may turn if the curve goes on to bend
-FAR_OFF = 0.4  # of a step: a longer correction may have met another curve
+FAR_OFF = 0.4  # correction over the step: a longer one may have met another curve
 # arc-length of steps that may turn: friction that reverses bends curves sharply
 CORNER_ARC_LENGTH = 0.03
-EVENT_REL_TOLERANCE = 1e-10  # of an event, relative to the step in which it is
+EVENT_REL_TOLERANCE = 1e-10  # tolerance of an event over the step in which it is
 # share of the lesser end to which an unknown may fall between two points, as a cubic
 MIN_DIP_SHARE = 0.5
 DIP_TEST_MIN_ARC_LENGTH = 0.02  # arc-length down to which steps are halved where it falls further

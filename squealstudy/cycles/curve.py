@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 BASIS = "basis"  # the basis errs by too much, or is too large
 LOST = "not_converged"
 MAX_ENRICHMENTS_PER_STEP = 6  # enrichments for one step, before it is halved
-ROUGH_EVENT_TOLERANCE = 2e-2  # of a step: where an event is, if it is corrected anyhow
-MAX_RESTARTS = 2  # times that a curve which is lost is taken up again, on a new basis
+ROUGH_EVENT_TOLERANCE = 2e-2  # tolerance over the step of an event that is corrected afterwards
+MAX_RESTARTS = 2  # restarts of a lost curve on a new basis
 MAX_BASIS_CHANGE = 5e-2  # change of a motion on another basis, beyond which it is another one
 MAX_POINTS_BACK = 4  # points that are taken back at most where a larger basis does not have them
 # cosine of the way on in another basis, below which it may as well be the way back

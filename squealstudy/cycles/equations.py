@@ -22,7 +22,7 @@ from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.harmonic_balance import scaled_jacobian, scaled_residual
 
-PARAMETER_STEP = 1e-6  # of the range, of a difference: its error turns tangents by as much
+PARAMETER_STEP = 1e-6  # difference over the range: tangents turn by as much as it errs by
 OSCILLATOR_CACHE_SIZE = 4  # oscillators
 LOG_SIZE, FREQUENCY = 0.05, 1e-3  # by what motions in nearly one place differ at most; relative
 

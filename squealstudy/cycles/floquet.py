@@ -22,7 +22,7 @@ from squealstudy.cycles.oscillator import Oscillator
 from squealstudy.errors import ConvergenceError
 from squealstudy.root_pairs import least_assignment
 
-MIN_STEPS_PER_PERIOD = 256  # a period, at least
+MIN_STEPS_PER_PERIOD = 256  # fewest steps of a period
 # the same up to so many coordinates, where they cost little: contact that opens within a step
 # errs by a part of its length
 MIN_STEPS_SMALL, SMALL_MAX_COORDINATES = 1024, 12
@@ -35,7 +35,7 @@ ERROR_MIN_MULTIPLIER = 0.97  # size of multipliers of which the trapezoidal rule
 LEAST_MULTIPLIER = 0.5  # size of multipliers of which errors are told
 # Hulten's model on a cubic contact that opens: 11 harmonics err by .038, the change to 25 is .034
 OTHER_SERIES_SAFETY_FACTOR = 1.5
-FINER_SERIES_SHARE = 0.5  # of the change to a finer series that the finer one errs by: there .12
+FINER_SERIES_SHARE = 0.5  # error of a finer series over the change that it made: there .12
 SAMPLES_PER_STEP = 4  # samples a step, of the tangents of contact points
 CHUNK_BYTES = 64_000_000
 FLIP, FOLD, TORUS = (

@@ -12,7 +12,8 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
 
 STEPS_PER_FALL = 5  # steps in the time in which friction falls
-SPEEDS = np.geomspace(1e-6, 1.0, 61)  # over that imposed, at which the curve is looked at
+# sliding speeds over the imposed one, at which the curve is evaluated
+SPEEDS = np.geomspace(1e-6, 1.0, 61)
 # of the speed over which friction falls: a corner so wide takes from the fall
 MAX_CORNER_SHARE = 0.01
 

@@ -31,10 +31,10 @@ SAME_MOTION_TOLERANCES = 1e-3, 2e-2, 0.99
 MOST_OTHERS = 10.0  # norm of all harmonics over that of the first
 N_SIZE_OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
 MIN_CHECKS = 3  # at least, where motions with more harmonics are found
-HARMONIC_SAFETY_FACTOR = 2.0  # times the change by more harmonics: what still more may change
+HARMONIC_SAFETY_FACTOR = 2.0  # factor on the change by more harmonics, to bound that by still more
 # of its size, of a motion from that of a design nearby, beyond which it is another
 MAX_REL_DISTANCE = 0.1
-N_FIRST_ORDER_POINTS = 12  # of such a curve that are corrected to first order
+N_FIRST_ORDER_POINTS = 12  # points of such a curve that are corrected to first order
 ON_ZERO = 1  # motions on a curve without damping to add: more are a range, no cycle
 # damping ratio by which more harmonics are thought to change a motion at least
 MIN_DAMPING_CHANGE = 0.0025

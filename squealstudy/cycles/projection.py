@@ -27,7 +27,7 @@ from squealstudy.linalg.dense_qep import dense_roots
 MAX_VECTORS_PER_HARMONIC = 100
 # vectors, mean over the harmonics, above which a basis is rebuilt from the last motions
 REBUILD_BASIS_SIZE = 50
-REBUILD_BASIS_SIZE_SINGLE = 8  # the same where a single motion is corrected
+REBUILD_BASIS_SIZE_SINGLE = 8  # the size where a single motion is corrected
 MAX_MOTIONS_KEPT = 12  # last motions from which a basis is rebuilt
 # stability of a cycle: complex modes up to this factor times the band span its deviations,
 STABILITY_BAND_FACTOR = 1.5

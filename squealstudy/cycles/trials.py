@@ -31,21 +31,21 @@ from squealstudy.motion.system import MotionPoint
 from squealstudy.wording import FAILED, LASTING, STABLE, SUSTAINED, UNDECIDED
 
 GROWS, DECAYS, LASTS, OPEN = "grows", "decays", "lasts", UNDECIDED
-STEPS_PER_PERIOD = 200  # a period
+STEPS_PER_PERIOD = 200  # steps of a period
 STEPS_PER_ROW = 10  # steps between rows: 20 rows a period
 STOP_TEST_PERIODS = 20  # periods between looks
 MAX_PERIODS = 1000  # periods
 SILENT = 1e-2  # of the least energy that is known of a cycle: what is below it has decayed
 CYCLE_ENERGY_REL_TOLERANCE = 0.02  # relative: an energy that is that of the cycle
 # runs of which nothing is known but the start
-TOP_STEPS = 64  # a period of the highest assembly mode of the band
+TOP_STEPS = 64  # steps of a period of the highest assembly mode of the band
 TOP_SAVED = 8  # steps between rows
-HALVINGS = 4  # of the step of a run that lasts, at most
-STEP_REL_TOLERANCE = 0.01  # of a level: a change by half the step that is small
-STEP_REFINEMENT = 4  # times as many steps where a run fails, as impacts of a strong kick make it
+HALVINGS = 4  # largest number of halvings of the step of a run that lasts
+STEP_REL_TOLERANCE = 0.01  # relative change of a level by half the step that counts as small
+STEP_REFINEMENT = 4  # factor on the steps where a run fails, as by impacts of a strong kick
 TOP_PERIODS = 3000  # such periods, the longest
 N_STOP_TESTS = 40  # at a run, evenly over the longest time
-TOLERANCE = 0.02  # of levels, at which a run that lasts may end
+TOLERANCE = 0.02  # relative error of levels at which a run that lasts may end
 OUTSIDE = 0.5  # share of the energy beyond the band's modes from which on none of these leads
 
 State = tuple[np.ndarray, np.ndarray]  # q, q' (n,)

@@ -12,7 +12,8 @@ from squealstudy.models.parameter import nothing_vanishes
 from squealstudy.modes.point import DENSE
 from squealstudy.stacked.modes import MOST_COORDINATES, POINTS_PER_BLOCK
 
-BATCH_TASKS_PER_WORKER = 4  # of a batch for each worker, at least MIN_BATCH_POINTS points each
+# tasks of a batch for each worker, at least MIN_BATCH_POINTS points each
+BATCH_TASKS_PER_WORKER = 4
 MIN_BATCH_POINTS = POINTS_PER_BLOCK // BATCH_TASKS_PER_WORKER
 
 

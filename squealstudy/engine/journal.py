@@ -33,7 +33,8 @@ from squealstudy.wording import listed
 JOURNAL = "journal.jsonl"
 Owner = tuple[str, str, str]  # name, kind and model of the study
 MAX_LINE_BYTES = 2**26  # bytes of a line; that of 4,096 points with their files has 2**20
-MOST_BYTES = 2**29  # of all; that of a million points with histories and states has 2**28
+# bytes of a journal; that of a million points with histories and states has 2**28
+MOST_BYTES = 2**29
 ENTRY_ROOM = 12.0  # bytes of memory for each of the file
 MOST_NAMED, MOST_SHOWN = 4, 100  # names in a message, and letters of each
 DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"

@@ -53,7 +53,7 @@ from squealstudy.reduction.shared_basis import (
 from squealstudy.reduction.working_point import with_less_friction
 from squealstudy.study.design import DesignPoint
 
-MOST_ENTRIES = 60_000_000  # of the assemblies on bases that a process keeps: about a gigabyte
+MOST_ENTRIES = 60_000_000  # entries of assemblies on bases that a process keeps: about a gigabyte
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 from squealstudy.engine.keys import HASH_DIGITS
 from squealstudy.errors import ResultsError
 
-MOST_CELLS = 4 * 10**9  # of a table; one of a million design points with 40 modes has 2e9
+MOST_CELLS = 4 * 10**9  # cells of a table; one of a million design points with 40 modes has 2e9
 CHUNKS, HISTORIES, STATES, REFERENCES = "chunks", "histories", "states", "references"
 MANIFEST = "manifest.json"
 LOCK = ".lock"

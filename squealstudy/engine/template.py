@@ -45,8 +45,8 @@ from squealstudy.study.toml_text import toml_value
 from squealstudy.wording import did_you_mean
 
 BY_HAND = ("study", "model", "parameters", "sweep", "design")  # sections, written in this order
-SWEPT = "friction"  # of models that say nothing else and have it
-SWEEP_REL_RANGE = 0.2  # below and above its default that the parameter is swept
+SWEPT = "friction"  # swept parameter of models that have it and propose no other
+SWEEP_REL_RANGE = 0.2  # relative range of the sweep below and above the default
 SWEEP_POINTS = 5
 ROBUST, OF_ROBUST = "robust", "complex_modes"  # what scatters, and the kind that it is
 SIGMAS_IN_SWEEP = 6.0  # standard deviations in the range of what is swept otherwise

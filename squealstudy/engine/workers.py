@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 
     from squealstudy.engine.cluster import Cluster
 FIRST_POINTS = 16  # points of a task while nothing is known of their time
-MOST_POINTS = 4096  # of a chunk file, too
-TARGET_TASK_S = 2.0  # of a task
-LEAST_SECONDS = 0.1  # a shorter one is not worth its way
-TASKS_A_WORKER = 8  # of all that is left: workers end together
+MOST_POINTS = 4096  # design points of a task, and of a chunk file
+TARGET_TASK_S = 2.0  # duration of a task that is aimed at
+LEAST_SECONDS = 0.1  # a shorter task is not worth sending
+TASKS_A_WORKER = 8  # tasks of the points that remain: so workers end together
 
 
 @dataclass

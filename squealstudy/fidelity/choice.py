@@ -18,8 +18,8 @@ from squealstudy.files import OF_JSON, read_whole, sealed, unsealed, write_text
 from squealstudy.paths import cache_directory
 
 CODE = (*NUMERIC_PACKAGES, "study", "engine", "kinds", "fidelity")
-MIN_GAIN_OVER_COST = 2.0  # times its own cost that a try must promise to save
-NEXT_RUNG_MAX_SAVING = 0.5  # of the cost of the points, that one rung down may save
+MIN_GAIN_OVER_COST = 2.0  # saving that a try must promise, over its own cost
+NEXT_RUNG_MAX_SAVING = 0.5  # largest saving by one rung down, over the cost of the points
 
 
 class TriedSetting(NamedTuple):

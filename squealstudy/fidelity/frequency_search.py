@@ -27,7 +27,7 @@ from squealstudy.study.definition import ResolvedStudy, given_keys
 
 # shares of the tolerance: of reanalysis, and of the reduction
 REANALYSIS_TOLERANCE_SHARE, REDUCTION_TOLERANCE_SHARE = 0.2, 0.6
-SMALL_MODEL_SHARE = 0.5  # of the points that windows need to pay on a meshed model
+SMALL_MODEL_SHARE = 0.5  # points for which windows pay, over those on a meshed model
 
 
 def search_modes(fidelity: FidelityStudy) -> Choice:

@@ -24,7 +24,8 @@ FIRST_CANDIDATE = 1  # the rung tried first: of the studies in studies/fidelity 
 STEP_CANDIDATES = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
 STEPS_A_PERIOD = 62.5
 CONTACT_POINTS_OPTION = "contact_points"  # of [model]
-TRIAL_STEP = 2  # of these: at which bases and contact points are compared, and bases trained
+# index of the step at which bases and contact points are compared, and bases trained
+TRIAL_STEP = 2
 LEAST_STEPS = 100  # of a run
 # modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
 BASIS_CANDIDATES = ((1.0, 50), (2.0, 20), (1.0, 80), (2.0, 50), (1.0, 120))

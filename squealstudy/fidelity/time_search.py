@@ -25,7 +25,7 @@ from squealstudy.fidelity.pilots import N_RESERVE_PILOTS, FidelityStudy
 from squealstudy.kinds.transient.slope_pilot import FIRST_ORDER_FACTOR
 from squealstudy.study.definition import given_keys
 
-SETTING_TOLERANCE_SHARE = 0.4  # of the tolerance that one ladder may take
+SETTING_TOLERANCE_SHARE = 0.4  # share of the tolerance that one ladder may take
 RICHARDSON_FACTOR = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
 # half-width of a level at which runs end; of the tolerance
 SETTLED_LEVEL_HALF_WIDTH, SETTLED_SHARE = 0.01, 0.2

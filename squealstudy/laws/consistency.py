@@ -18,10 +18,10 @@ import numpy as np
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.parameter import Parameter
 
-DIFFERENCE_REL_STEP = 1e-5  # of differences, relative
+DIFFERENCE_REL_STEP = 1e-5  # relative step of difference quotients
 SLOPE_REL_TOLERANCE = 1e-3  # relative error of differences at which a slope fits
 EQUAL_REL_TOLERANCE = 1e-6  # relative difference of two functions that compute the same
-SLOPE_ROUND_OFF = 1e-9  # of a function over its argument: smaller slopes are round-off
+SLOPE_ROUND_OFF = 1e-9  # slope times argument over the function, below which it is round-off
 
 
 class NotComputedError(ModelError):

@@ -18,7 +18,7 @@ from squealstudy.errors import ExtensionError, ModelError, ParameterError
 from squealstudy.extensions import PACKAGE, hash_of, note_registered, remember
 from squealstudy.parameter import Parameter
 
-DIFFERENCE_REL_STEP = 1e-6  # of central differences, relative
+DIFFERENCE_REL_STEP = 1e-6  # relative step of central differences
 
 
 @dataclass(frozen=True, kw_only=True)

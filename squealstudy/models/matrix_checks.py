@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from squealstudy.errors import ModelError
 from squealstudy.linalg.overflow import LEAST_MASS, MAX_SQUARABLE_ENTRY, largest_entry, too_large
 
-SKEW_SHARE = 1e-12  # of the largest entry: a matrix that is symmetric but for it
+SKEW_SHARE = 1e-12  # asymmetry over the largest entry of a symmetric matrix
 
 
 def is_skew(A: np.ndarray | sp.spmatrix) -> bool:

@@ -66,7 +66,7 @@ GYROSCOPIC = Parameter(
     minimum=0.0,
     maximum=1.0,
 )
-REGULARISATION_SHARE = 0.002  # of the slowest sliding speed of a study
+REGULARISATION_SHARE = 0.002  # regularisation speed over the slowest sliding speed of a study
 REGULARISATION_SPEED = Parameter(
     "contact.regularisation_speed",
     0.0,
@@ -114,7 +114,7 @@ FRICTION_OPTION = ModelOption(
     "friction_law", friction_laws, "friction over sliding speed and pressure"
 )
 
-LARGEST_FRICTION = 2.0  # of dry contacts; brakes are below 1
+LARGEST_FRICTION = 2.0  # friction of dry contacts; brakes are below 1
 LARGEST_MODAL_DAMPING = (
     0.2  # up to which modes that are damped apart from each other are an approximation
 )

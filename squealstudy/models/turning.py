@@ -20,7 +20,7 @@ from squealstudy.errors import ModelError
 # of a row's largest entry: symmetric part where the surface faces along the rotation, by about the
 # sine of the angle; facets of a mesh of a ring stay below
 MOST_SYMMETRIC = 0.3
-NEGLIGIBLE_ROW = 1e-6  # of the largest entry of all: what lies on the axis
+NEGLIGIBLE_ROW = 1e-6  # entries of a row over the largest of all: nodes on the axis
 
 
 @dataclass(frozen=True)

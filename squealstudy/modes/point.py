@@ -24,9 +24,9 @@ from squealstudy.system.linearise import LinearisedModel, linearise, reduced_str
 
 # relative: modes on an end of the band are in it, whatever round-off says
 BAND_END_REL_TOLERANCE = 1e-9
-RIGID_SHARE = 1e-5  # of the band's top: where a band begins that is to begin at zero
+RIGID_SHARE = 1e-5  # start of a band over its top, where it is to begin at zero
 DENSE = "dense"
-EIGENVALUE_REL_ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus
+EIGENVALUE_REL_ROUND_OFF = 1e-13  # round-off of a dense eigenvalue over its modulus
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MIN_SHOWN_HARMONIC_RATIO = 1e-5  # of the largest harmonic: lower ones are not drawn
+MIN_SHOWN_HARMONIC_RATIO = 1e-5  # size over the largest harmonic's from which one is drawn
 
 
 def _loudest(results: Results) -> Iterator[tuple[str, Choices]]:

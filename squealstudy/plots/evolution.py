@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 MAX_LOCI = 2
 # relative distance in frequency within which other tracks are shown in a locus
 SHOWN_REL_FREQUENCY_DISTANCE = 0.03
-STABLE_SIDE_OVER_GROWTH = 2.0  # of the fastest growth: how far the stable side of a locus reaches
+STABLE_SIDE_OVER_GROWTH = 2.0  # extent of the stable side of a locus over the fastest growth
 LONGEST_NAME = 36  # characters that fit the title of a locus
 VERTICAL = {
     "damping_ratio": ("Damping ratio [%]", 100.0),

@@ -26,7 +26,7 @@ from squealstudy.wording import CHANGING, plural
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MIN_REL_GROWTH = 0.05  # of the fastest growth: below, a relative deviation says nothing
+MIN_REL_GROWTH = 0.05  # growth over the fastest from which a relative deviation is drawn
 ENERGY = "energy"  # how growth is told where no complex mode is followed
 AXIS_LIMIT_FACTOR = 5.0  # largest deviations that the scale shows of wider bounds
 EXPRESSED, NOT_EXPRESSED = "expressed in the vibration", "not expressed"

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 MAX_LABELLED_POINTS = 36  # design points that have room for their names
 MAX_COLOURED_MODES = 6  # modes with a colour of their own
 MIN_SHOWN_ENERGY_SHARE = 0.02  # energy share somewhere of a mode that has one
-BAR_WIDTH_RATIO = 0.8  # of the least distance between design points that a bar takes
+BAR_WIDTH_RATIO = 0.8  # width of a bar over the least distance between design points
 OTHER_MODES, OUTSIDE = "other sensed modes", "outside the sensed modes"
 PALE = {OTHER_MODES: "#C8C8C8", OUTSIDE: "white"}
 CLASSES: dict[str, dict[str, Any]] = {

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
-MOST_CELLS = (450, 300)  # of a picture, about 2 pixels each
+MOST_CELLS = (450, 300)  # cells of a picture, about 2 pixels each
 N_CELLS = (150, 100)  # cells in which scattered points are gathered that would cover one another
-MOST_DOTS = 20_000  # of scattered points: more cover one another
+MOST_DOTS = 20_000  # scattered points that are drawn: more cover one another
 POINTS_PER_CELL = 8  # in the mean, of cells in which another state is looked for
 N_NEIGHBOUR_CELLS = 2  # on each side of a point's own
 MIN_INSCRIBED_RATIO = 0.01  # radius of the inscribed circle over that of the circumscribed one

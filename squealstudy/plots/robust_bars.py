@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 MAX_QUANTITIES = 3  # growth rates with indices
 LONGEST_NAME = 44  # characters of a line
-BAR_HEIGHT = 0.19  # of the height of one parameter's place, for each of its two bars
+BAR_HEIGHT = 0.19  # height of each of a parameter's two bars, in rows
 ERROR_BARS = {"capsize": 2.5, "elinewidth": 1.1, "ecolor": "0.15"}
 
 

@@ -44,7 +44,7 @@ DRAWN_COLUMNS = (  # columns of modes
 )
 MAX_LABELS = 10  # tracks named in one picture
 LONGEST_NAME = 26  # characters of a line
-LEAST_SPAN = 0.02  # of the axis, relative to its frequencies
+LEAST_SPAN = 0.02  # least span of the axis, relative to its frequencies
 STABLE_DOTS = 60_000  # more are thinned out
 MAX_RIMMED_DOTS = 1_500  # unstable dots: rims of more would hide the colours
 N_CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is drawn in each
@@ -257,8 +257,8 @@ LABEL_DISTANCES_POINTS = (
     58.0,
     76.0,
 )  # distances from the point, in typographic points
-VERTICAL_DISTANCE_RATIO = 0.7  # of the distance, upwards and downwards
-LABEL_FONT_POINTS = 8.5  # of labels
+VERTICAL_DISTANCE_RATIO = 0.7  # distance of labels upwards and downwards over that to the sides
+LABEL_FONT_POINTS = 8.5  # font size of labels
 MARKER_HALF_SIZE_POINTS = 4.0  # half size of what a label should not cover, in typographic points
 ALIGN = {1: "left", 0: "center", -1: "right"}
 VALIGN = {1: "bottom", 0: "center", -1: "top"}

@@ -34,7 +34,7 @@ MOST_CLASSES = 12  # counts beyond share colours
 JOIN_DASHES = (0, (4, 2))  # dashes of what joins onsets
 MOST_ONSETS = 150  # larger dots would hide the line
 TITLE_LINE_CHARACTERS = 90  # characters in a line of the title
-LEGEND_LINE_CHARACTERS = 95  # of the legend
+LEGEND_LINE_CHARACTERS = 95  # characters of a line of the legend
 
 
 def _measures(results: Results) -> Iterator[tuple[str, Choices]]:

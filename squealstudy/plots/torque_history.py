@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 ZOOMED_PERIODS = 10  # of the motion that the zoom shows
-FEW_ROWS = 40  # a period of the torque's line: fewer miss its peaks by up to .3 %
+FEW_ROWS = 40  # rows a period of the torque's line: fewer miss its peaks by up to .3 %
 STATES = {"stick": COLOURS[0], "slip": COLOURS[1], "open": COLOURS[2]}
 SHADES = {"growth": COLOURS[4], "saturation": COLOURS[3], "limit cycle": COLOURS[2]}
 

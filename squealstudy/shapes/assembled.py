@@ -18,7 +18,7 @@ from squealstudy.shapes.picture import PIXEL_COLUMNS, SAMPLES_PER_PIXEL, VIEW_DE
 from squealstudy.shapes.surface import Camera, picture, triangles, with_middles
 
 GREYS = ("#cfd6da", "#b9c3c9", "#dcdcd4", "#c3bfb4", "#aab4ba", "#d4cdd6")
-GAP_OVER_DIAGONAL = 0.35  # of the assembly's diagonal, between neighbours
+GAP_OVER_DIAGONAL = 0.35  # distance between neighbours over the assembly's diagonal
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def _draw(
     axes.set_axis_off()
 
 
-DISPLACEMENT_OVER_DIAGONAL = 0.06  # of the part's diagonal: the largest displacement that is drawn
+DISPLACEMENT_OVER_DIAGONAL = 0.06  # largest displacement that is drawn, over the part's diagonal
 MODES_PER_ROW = 3  # modes in a row
 
 

@@ -24,14 +24,14 @@ MESHIO = {  # names of cells there, whose nodes have the same order
     "hex8": "hexahedron",
     "hex20": "hexahedron20",
 }
-N_PHASES = 24  # of a cycle, in a PVD file
+N_PHASES = 24  # phases of a cycle, in a PVD file
 QUAD, TRIANGLE = 94, 91  # thin shells of dataset 2412, drawn by their corners
 # fields of dataset 55: structural, complex modes, three translations, displacement, complex
 STRUCTURE, COMPLEX_MODES, TRANSLATIONS, DISPLACEMENT, COMPLEX = 1, 3, 2, 8, 5
 RESPONSE = 5  # at a frequency
 # of dataset 58: function over time, real in double precision, even steps, general quantity, time
 IN_TIME, REAL_DOUBLE, EVEN, GENERAL, TIME = 1, 4, 1, 1, 17
-EVEN_STEP_TOLERANCE = 1e-6  # of a step
+EVEN_STEP_TOLERANCE = 1e-6  # deviation over a step up to which steps are even
 
 
 class Signal(NamedTuple):

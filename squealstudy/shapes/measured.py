@@ -157,7 +157,8 @@ def _root(mode: Mapping[str, Any]) -> tuple[float, float, float]:
 BAND_FACTOR = 1.3  # top frequency of computed modes over the highest measured one
 MIN_PAIR_MAC = 0.5
 MIN_MEASURED_DOF = 6  # measured degrees of freedom near nodes
-MIN_EXTENT_OVER_TOLERANCE = 10  # of the points: less is a wrong unit of length
+# extent of the points over the tolerance: less is a wrong unit of length
+MIN_EXTENT_OVER_TOLERANCE = 10
 # MAC of two computed modes at the measured points, above which these do not distinguish them
 MAX_INDISTINCT_MAC = 0.5
 

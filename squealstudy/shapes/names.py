@@ -18,10 +18,10 @@ MIN_RIGID_SHARE = 0.8  # least share of rigid modes of what is called rigid
 SAME_NAME_REL_DISTANCE = 1e-3  # relative: free-free modes nearer in frequency are named together
 MOST_DIAMETERS = 16
 N_RADIAL_FUNCTIONS = 3  # functions of the radius for each harmonic
-THIN_RING_RATIO = 0.03  # of the radius: rings of less breadth have none but a constant
-RIM_TOLERANCE = 0.02  # of the ring's width: nodes so near to it count as in it
+THIN_RING_RATIO = 0.03  # breadth of a ring over its radius: thinner ones have no nodal circle
+RIM_TOLERANCE = 0.02  # distance over the ring's width up to which nodes count as in the ring
 MAX_RING_GAP_RAD = np.pi / 6  # widest gap [rad] around the axis between nodes of a ring that is one
-MIN_SIGNED_MOTION = 0.05  # of the largest motion over the radius: below it a sign tells nothing
+MIN_SIGNED_MOTION = 0.05  # motion over the largest over the radius, from which its sign counts
 
 
 @dataclass(frozen=True)

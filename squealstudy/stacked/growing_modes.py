@@ -19,7 +19,8 @@ from squealstudy.motion.growing_modes import (
 )
 from squealstudy.stacked.roots import companion_pairs
 
-SHIFT_ROUND_OFF_RATIO = 1e-14  # of the largest entry: a root met exactly is a singular matrix
+# shift over the largest entry: at an exact root the matrix is singular
+SHIFT_ROUND_OFF_RATIO = 1e-14
 
 
 def stacked_growing_modes(

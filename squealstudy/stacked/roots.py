@@ -20,7 +20,7 @@ from squealstudy.linalg.root_error import (
 )
 from squealstudy.root_pairs import by_modulus
 
-REL_ROUND_OFF = 1e-13  # of a dense eigenvalue, relative to its modulus; as in modes.point
+REL_ROUND_OFF = 1e-13  # round-off of a dense eigenvalue over its modulus; as in modes.point
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ from squealstudy.models.matrices.expression import (
 )
 from squealstudy.models.matrices.family import (
     NAME,
-    NEEDED,
     ORDERS,
+    REQUIRED,
     FamilyDefinition,
     FamilyTerm,
     MatrixFamily,
@@ -156,7 +156,7 @@ def read_family(model: FamilyDefinition, source: SourceText) -> MatrixFamily:
 
 
 def _check_letters(section: ModelSection, source: SourceText) -> None:
-    for letter in NEEDED:
+    for letter in REQUIRED:
         if all(term.matrix != letter for term in section.term):
             raise source.error(
                 ("model",), f"model '{NAME}' needs a [[model.term]] with matrix = \"{letter}\""

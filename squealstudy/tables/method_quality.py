@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which two roots are one mode
 # damping ratio beyond which a mode is unstable, or stable, for certain
 CERTAIN_DAMPING_RATIO = 1e-4
-LEVEL_SCALE_OVER_STATIC = 1e-3  # of the static torque: levels below are compared on this scale
+LEVEL_SCALE_OVER_STATIC = 1e-3  # scale of small levels over the static torque, for relative errors
 GROWTH_SCALE_PER_S = 1.0  # 1/s: growth rates below are compared on this scale
-ONSET_SCALE_OVER_RANGE = 1e-2  # of the searched range: onsets below are compared on this scale
+ONSET_SCALE_OVER_RANGE = 1e-2  # scale of small onsets over the searched range, for relative errors
 # of the mode's frequency, rad/s: the same of runs, whose growth is fitted
 GROWTH_SCALE_OVER_OMEGA = 1e-3
 COMPARED = (*SUSTAINED, UNDECIDED)  # classes whose levels over the same time say something
@@ -309,7 +309,8 @@ def _cheapest(
 
 
 WORKS = ("converged", "slow", "recovered")
-BOUNDARY_REL_MARGIN = 0.02  # of the prediction: cells nearer to the boundary are not judged
+# relative distance from the predicted boundary below which cells are not judged
+BOUNDARY_REL_MARGIN = 0.02
 
 
 def agreement(cells: pd.DataFrame) -> dict[str, Any]:

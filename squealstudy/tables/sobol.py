@@ -68,7 +68,7 @@ def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
     )
 
 
-MIN_GROUP_SHARE = 0.5  # of the groups without a failed point
+MIN_GROUP_SHARE = 0.5  # share of groups that must be without a failed point
 MIN_GROUPS = 8  # without a failed point
 N_RESAMPLES = 999
 ROWS_PER_DRAW = 2**20  # rows of groups that are drawn at once

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BETWEEN = "; "  # reasons of a point, each "rule: value"
-MIN_CLOSED_SHARE = 0.5  # of the contact area, in steady sliding
+MIN_CLOSED_SHARE = 0.5  # closed share of the contact area in steady sliding
 OPEN_RULE = f"the contact is closed over {MIN_CLOSED_SHARE:.0%} of its area or more, open share"
 ALL_OPEN = f"{OPEN_RULE}: 1"
 CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"

@@ -106,14 +106,14 @@ def test_a_map_has_the_values_of_the_tables(results, content):
 
 
 def test_of_too_many_modes_those_that_grow_and_the_lightest_are_there(results, monkeypatch):
-    monkeypatch.setattr(complex_modes, "MOST_BYTES", 60 * 18)  # 60 modes of 9 columns
+    monkeypatch.setattr(complex_modes, "MAX_BYTES", 60 * 18)  # 60 modes of 9 columns
     own = content_of(page.explore(results).html)["own"]
     modes = results.modes
     lightest = np.sort(modes["damping_ratio"])[59]
     assert own["lightest"] == pytest.approx(lightest)
     assert own["n"] == int(unpacked(own["counts"]).sum()) == 60
     assert own["n_all"] == len(modes)
-    monkeypatch.setattr(complex_modes, "MOST_BYTES", 18)
+    monkeypatch.setattr(complex_modes, "MAX_BYTES", 18)
     few = content_of(page.explore(results).html)
     assert few["own"]["n"] == modes["unstable"].sum() > 1
     assert any("those that grow" in text for text in few["notes"])

@@ -30,7 +30,7 @@ from squealstudy.modes.tracking.snapshot_model import (
 )
 from squealstudy.reduction.prepared import PreparedModel
 
-MIN_COORDINATES = 200  # of a model: a smaller one is solved exactly as fast as in a basis
+MIN_COORDINATES = 200  # smaller models are solved exactly as fast as in a basis
 MAX_BASIS_SHARE = 0.5  # vectors of a basis over coordinates
 MAX_CORNER_PARAMETERS = 3  # a basis begins with 2^p + 1 points, p varied parameters up to this
 MIN_SNAPSHOTS, MAX_SNAPSHOTS = 3, 12  # design points of a basis

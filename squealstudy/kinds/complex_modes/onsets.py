@@ -36,7 +36,7 @@ UNREFINED = {
     BROKEN: BROKEN,
 }
 EXPECTED_SOLVES_PER_ONSET = 8  # evaluations an onset
-BRACKETS_PER_BATCH = 4096  # of small models, refined side by side as arrays
+BRACKETS_PER_BATCH = 4096  # brackets of small models that are refined together as arrays
 # brackets refined together; fixed, so that results do not depend on the workers
 BRACKETS_PER_ROUND = 32
 

@@ -30,8 +30,8 @@ from squealstudy.modes.point import RIGID_SHARE, PointModes, solve_point
 from squealstudy.reduction.prepared import PreparedFamily
 from squealstudy.study.design import DesignPoint
 
-SEARCHED_BAND_FACTOR = 1.5  # of the band's top
-EVERYTHING = 1e6  # of the band's top: above all modes of a model with few coordinates
+SEARCHED_BAND_FACTOR = 1.5  # top of the searched range over the band's top
+EVERYTHING = 1e6  # factor on the band's top: above all modes of a model with few coordinates
 # of the design points that are looked at: one takes twice the time of an exact point
 CHECKED_POINT_SHARE = 0.02
 MIN_CHECKED_POINTS, MAX_CHECKED_POINTS = 5, 8  # design points

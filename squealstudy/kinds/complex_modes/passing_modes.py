@@ -27,7 +27,7 @@ from squealstudy.root_pairs import least_assignment
 Node = tuple[int, ...]
 COUPLING_CHANGE = 1.3  # by which coupling at the crossing may exceed that at both nodes: with 1.0
 # no node of 90 random maps was wrong either, for 7 % fewer points
-SHAPE_REL_ROUND_OFF = 1e-6  # of c: shapes are kept in single precision
+SHAPE_REL_ROUND_OFF = 1e-6  # relative round-off of c: shapes are kept in single precision
 # two modes whose shapes tell their order by less may have passed each other
 MIN_ORDER_CERTAINTY = 0.3
 AT_HAND = 4096  # nodes whose modes are held

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 DOUBTFUL_NUMBER = (
     "~ before a mode: somewhere it was not sure which of two neighbouring modes has this number"
 )
-LEAST_SHOWN = 0.01  # of the upper bound of a Sobol index in the answer
+LEAST_SHOWN = 0.01  # upper bound of a Sobol index from which the answer names it
 MOST_NAMED = 3  # modes, and parameters, in the answer
 WHICH_PARAMETER = (
     f'[design] type = "{SOBOL_INDICES}" tells which parameter the scatter of growth comes from.'

@@ -36,7 +36,7 @@ from squealstudy.study.sampling import farthest_points
 CARRIED = 2.0  # on errors carried from other points, besides
 POINTS_A_SAMPLE = 16  # design points that pay for one: it costs some three of them
 MIN_REDUCTION_SAMPLES, MAX_REDUCTION_SAMPLES = 8, 16  # sample points of a structure
-NEAREST = 3  # of which errors are carried to a point
+NEAREST = 3  # samples from which errors are carried to a point
 # distance, in spans of the sweeps, within which a point is a sample point
 SAMPLE_POINT_DISTANCE = 1e-9
 MODES_PER_BLOCK = 20_000  # modes at a time

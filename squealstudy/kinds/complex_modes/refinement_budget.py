@@ -12,7 +12,7 @@ from squealstudy.study.sections import ModesSection
 
 # for doubtful steps of tracks: as many as design points, within these
 MIN_TRACKING_SOLVES, MAX_TRACKING_SOLVES = 30, 500
-SMALL_LEAST = 3_000  # of models with few coordinates, of which a point takes a millisecond
+SMALL_LEAST = 3_000  # least budget of models with few coordinates, whose points take a millisecond
 ONSETS = 2  # for onsets that bound no stability, times that
 LEAST_BOUNDS, BOUNDS_SHARE = 20_000, 0.2  # for those that do: of the design points, at least
 

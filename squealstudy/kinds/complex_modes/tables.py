@@ -26,8 +26,9 @@ from squealstudy.modes.judged_roots import damping_ratios, settled, stability_na
 from squealstudy.modes.tracking.labels import Tracks
 
 COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
-OUTSIDE = ("n_unstable_below", "n_unstable_above")  # of the band; missing where not looked for
-GROWTH_OUTSIDE = ("growth_outside", "frequency_outside_hz")  # of the fastest of them
+# columns: unstable modes below and above the band; missing where none were sought
+OUTSIDE = ("n_unstable_below", "n_unstable_above")
+GROWTH_OUTSIDE = ("growth_outside", "frequency_outside_hz")  # columns: the fastest of them
 ERRORS = ("reference_frequency_error", "reference_damping_error")
 POINT_COLUMNS = (
     *((name, COUNT) for name in COUNTS),

@@ -23,7 +23,8 @@ from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.study.design import DesignPoint
 
 N_CHECKED_POINTS = 5  # design points; one takes the time of an exact point
-NEAR_NEUTRAL_SHARE = 0.2  # of the design points: among those nearest they are spread
+# share of design points, the nearest to neutral, among which points are chosen
+NEAR_NEUTRAL_SHARE = 0.2
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ MIN_START_DISTANCE = 0.15  # least distance between starts, in units of the rang
 MAX_ROUNDS = 10  # of search and proof
 # of them after one that succeeds, in which less is asked of what runs had refused
 RELAXATION_ROUNDS = 4
-MIN_REL_COST_SAVING = 0.01  # of the cost: what these must save
+MIN_REL_COST_SAVING = 0.01  # relative saving of cost that these rounds must bring
 
 
 class DesignSearch(EvaluatedDesigns):

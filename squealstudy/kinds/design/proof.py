@@ -23,7 +23,8 @@ N_POINTS_REFINED = 6  # points of least margin whose neighbourhood is looked at,
 GRID_STEP_SUBDIVISIONS, ROUND_OFF_FACTOR = 8, 1.001
 CYCLE_POINTS = 4  # at which limit cycles are looked for, of models that are no brake
 MAX_POINTS_ADDED = 6  # points that become active in the search at once
-SHORTFALL_FACTOR = 1.1  # of what a check finds missing: what the next search is asked for beside it
+# factor on the damping that a check finds missing, in the next search's demand
+SHORTFALL_FACTOR = 1.1
 LEAST_LACK = 1e-4  # damping ratio
 # factor on the scatter that the search allows for where the proof was missed
 SCATTER_INCREASE = 1.25

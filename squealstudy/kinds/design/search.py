@@ -21,11 +21,11 @@ import numpy as np
 FIRST_RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.2, 0.5, 1e-3  # of each variable's range
 MOST_STEPS = 60
 RATIO_ACCEPT, RATIO_EXPAND, RATIO_SHRINK = 0.1, 0.75, 0.25  # real over predicted decrease
-MIN_REL_PREDICTED_DECREASE = 1e-4  # of the total cost: no step predicts more, the search has ended
+MIN_REL_PREDICTED_DECREASE = 1e-4  # predicted decrease over the total cost at which the search ends
 # nu in costs per damping ratio, in turn where the margin is missed
 PENALTY_WEIGHTS = (2e2, 2e3, 2e4)
 MARGIN_OVERSHOOT = 1e-6  # damping ratio by which steps aim beyond the margin, and
-REL_MARGIN_OVERSHOOT = 1e-3  # of the margin
+REL_MARGIN_OVERSHOOT = 1e-3  # overshoot beyond the margin, over the margin
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,8 @@ MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
 # the limit of designs; no design meets the margin; ten rounds; nothing may change
 STOPPED, NONE_FOUND, UNPROVEN, NO_VARIABLES = "stopped", "none_found", "unproven", "no_variables"
 PROVEN = (MET, MET_LINEAR)
-KICK_WINDOW = 0.2  # of its frequency: modes that take on what a kicked one lacks
-MORE_DAMPING = (2.0, 1e-3)  # of modes that a run shows to last: a factor, at least so much
+KICK_WINDOW = 0.2  # relative distance of modes whose damping is raised for a kicked one
+MORE_DAMPING = (2.0, 1e-3)  # factor on the damping of modes that last in a run, and least increase
 NEAR_ENOUGH = 0.05  # between damping ratios with which a run lasts, and decays
 JUST_ABOVE_FACTOR = 1 + 1e-6
 

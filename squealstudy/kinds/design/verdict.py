@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Solved = tuple[int, Mapping[str, Any]]  # an operating point and its row
-BOUND_REL_TOLERANCE = 1e-6  # of a range: a variable is at its bound
+BOUND_REL_TOLERANCE = 1e-6  # distance over the range at which a variable is at its bound
 
 
 def unstable_share(search: DesignSearch, ok: Mapping[int, Mapping[str, Any]]) -> float:

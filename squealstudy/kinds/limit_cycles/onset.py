@@ -11,9 +11,9 @@ from squealstudy.kinds.limit_cycles.designs import DesignLine
 from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 
-ONSET_REL_TOLERANCE = 1e-9  # of the range
-MIN_BRACKET_HALF_WIDTH = 1e-6  # of the range: half of a bracket, at first
-MAX_BRACKET_DOUBLINGS = 8  # times that it doubles
+ONSET_REL_TOLERANCE = 1e-9  # tolerance over the range of the parameter
+MIN_BRACKET_HALF_WIDTH = 1e-6  # half-width of the first bracket over the range
+MAX_BRACKET_DOUBLINGS = 8  # largest number of doublings of the bracket
 
 
 def onset_near(

@@ -44,7 +44,7 @@ MAX_SHORT_REASON_CHARACTERS = 12
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
-SHOWN_REL_ERROR = 1e-3  # of an event's value, from which on it is told
+SHOWN_REL_ERROR = 1e-3  # relative error of an event's value from which it is shown
 EVENTS = {"F": "folds", "H": "Hopf points"}
 EVENT_WORDS = {
     "H": "Hopf point",

@@ -44,7 +44,8 @@ from squealstudy.system.linearise import component_frequencies
 if TYPE_CHECKING:
     import pandas as pd
 
-SOURCES = ("kinds/sensitivity",)  # the code that decides them, beside that of all numbers
+# folders with the code that decides rows, beside the code of all numbers
+SOURCES = ("kinds/sensitivity",)
 
 
 class Sensitivities(ModelKind):

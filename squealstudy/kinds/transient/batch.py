@@ -32,7 +32,7 @@ from squealstudy.motion.shared_modes import (
 from squealstudy.study.design import DesignPoint
 
 MOST_OF_BATCH = 64  # design points of models without a mesh
-MAX_ROWS_OF_BATCH = 100_000  # of the histories of these together: some 50 MB
+MAX_ROWS_OF_BATCH = 100_000  # rows of a batch's histories together: some 50 MB
 TRAINING_KEYS = {"step", "duration", "friction"}
 
 

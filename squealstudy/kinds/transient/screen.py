@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 MOST_COLUMNS = 2  # parameters with a column of their own
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
-MOST_LONGER = 20  # times the duration of a run: a longer one is not advised
-CHANCE_THAT_TELLS_NOTHING = 1.0  # of a level: an error below it may be all of the level
+MOST_LONGER = 20  # advised duration over the run's, at most
+CHANCE_THAT_TELLS_NOTHING = 1.0  # relative error of a level from which nothing is said of it
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 LEAST_PLAIN_LEVEL = 1e-3  # N m or N: of runs that decay less is left

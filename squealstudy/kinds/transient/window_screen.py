@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from squealstudy.engine.result_tables import ResultTables
 
-MIN_SLOW_RUN_S = 10.0  # times of longer runs are shown in seconds, of others in milliseconds
+MIN_SLOW_RUN_S = 10.0  # longer runs show times in seconds, others in milliseconds
 MAX_LISTED_WINDOWS = 24
 
 

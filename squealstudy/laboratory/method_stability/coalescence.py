@@ -37,7 +37,7 @@ from squealstudy.system.parametric import (
 )
 
 OMEGA_1, OMEGA_2 = 2 * np.pi * 100.0, 2 * np.pi * 75.0
-ESTIMATE_SAFETY_FACTOR = 2.0  # times the estimate, THEORY.md eq. (39)
+ESTIMATE_SAFETY_FACTOR = 2.0  # factor on the estimate, THEORY.md eq. (39)
 ANCHOR_BAND_FACTOR = 2.0
 
 KNOBS = (

@@ -25,7 +25,7 @@ SEED = 3
 N_MODES, N_POINTS = 6, 8
 # points that carry next to nothing, and their share of pressure
 NEARLY_OPEN, NEARLY_OPEN_PRESSURE_SHARE = (0, 5), 1e-3
-GAP_DISTURBANCE_RATIO = 1e-5  # of the distance over which the contact law changes by its own size
+GAP_DISTURBANCE_RATIO = 1e-5  # disturbance over the gap in which the law changes by its size
 STUCK_POINTS = (2, 6)  # points that the kicked state holds
 
 CONTACT_KNOBS = (

@@ -37,8 +37,8 @@ N_STEPS = 4000
 START_VELOCITY = 1e-6  # m/s
 FRICTION_BOUND_N = 1e6  # N, what friction holds
 LAMBDA = 1e12  # 1/m: the mode does not move the contact
-GROWN_ENERGY_RATIO = 1e8  # times the energy at the start: it has grown, and may soon slip
-MIN_GROWTH_PER_STEP = 1e-4  # a step: more than a beat of the energy
+GROWN_ENERGY_RATIO = 1e8  # energy over that at the start: it has grown, and may soon slip
+MIN_GROWTH_PER_STEP = 1e-4  # growth a step: more than a beat of the energy
 N_PARTS = 4
 
 KNOBS = (

@@ -28,7 +28,7 @@ from squealstudy.modes.reanalysis.estimate import bounded, residuals
 N_MODES = 8
 LOWEST_OMEGA = 1e3  # rad/s
 MAX_REL_ERROR = 1e-6  # relative error of a root from which on it is wrong
-ESTIMATE_SAFETY_FACTOR = 10.0  # times the estimate
+ESTIMATE_SAFETY_FACTOR = 10.0  # factor on the estimate
 
 KNOBS = (
     Knob("stiffness_ratio", "largest over smallest stiffness", 1e3, low=1.0, high=1e20),

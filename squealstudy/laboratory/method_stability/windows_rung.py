@@ -40,7 +40,7 @@ from squealstudy.system.parametric import Weights
 
 CRITICAL_FRICTION = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
 BAND = (1.0, 1e4)  # rad/s
-BOX_SHARE = 0.9  # of the box about mu_c
+BOX_SHARE = 0.9  # half-width of the box over the distance to mu_c
 N_NEIGHBOUR_POINTS = 40  # design points beside the two that are judged: enough to pay for patches
 ROUND_OFFS = 4.0  # in a root: of the matrices, the basis and the small eigenproblem
 # largest error over its estimate (THEORY.md eq. (39)), and over the tolerance

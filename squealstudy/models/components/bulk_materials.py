@@ -24,7 +24,7 @@ OVER_TEMPERATURE = ("MATT1", *TABLES)
 UNREAD_TABLES = {"MAT9": "MATT9", "MAT11": "MATT11"}  # whose tables are not read
 # row of xx, yy, zz, xy, yz, zx in matrices of this program, whose order is 11 22 33 23 13 12
 VOIGT_ROWS = (0, 1, 2, 5, 3, 4)
-G_REL_TOLERANCE = 0.01  # of G from E and nu, which files round
+G_REL_TOLERANCE = 0.01  # relative distance of G from that by E and nu, which files round
 LAST = ("ENDT", "SKIP")
 
 

@@ -10,7 +10,7 @@ from squealstudy.models.components.jacobians import CHUNK, jacobians
 from squealstudy.models.components.mesh import OF_CONTACT, SolidMesh
 
 DOUBLED = "DOUBLED NODES"  # the name by which `pass_over` allows them
-MERGED = 1e-4  # of the shortest edge: nodes nearer than this are one that was written twice
+MERGED = 1e-4  # distance over the shortest edge: nearer nodes are one that was written twice
 
 
 def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> None:

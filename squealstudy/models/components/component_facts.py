@@ -33,7 +33,7 @@ SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 SPEEDS = (20.0, 20_000.0)  # m/s of waves in solids, from soft rubber to beyond beryllium
 RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
 N_LISTED_FREQUENCIES = 3  # elastic frequencies
-DOUBTFUL = 0.2  # of a frequency: measured and computed ones of another mode
+DOUBTFUL = 0.2  # relative distance of measured and computed frequencies: perhaps another mode
 MOTIONS = ("along x", "along y", "along z", "about x", "about y", "about z")
 
 

@@ -95,7 +95,7 @@ def spring(name: str, ends: Sequence[tuple[int, np.ndarray]], stiffness: float) 
     return Discrete(name, np.array([node for node, _ in ends]), K, np.zeros_like(K), turns)
 
 
-INERTIA_REL_ROUND_OFF = 1e-9  # of the largest moment of inertia
+INERTIA_REL_ROUND_OFF = 1e-9  # round-off over the largest moment of inertia
 
 
 def matrices(parts: Sequence[Discrete], n: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:

@@ -26,10 +26,10 @@ from squealstudy.models.components.coupled_rows import (
 )
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
-TOLERANCE = 0.05  # of the master's mean facet: how far a tied node may be off, as in Abaqus
-MAX_TIE_OFFSET_OVER_FACET = 1e-6  # of a facet: distance that strains nothing in a rigid turn
-COARSER = 1.3  # times as many nodes of the master as are tied to it: the slave is the coarser one
-MAX_FOLLOW_DEPTH = 20  # what follows what follows ...
+TOLERANCE = 0.05  # largest offset of a tied node over the master's mean facet, as in Abaqus
+MAX_TIE_OFFSET_OVER_FACET = 1e-6  # offset over a facet that strains nothing in a rigid turn
+COARSER = 1.3  # master nodes over tied slave nodes from which the slave is the coarser one
+MAX_FOLLOW_DEPTH = 20  # longest chain of nodes that follow each other
 
 
 @dataclass(frozen=True, eq=False)

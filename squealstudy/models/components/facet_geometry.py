@@ -21,7 +21,7 @@ from squealstudy.models.fem.sampling import Surface
 
 TRIANGLES = (3, 6)
 KINDS = (3, 4, 6, 8, 9)  # numbers of nodes
-FLAT = 1e-12  # of the square of its radius: a facet of less area has none
+FLAT = 1e-12  # area of a facet over its radius squared, below which it has none
 
 
 @dataclass(frozen=True)

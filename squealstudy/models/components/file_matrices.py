@@ -23,9 +23,9 @@ Matrices = tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]  # K, M, C
 INDEPENDENT = 1e-12  # least eigenvalue of the products of such columns, each of length one
 IDENTITY = 1e-6  # how far a recovery matrix may be off for the nodes of the rows themselves
 TURN_ROUND_OFF = 1e-14
-DIGITS = 2e-5  # of the highest frequency of a freedom: what ten digits leave of rigid motions
+DIGITS = 2e-5  # frequency of rigid motions over a freedom's highest, by ten digits
 MAX_NODE_SETS = 1000  # nodes that are sets of their own
-SKEW = 1e-8  # of the largest entry: matrices of files are symmetric to the digits of their texts
+SKEW = 1e-8  # asymmetry over the largest entry: matrices are as symmetric as their digits
 
 
 def symmetric(A: sp.spmatrix) -> sp.csr_matrix:

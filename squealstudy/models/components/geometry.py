@@ -35,11 +35,11 @@ from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.turning import Rotors
 
-SEARCH_OVER_FACET = 0.5  # of the size of a facet: how far the faces of a layer may be apart
+SEARCH_OVER_FACET = 0.5  # largest distance of a layer's faces over the size of a facet
 LAYER_POINTS = 3  # a side of a facet
 # of a facet: a gap over which a tie strains next to nothing in rigid turns
 MAX_TIE_GAP_OVER_FACET = 1e-4
-STIFFER = 1000.0  # a tie than a layer of elements: it gives a thousandth of one's compliance
+STIFFER = 1000.0  # stiffness of a tie over a layer of elements: a thousandth of its compliance
 
 
 class Geometry:

@@ -43,11 +43,11 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.number_table import read_columns
 
 COLUMNS = ("x", "y", "z", "temperature")
-SAME_PLACE = 1e-6  # of the distance of neighbours
+SAME_PLACE = 1e-6  # distance over that of neighbours at which points coincide
 BEYOND_SPACINGS = 2.0  # distances of neighbours by which a node may miss the outermost places
 FLAT = 1e-6  # extent of places across a plane over that along it, below which they span no body
 SHIFT = 1e-9  # of stiffness over mass of single coordinates: what the preconditioner holds all by
-RESIDUAL = 1e-11  # of the thermal forces
+RESIDUAL = 1e-11  # residual over the thermal forces
 MAX_STEPS = 500
 CACHE_SIZE = 8  # structures whose gaps a process keeps
 RIGHT_ANGLES = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])  # strains of expansion, 11 22 33 23 13 12

@@ -19,7 +19,7 @@ TURNED = (
     "directions of a part that turns with its instance, and whether they do is not known: expected "
     "axes of its own, or the keyword in the assembly"
 )
-OFF = 1e-6  # of its size: how far nodes may lie off it
+OFF = 1e-6  # largest distance of nodes from their line or plane, over its size
 ROPE = ", a distance that holds under some loads alone (BEAM holds it always)"
 KEYWORDS = ("EQUATION", "MPC", "TRANSFORM")
 PASTE = 'where neither mass nor stiffness depend on it: pass_over = ["MPC"]'

@@ -31,10 +31,10 @@ from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
 
-FREE = 1e-9  # of the largest stiffness a mass: motions that nothing holds
-SAME_PLACE = 1e-9  # of a component: nodes of a mesh that repeats
-SPREAD = 0.3  # of the law's length: gaps that change the contact
-PARTLY = 0.95  # of a slave face
+FREE = 1e-9  # stiffness over mass, over the largest, of motions that nothing holds
+SAME_PLACE = 1e-9  # distance of nodes over the component's size, of a mesh that repeats
+SPREAD = 0.3  # spread of gaps over the law's length that changes the contact
+PARTLY = 0.95  # covered share of a slave face
 MAX_GAP_OVER_LAW_LENGTH = 5.0  # lengths of the law: a gap that the pressure must close first
 BALANCE = 1e-6
 # of reductions of 14,769, 48,588 and 115,959 freedoms: 0.85, 2.0, 3.5 GB; 18, 72, 350 s of a core

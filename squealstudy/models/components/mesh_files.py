@@ -18,7 +18,7 @@ from squealstudy.models.components.sectors import Repetition, repeated
 ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat", ".fem")
 FORMATS = (".inp", ".msh", ".unv", ".med", ANSYS, *NASTRAN)
 BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # a part of a mesh that nothing connects to others
-BODIES = 100  # from which on they are no sets
+BODIES = 100  # number of bodies from which on they are no sets
 POINTER = b"version https://git-lfs.github.com"  # what a file is replaced by
 ADVICE = (
     (

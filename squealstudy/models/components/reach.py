@@ -7,8 +7,8 @@ from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.pairs import Pair
 from squealstudy.models.file_table import KeyPath, PlacedError
 
-LEAST_IN_REACH = 0.5  # of a face: with less the faces are hardly those meant
-ALL_MET = 0.9  # of the other face, by area: it is the first that is larger
+LEAST_IN_REACH = 0.5  # share of a face in reach: with less the wrong faces are meant
+ALL_MET = 0.9  # share of the other face's area that is met: the first face is larger
 
 
 def expect_reach(

@@ -19,12 +19,12 @@ from squealstudy.models.components.materials import Orientation, Orthotropic
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
 MAX_SECTORS = 1000  # sectors of a body
-MERGED = 1e-3  # of the shortest edge: sides are written with some six digits
+MERGED = 1e-3  # distance over the shortest edge: sides are written with some six digits
 SIDES_APART = "its sides do not meet; expected axis, point and count of its repetition"
 OPPOSITE = -0.99  # cosine between the normals of facets that face each other
 # of a facet: middles of facets that overlap are nearer, those of neighbours are not
 OVERLAP_DISTANCE_OVER_FACET = 0.6
-TOUCHING_DISTANCE_OVER_FACET = 0.02  # of a facet: distance of facets that lie on each other
+TOUCHING_DISTANCE_OVER_FACET = 0.02  # distance of facets that lie on each other, over a facet
 
 
 @dataclass(frozen=True)

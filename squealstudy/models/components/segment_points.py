@@ -24,7 +24,7 @@ from squealstudy.models.components.facet_geometry import TRIANGLES, Facets, rule
 from squealstudy.models.components.opposite import Neighbours, Opposite
 
 AT_ONCE = 20_000  # pairs of facets whose integrals are held at the same time: 13 MB
-MIN_AREA_SHARE = 0.1  # of the area that a point would have with constant functions
+MIN_AREA_SHARE = 0.1  # area of a point over that with constant functions
 MIN_COVERED_SHARE = 1e-12  # share of a facet below which it is not covered
 LAYERS = 1.02  # share of a facet above which several masters cover it
 

@@ -14,7 +14,7 @@ from squealstudy.models.components.mean_motions import mean_motion, mean_turn
 from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath, PlacedError
 
-POINTS = 3  # a side of a facet
+POINTS = 3  # points a side of a facet
 Rows = Callable[..., sp.csr_matrix]  # parts (component, rows over its nodes) -> over an assembly
 
 

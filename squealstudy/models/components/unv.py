@@ -40,7 +40,7 @@ PLATES = {  # with the places of their corners
 }
 BEAMS = (11, 21, 22, 23, 24)  # have a line of their own between
 OF_NODE, OF_ELEMENT = 7, 8  # kinds of members of groups
-OFF = 0.6  # of an edge: how far its middle node may be from where the corners' middle is
+OFF = 0.6  # distance of a middle node from the middle of its corners, over the edge
 
 
 def read_unv(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidMesh:

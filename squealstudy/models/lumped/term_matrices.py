@@ -18,7 +18,7 @@ from squealstudy.models.matrix_checks import check_size
 
 NEEDED = {"M": "mass", "K": "stiffness"}  # without a term of them there is no model
 MAX_ROWS = 500  # matrices are full: a point of 400 takes a second
-MAX_ASYMMETRY = 1e-9  # of the largest entry, by which the two triangles may differ
+MAX_ASYMMETRY = 1e-9  # difference of the two triangles over the largest entry
 
 
 class TermMatrices(NamedTuple):

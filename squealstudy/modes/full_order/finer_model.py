@@ -42,10 +42,10 @@ DIRECTIONS = 160  # static responses: with fewer some of what moves a root is le
 FINER_SVD_CUTOFF = 0.003
 ENRICHING = 0.012  # and of what enriches a basis
 STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
-BAND_WIDENING = 0.02  # of the band: how far beyond it the finer model is looked at
+BAND_WIDENING = 0.02  # relative widening of the band in which the finer model is compared
 FINER_MODEL_SAFETY_FACTOR = 2.0  # on the distance to the finer model, for what that lacks too
 SAME_ROOT = 1e-12  # relative: round-off of the difference of two dense eigenvalues
-LOW_END_RATIO = 0.02  # of the band's top: below it lies motion of nearly free bodies
+LOW_END_RATIO = 0.02  # frequency over the band's top, below which bodies are nearly free
 
 
 @dataclass(frozen=True)

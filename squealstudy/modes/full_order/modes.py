@@ -51,7 +51,7 @@ from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weigh
 
 FULL = "full"
 DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest, are left out
-CHECK_SHIFT = 0.013  # of the band's top: about which the check factorises, off the solution's own
+CHECK_SHIFT = 0.013  # shift over the band's top at which the check factorises, off the solution's
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value
 
 

@@ -44,7 +44,8 @@ from squealstudy.system.modal_damping import assembly_damping, modal_damping
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
 DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at
-FIELD_DEGREE = {1: 8, 2: 5, 3: 3}  # of the interpolated gaps; beyond three parameters 2
+# degree of interpolated gaps by number of parameters; beyond three it is 2
+FIELD_DEGREE = {1: 8, 2: 5, 3: 3}
 # of modal damping, which nothing polishes, by the number of parameters that stiffen the brake
 DAMPING_DEGREE = {0: 0, 1: 8, 2: 7, 3: 6}
 OFF_CENTRE = 0.618

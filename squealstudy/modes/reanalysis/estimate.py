@@ -15,7 +15,7 @@ from squealstudy.system.parametric import Columns, Weights
 # largest share of inertia in what a basis lacks: its response is then ten times the static one
 MOST_INERTIA = 0.9
 SIGNED_FACTOR = 1.2  # on first-order errors
-CANCELLING_SHARE = 0.1  # of what they would be if no part cancelled another
+CANCELLING_SHARE = 0.1  # share of an error in which no part would cancel another
 EIGENVALUE_REL_ROUND_OFF = 1e-13  # relative: round-off of a dense eigenvalue
 
 

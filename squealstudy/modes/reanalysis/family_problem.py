@@ -29,11 +29,11 @@ LEFT_BAND_FACTOR = 1.01
 # of the number of left roots asked for: one lies beyond the band, so once is enough
 LEFT_COUNT_FACTOR = 1.1
 SYMMETRIC = 1e-12  # relative asymmetry of round-off
-SHIFTS = (0.0, 1.0, 1e2, 1e4)  # of the mass, in squares of the band's lower end
+SHIFTS = (0.0, 1.0, 1e2, 1e4)  # shifts of the mass, in squares of the band's lower end
 # relative distance of roots that two solves tell apart: the same root within it
 SAME_ROOT_REL_DISTANCE = 1e-6
 CLUSTER = 1e-7  # relative distance below which roots share their vectors
-LARGEST_PRODUCT = 1e-4  # of products that vanish for exact vectors of distinct roots
+LARGEST_PRODUCT = 1e-4  # products that vanish for exact vectors of distinct roots
 
 
 class FamilyProblem(SweptProblem):

@@ -20,9 +20,10 @@ from squealstudy.modes.reanalysis.polynomials import Interpolation, spread_point
 
 THRESHOLDS = (0.15, 0.3, 0.5)  # participation from which two modes mix
 MOST_MODES = 24  # in one block: beyond it a patch is better divided
-FOLLOWED_BAND_FACTOR = 1.02  # of the band: modes that come this near are followed
+FOLLOWED_BAND_FACTOR = 1.02  # factor on the band within which modes are followed
 UNFOLLOWED = 1.25  # others stay that far from it at nodes: between nodes they may come nearer
-WORST_CONDITION = 1e7  # of a block's gauge: half the digits, of which Ritz values keep all
+# condition of a block's gauge: half the digits are left, Ritz values keep all
+WORST_CONDITION = 1e7
 
 
 @dataclass(frozen=True)

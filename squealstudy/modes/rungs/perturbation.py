@@ -31,7 +31,7 @@ from squealstudy.system.parametric import (
 ORDER = 2
 SUM_BAND_FACTOR = 4.0  # second-order terms run through the modes of the band widened by this
 COST = 0.6  # seconds of a point over those of an exact one, about
-ANCHOR_BAND_FACTOR = 1.2  # of the band: modes of the anchor that may move into it
+ANCHOR_BAND_FACTOR = 1.2  # factor on the band: modes of the anchor that may move into it
 MIN_TESTED_REL_ERROR = 1e-12  # relative error of a root below which no series is looked at
 # the next term is itself an estimate; errors were up to 1.9 times the series
 SERIES_SAFETY_FACTOR = 2.0

@@ -38,7 +38,7 @@ from squealstudy.modes.rung import Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
 
-DEGREE = {1: 5, 2: 4}  # of the interpolation by number of parameters; of more than two it is 2
+DEGREE = {1: 5, 2: 4}  # degree of interpolation by number of parameters; of more than two it is 2
 MIN_POINTS_PER_NODE = 1.5  # fewer design points cost less without a patch
 POINTS_PER_TEST = 32
 MAX_EXCEEDING_SHARE = 0.1  # share of points beyond the tolerance from which on a patch is halved

@@ -15,7 +15,7 @@ from squealstudy.linalg.quadratic_pencil import (
 )
 
 NEIGHBOURS = 6
-OFFSET = 1e-6  # of the shift beside the root: Q(sigma) stays regular, the root the nearest
+OFFSET = 1e-6  # relative shift beside the root: Q(sigma) stays regular, the root the nearest
 
 
 @dataclass(frozen=True)

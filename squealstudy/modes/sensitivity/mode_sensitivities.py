@@ -12,7 +12,7 @@ from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_roots
 from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeNeighbourhood
 
 QUARTER = 0.25  # second-order share of the first at which a derivative stops being valid
-UNSEEN = 1e-9  # of |lambda|: second-order changes below are not seen
+UNSEEN = 1e-9  # second-order change over |lambda| that round-off hides
 CONDITION_LIMIT = 100.0  # eigenvalue condition beyond which a derivative means nothing
 CANDIDATES = 8  # roots about the old one among which the mode is looked for
 

@@ -24,7 +24,7 @@ MIN_MAC = 0.9  # least MAC of a followed mode with that at both ends
 MAX_OTHER_MAC = 0.7  # and the largest of any other mode of the ends with it
 ROOT_TOLERANCE = 1e-12  # change of the root, of its modulus
 RESIDUAL_TOLERANCE = 1e-9  # |Q(lambda) x| / |lambda^2 x| of both vectors
-MAX_TURNS = 8  # of the iteration with one factor
+MAX_TURNS = 8  # iterations with one factor
 MAX_FACTORS = 3  # at one value of the parameter
 MAX_CONDITION = 1e3  # condition of a root: next to an exceptional point there are two to follow
 

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from squealstudy.modes.tracking.onsets import (
-    JUMP,
     MAX_REL_ROOT_CHANGE,
+    MIN_JUMP,
+    MIN_VALUE_BESIDE_JUMP,
     MOST_ITERATIONS,
-    ONE_SIDED,
     exchanged,
 )
 from squealstudy.modes.tracking.pairing import pair_many
@@ -158,7 +158,10 @@ def refine_onsets_together(
     good[active] = False  # not converged
     residual = np.minimum(np.abs(a.f), np.abs(b.f))
     step = np.abs(a.f - b.f)
-    good &= ~((residual > ONE_SIDED * step) & (ONE_SIDED * step > ONE_SIDED * JUMP * scale))
+    good &= ~(
+        (residual > MIN_VALUE_BESIDE_JUMP * step)
+        & (MIN_VALUE_BESIDE_JUMP * step > MIN_VALUE_BESIDE_JUMP * MIN_JUMP * scale)
+    )
     first = np.abs(a.f) <= np.abs(b.f)
     onset = np.where(first, a.x, b.x)
     rows = np.arange(n)

@@ -25,7 +25,7 @@ EXCHANGED_DISTANCE_RATIO = 0.25
 # change of a root, of its modulus, across a bracket as narrow as an onset's error
 MAX_REL_ROOT_CHANGE = 0.05
 HALVINGS = 50
-MOST_HALVINGS = 4  # of a step in which a mode is lost
+MOST_HALVINGS = 4  # halvings of a step in which a mode is lost
 N_CHECKED = 9  # values of the parameter between both ends
 # on the error of a cubic: with it 0 of 2,300 onsets of random families err by more, without it 1
 CUBIC_SAFETY_FACTOR = 2.0

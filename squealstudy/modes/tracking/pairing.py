@@ -10,16 +10,16 @@ from squealstudy.root_pairs import least_assignment
 
 FREQUENCY_WINDOW = 0.2  # relative change of |lambda| from which on two modes are never paired
 DAMPING_WINDOW = 0.5  # change of zeta that weighs as much as the whole frequency window
-UNPAIRED_COST = 1.0  # of leaving a mode without partner
+UNPAIRED_COST = 1.0  # cost of leaving a mode without a partner
 # between two equal pairings the growth decides, by this cost for each unit of zeta
 TIE_COST = 1e-3
 # another pairing is nearly as good if it costs less than this multiple of the chosen one
 RIVAL_COST_RATIO = 1.5
-LOW_MAC = 0.5  # below it a pair is ambiguous
+LOW_MAC = 0.5  # MAC below which a pair is ambiguous
 # two modes without partner that are this near may be one, in the middle of the band too
 LONE_MODES_DISTANCE = 0.8
 # limits of `Pairing.trust`, by which a pair is ambiguous up to 1
-HALVING_TRUST = 1.5  # up to it the step is halved; a larger one halves steps sooner
+HALVING_TRUST = 1.5  # trust up to which the step is halved; a larger value halves steps sooner
 JOINING_TRUST = 1.5  # above it a pair shows that two tracks are one
 PASSING_TRUST = 1.2  # the most of a pair whose frequency passes that of another,
 CROSSING_MAC = 0.99  # unless its MAC is above this: the two modes cross

@@ -86,7 +86,7 @@ ASCENDING = (
     ("caliper.finger_inner_angle", "caliper.bridge_half_angle"),
 )
 HALF_TURN = 180.0  # deg
-LARGEST_STRAIN = 0.02  # of linear elasticity
+LARGEST_STRAIN = 0.02  # strain up to which elasticity is linear
 
 
 def vanishing(values: Mapping[str, float]) -> tuple[str, str] | None:
