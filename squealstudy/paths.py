@@ -1,4 +1,4 @@
-"""Where squealstudy keeps what it can make again, and what it does where it cannot."""
+"""Folders of the cache and of compiled kernels, and substitutes where these cannot be used."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def user_cache() -> Path:
 
 @contextlib.contextmanager
 def usable_cache(warn: Callable[[str], None]) -> Iterator[None]:
-    """Within, the cache can be written: a temporary one, with a warning, where the user's cannot.
+    """Provide a cache that can be written: a temporary one where the user's cannot, with a warning.
 
-    What the user's holds is not used then: results of a model are kept beside it.
+    The content of the user's cache is not used then: new parts would have to be written beside it.
     """
     try:
         _try_writing(cache_directory())
@@ -102,7 +102,8 @@ def _safe_kernel_folder(folder: str) -> Path:
 def others_may_write(path: Path) -> bool:
     """Whether another user, root apart, may put files in a directory or replace it.
 
-    False where files have no owners (Windows). A group of a user's own has the user's number.
+    False where files have no owners (Windows). A group with the user's number is taken to
+    be the user's own.
     """
     if not hasattr(os, "geteuid"):
         return False

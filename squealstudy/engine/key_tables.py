@@ -8,11 +8,11 @@ from typing import Any
 
 from squealstudy.engine.schema import table_names
 
-GUARD_AGAINST_OVERFLOW = 1e30  # bounds of this size are none of a quantity
+GUARD_AGAINST_OVERFLOW = 1e30  # bounds of this size only prevent overflow, and are not shown
 
 
 def key_tables(schema: Mapping[str, Any]) -> str:
-    """Every key of a schema: type, unit, default and meaning, a table each of the file's."""
+    """Every key of a schema with type, unit, default and meaning, by tables of the file."""
     lines: list[str] = []
     plain: dict[str, Any] = {}
     for name, table in schema["properties"].items():
@@ -53,20 +53,22 @@ def _table(
     lines = [f"## `{heading}`", "", sentence(table.get("description", ""))]
     if kinds := table.get("kinds"):
         lines += ["", f"Kinds: {', '.join(f'`{k}`' for k in kinds)}."]
-    deeper: list[str] = []
-    for inner_key in inner:
-        lines += ["", *_rows(inner_key["properties"], inner_key.get("required", ()), schema)]
-        for key, entry in inner_key["properties"].items():
+    nested_lines: list[str] = []
+    for definition in inner:
+        lines += ["", *_rows(definition["properties"], definition.get("required", ()), schema)]
+        for key, entry in definition["properties"].items():
             for nested in _inner(entry, schema):
                 plain = heading.strip("[]")
                 inside = f"{plain}.{key}{_table_suffix(entry)}"
-                deeper += [f"### `{inside}`", "", sentence(entry.get("description", "")), ""]
-                deeper += _rows(nested["properties"], nested.get("required", ()), schema)
-                for key2, found2 in nested["properties"].items():
-                    for third in _inner(found2, schema):
-                        deeper += [f"### `{inside}.{key2}`", ""]
-                        deeper += _rows(third["properties"], third.get("required", ()), schema)
-    return [*lines, *deeper]
+                nested_lines += [f"### `{inside}`", "", sentence(entry.get("description", "")), ""]
+                nested_lines += _rows(nested["properties"], nested.get("required", ()), schema)
+                for inner_key, inner_entry in nested["properties"].items():
+                    for innermost in _inner(inner_entry, schema):
+                        nested_lines += [f"### `{inside}.{inner_key}`", ""]
+                        nested_lines += _rows(
+                            innermost["properties"], innermost.get("required", ()), schema
+                        )
+    return [*lines, *nested_lines]
 
 
 def _rows(
@@ -125,12 +127,12 @@ def _range(node: Mapping[str, Any]) -> str:
         ("exclusiveMaximum", "below"),
         ("maximum", "at most"),
     )
-    said = [
+    texts = [
         f"{word} {node[key]:,}"
         for key, word in bounds
         if key in node and abs(node[key]) < GUARD_AGAINST_OVERFLOW
     ]
-    return ", " + ", ".join(said) if said else ""
+    return ", " + ", ".join(texts) if texts else ""
 
 
 def _default(node: Mapping[str, Any]) -> str:
@@ -157,7 +159,7 @@ def _bare(key: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """The text as a sentence, names in angle brackets as they stand."""
+    """The text as a sentence for Markdown; names in angle brackets are escaped."""
     plain = " ".join(text.split()).replace("<", "&lt;").replace("*", "\\*")
     if not plain:
         return ""
@@ -165,5 +167,5 @@ def sentence(text: str) -> str:
 
 
 def cell(text: str) -> str:
-    """The text as it stands in a cell."""
+    """The text escaped for a cell of a table."""
     return text.replace("|", "\\|")

@@ -160,10 +160,10 @@ class _Krylov:
     Parameters
     ----------
     apply : callable
-    held : ndarray (N, k)
+    locked : ndarray (N, k)
         Orthonormal states that the space is kept orthogonal to.
-    most : int
-        Vectors it may have.
+    max_size : int
+        Largest number of its vectors.
     seed : int
         Of its random start.
     """

@@ -123,7 +123,7 @@ def _draw(
 
 
 def _curve(time: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means over parts of the time; what is not positive is left out of a logarithmic axis."""
+    """Means over parts of the time, NaN where not positive: the axis is logarithmic."""
     x, y = binned(time, energy, N_TIME_BINS)
     return x, np.where(y > 0, y, np.nan)
 
@@ -150,10 +150,12 @@ def _name(modes: pd.DataFrame, mode: int) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _note(modes: pd.DataFrame, rest: int) -> str:
+def _note(modes: pd.DataFrame, n_others: int) -> str:
     """Meaning of lines and figures."""
     parts = ["lines: means, bands: extremes"]
-    parts += [f"grey: {plural(rest, 'other mode')} that held 1 % at some time"] if rest else []
+    parts += (
+        [f"grey: {plural(n_others, 'other mode')} that held 1 % at some time"] if n_others else []
+    )
     parts += ["percent: share over the last window"] if len(modes) else []
     return "; ".join(parts)
 

@@ -6,6 +6,7 @@ some lowers the number.
 """
 
 import ast
+import re
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -86,13 +87,18 @@ def local_names(tree):
             yield node.id
 
 
+def parameters_of(function):
+    """Names of the parameters of one function."""
+    args = function.args
+    named = (*args.posonlyargs, *args.args, *args.kwonlyargs, args.vararg, args.kwarg)
+    return [a.arg for a in named if a is not None]
+
+
 def parameter_names(tree):
     """Parameters of functions, methods and lambdas."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.Lambda):
-            args = node.args
-            named = (*args.posonlyargs, *args.args, *args.kwonlyargs, args.vararg, args.kwarg)
-            yield from (a.arg for a in named if a is not None)
+            yield from parameters_of(node)
 
 
 def uses(names_of):
@@ -122,6 +128,29 @@ def test_words_that_say_nothing_become_fewer(names_of, ceilings):
         if counts[word] > ceiling
     ]
     assert not over, "name what the thing is:\n" + "\n".join(over)
+
+
+def documented(doc):
+    """Names under ``Parameters`` of a docstring."""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n---|\Z)", doc or "", re.M | re.S)
+    for line in (section[1] if section else "").splitlines():
+        if names := re.match(r"([\w*, ]+) : |(\w+)$", line):
+            yield from (name.strip(" *") for name in (names[1] or names[2]).split(","))
+
+
+def test_documented_parameters_are_those_of_the_function():
+    stale = []
+    for path, tree in trees().items():
+        for node in ast.walk(tree):
+            function = node
+            if isinstance(node, ast.ClassDef):
+                methods = (n for n in node.body if isinstance(n, ast.FunctionDef))
+                function = next((m for m in methods if m.name == "__init__"), None)
+            if isinstance(function, ast.FunctionDef):
+                names = parameters_of(function)
+                words = documented(ast.get_docstring(node))
+                stale += [f"{path}, {node.name}: {word}" for word in words if word not in names]
+    assert not stale, f"documented, and no parameters: {stale}"
 
 
 def test_no_file_is_long():

@@ -1,4 +1,4 @@
-"""Bases in which points are solved that tracking inserts into steps of a study.
+"""Bases for the points that tracking inserts into steps of a study.
 
 Where many steps of a structure are in doubt, its modes at a few design points of the study, far
 from each other, span a basis. It is used where it reproduces the modes of other solved points;
@@ -37,9 +37,8 @@ MIN_SNAPSHOTS, MAX_SNAPSHOTS = 3, 12  # design points of a basis
 N_CHECKED_POINTS = 3  # design points at which a basis is compared with exact modes
 STEPS_PER_SNAPSHOT = 2  # steps in doubt for which a snapshot pays: a step takes two inserted points
 MAX_UNLIKENESS = 2e-3  # at checked points; tracking distinguishes pairs by hundredths
-BAND_END_REL_DISTANCE = (
-    0.01  # relative distance from the ends of the band within which a mode may be out of it
-)
+# relative distance from an end of the band within which a mode may be out of it
+BAND_END_REL_DISTANCE = 0.01
 MAX_MODELS_IN_MEMORY = 2  # models that a process holds
 
 
@@ -95,7 +94,7 @@ class Bases:
     Parameters
     ----------
     plan : Plan
-    near : StudyNeighbourhoods
+    neighbourhoods : StudyNeighbourhoods
     solved : callable
         Oscillating modes of a design point of the plan, as they were solved.
     counts : ndarray (n,) of int
@@ -154,36 +153,36 @@ class Bases:
         neighbourhoods = [self._near.of(i) for i in chosen]
         blocks: list[np.ndarray] = []
         varied = int((np.ptp(x, axis=0) > 0).sum())
-        used, count = 0, 2 ** min(varied, MAX_CORNER_PARAMETERS) + 1
-        while used < count <= min(MAX_SNAPSHOTS, max_points) and count < len(chosen):
+        n_used, n_next = 0, 2 ** min(varied, MAX_CORNER_PARAMETERS) + 1
+        while n_used < n_next <= min(MAX_SNAPSHOTS, max_points) and n_next < len(chosen):
             snapshot_blocks = self._workers.each(
-                snapshot_task, list(enumerate(neighbourhoods[used:count]))
+                snapshot_task, list(enumerate(neighbourhoods[n_used:n_next]))
             )
             blocks += [block for _, block in sorted(snapshot_blocks, key=itemgetter(0))]
-            used = count
+            n_used = n_next
             V = snapshot_basis(blocks)
             if not 0 < V.shape[1] <= MAX_BASIS_SHARE * n:
                 return None
-            names = [neighbourhood.design.point_id for neighbourhood in neighbourhoods[:used]]
+            names = [neighbourhood.design.point_id for neighbourhood in neighbourhoods[:n_used]]
             basis = Basis(content_hash([key, band_hz, names]), key, V, band_hz)
-            checked = slice(used, used + N_CHECKED_POINTS)
+            checked = slice(n_used, n_used + N_CHECKED_POINTS)
             checks = zip(neighbourhoods[checked], map(self._solved, chosen[checked]), strict=True)
             tasks = [CheckTask(basis, neighbourhood, solved) for neighbourhood, solved in checks]
             if max(self._workers.each(check_task, tasks)) <= MAX_UNLIKENESS:
                 return basis
-            count += N_CHECKED_POINTS
+            n_next += N_CHECKED_POINTS
         return None
 
 
 def far_apart(x: np.ndarray, count: int) -> np.ndarray:
-    """Points of x (n, p): the nearest to the middle, then each the farthest from those before.
+    """Choose points of x (n, p): the nearest to the middle, then the farthest from all chosen ones.
 
-    Each coordinate counts by its range.
+    Coordinates are divided by their ranges.
 
     Returns
     -------
     ndarray (m,) of int
-        Places of points that differ from each other, `count` at most.
+        Indices of points that differ from each other, `count` at most.
     """
     span = np.ptp(x, axis=0)
     scaled = (x - x.min(axis=0)) / np.where(span > 0, span, 1.0)

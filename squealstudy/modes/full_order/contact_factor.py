@@ -65,7 +65,7 @@ class ContactFactor(RefinedFactor):
 
     Parameters
     ----------
-    held : HeldStiffness
+    stiffness : HeldStiffness
     A : sparse (n, n)
         The stiffness.
     normal, coupling : ndarray (nc,)

@@ -140,14 +140,18 @@ class DampingGradient:
     ----------
     real : RealModes
     lam : complex
-    left, right : ndarray (m,) complex
+    left_projection, right_projection : ndarray (m,) complex
         phi^T M conj(y) and phi^T M x.
     """
 
     def __init__(
-        self, real: RealModes, lam: complex, left_vector: np.ndarray, right_vector: np.ndarray
+        self,
+        real: RealModes,
+        lam: complex,
+        left_projection: np.ndarray,
+        right_projection: np.ndarray,
     ) -> None:
-        self._lam, self._left, self._right = lam, left_vector, right_vector
+        self._lam, self._left, self._right = lam, left_projection, right_projection
         self._F, self._H = real.factors
 
     @cached_property

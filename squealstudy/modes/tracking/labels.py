@@ -1,4 +1,4 @@
-"""Labels of modes along a tree of design points; tracks of its branches that are of one mode."""
+"""Track numbers of modes along a tree of design points; joining of tracks that are one mode."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from squealstudy.modes.tracking.steps import Pairings, Shapes, Stepper
 from squealstudy.modes.tracking.tree import tree_of_modes
 
 MIN_STRAIGHT_COSINE = 0.999  # cosine above which two steps lie on one line
-EXTRAPOLATED_SHARE = (
-    0.5  # share of the last change that is expected to go on: all of it overshoots where
-)
-# frequencies come together and lock in, none of it lags where they cross
-MAX_STEP_RATIO = 3.0  # extrapolated at most, in steps of the parent
+# share of the last change by which roots are extrapolated: all of it overshoots where frequencies
+# come together and lock in, none of it lags where they cross
+EXTRAPOLATED_SHARE = 0.5
+MAX_STEP_RATIO = 3.0  # longest extrapolation over the step before
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,8 @@ class Tracks:
     macs : Ragged
         MAC with the track's mode at the parent point, NaN where the track begins.
     ambiguous : Ragged of bool
-        The pairing with the parent point is in doubt; or the track ends here, or begins, and may
-        go on under another number at the next point, or come from one (`broken`).
+        The pairing with the parent point is in doubt; or the track ends or begins here, and may
+        continue under another number (`broken`).
     """
 
     labels: Ragged
@@ -111,7 +110,7 @@ class TrackTree:
         ambiguous.flat[mode] = pairings.ambiguous.flat[source_entry]
         for i in self._breaks(pairings).tolist():
             p = int(self.parents[i])
-            is_lost = pairings.trust[i] <= 1.0  # others ended in sight of smaller steps
+            is_lost = pairings.trust[i] <= 1.0  # above that, smaller steps have confirmed the end
             ended, began = broken(lams[p], lams[i], pairings.partner[i], self.band, is_lost)
             ambiguous[p][ended] = True
             ambiguous[i][began] = True
@@ -253,13 +252,13 @@ def _joined(votes: Counter[Pair], labels: Ragged) -> np.ndarray:
     points_of_track = {
         t: points[ends[t] : ends[t + 1]] for pair in votes for t in pair
     }  # ascending
-    stands_for = np.arange(last_label + 1)
+    joined_number = np.arange(last_label + 1)
     for (track_a, track_b), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
-        a, b = sorted((int(stands_for[track_a]), int(stands_for[track_b])))
-        both = np.sort(np.concatenate([points_of_track[a], points_of_track[b]]))
-        if a == b or (both[1:] == both[:-1]).any():
+        a, b = sorted((int(joined_number[track_a]), int(joined_number[track_b])))
+        points_of_both = np.sort(np.concatenate([points_of_track[a], points_of_track[b]]))
+        if a == b or (points_of_both[1:] == points_of_both[:-1]).any():
             continue
-        points_of_track[a] = both
-        stands_for[stands_for == b] = a
-    number: np.ndarray = np.unique(stands_for, return_inverse=True)[1].reshape(-1)
+        points_of_track[a] = points_of_both
+        joined_number[joined_number == b] = a
+    number: np.ndarray = np.unique(joined_number, return_inverse=True)[1].reshape(-1)
     return number

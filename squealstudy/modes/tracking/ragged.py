@@ -1,4 +1,4 @@
-"""Arrays of different lengths, one a design point, in one array: a million of them cost no more."""
+"""Arrays of different lengths, one a design point, stored in one array."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Ragged:
     counts : ndarray (n,) of int
         Length of each row.
     starts : ndarray (n,) of int
-        Place of its first value in `flat`.
+        Index of its first value in `flat`.
     """
 
     def __init__(self, flat: np.ndarray, counts: np.ndarray) -> None:
@@ -57,12 +57,12 @@ class Ragged:
         return Ragged(flat, self.counts)
 
     def block(self, rows: np.ndarray, count: int) -> np.ndarray:
-        """Places in `flat` (r, count) of rows of that length."""
+        """Indices in `flat` (r, count) of rows of this length."""
         positions: np.ndarray = self.starts[rows][:, None] + np.arange(count)
         return positions
 
     def least(self) -> np.ndarray:
-        """Least value of each row (n,); infinite of an empty one."""
+        """Least value of each row (n,), infinite for an empty row."""
         least = np.full(len(self), np.inf)
         filled = np.flatnonzero(self.counts)
         if len(filled):

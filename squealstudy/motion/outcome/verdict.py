@@ -24,35 +24,34 @@ from squealstudy.motion.outcome.periods import (
 from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.wording import IRREGULAR, LIMIT_CYCLE, STABLE, UNDECIDED
 
-NEARLY_ALL = 0.8  # share of the energy of a mode that is the whole motion, but for harmonics
-JUDGED_ROWS = 40  # of a history whose modes are watched
+NEARLY_ALL = 0.8  # energy share of a mode that is the whole motion but for harmonics
+JUDGED_ROWS = 40  # fewest rows of a history whose modes are judged
 MIN_ENERGY_SHARE = 0.05  # share of the energy from which on a mode is in the motion
-MAX_RISING_SHARE = 0.3  # of the energy: choice; what rises with more is the motion that leads
-ENERGY_SHARE_ROUND_OFF = 1e-10  # of the energy: what is smaller may be round-off of contact forces
-RISE_LINES = 8  # the same, where a rise behind another motion is looked for
-RISE_PERIODS = 4.0  # of the mode in each of them, at least
-GROWTH_SIGMAS = 5.0  # standard errors that such a rise must exceed: many modes are looked at
-MIN_LN_GROWTH = 0.1  # of its logarithm over the window, at least
-MIN_GROWTH_HALF_RATIO = 0.6  # of the rise in the first half, that in the second must be
+MAX_RISING_SHARE = 0.3  # energy share above which a rising mode leads the motion (a choice)
+ENERGY_SHARE_ROUND_OFF = 1e-10  # energy share that may be round-off of contact forces
+RISE_LINES = 8  # stretches where a rise behind another motion is sought
+RISE_PERIODS = 4.0  # fewest periods of the mode in each of them
+GROWTH_SIGMAS = 5.0  # standard errors that such a rise must exceed, as many modes are tested
+MIN_LN_GROWTH = 0.1  # least rise of ln amplitude over the window
+MIN_GROWTH_HALF_RATIO = 0.6  # rise in the second half over that in the first, at least
 SMALLEST_POSITIVE = 1e-300
-MAX_FORECAST_DURATIONS = 1e3  # times a duration: what is later is not foreseen
-N_TORQUE_BLOCKS = 10  # of the judged part, whose levels of torque are compared
-LONGER = 2.0  # times a run whose torque still drifts: the duration that is asked for
+MAX_FORECAST_DURATIONS = 1e3  # forecast time over the run's duration, at most
+N_TORQUE_BLOCKS = 10  # blocks of the judged part whose torque levels are compared
+DRIFT_DURATION_FACTOR = 2.0  # proposed duration over that of a run whose torque still drifts
 N_LINE_STRETCHES = 4  # stretches of a window in which the line of a mode is measured
-# of its frequency either side: limit cycles are a few per cent off the complex mode
+# half-width of a mode's line over its frequency: limit cycles are a few per cent off the mode
 LINE_REL_HALF_WIDTH = 0.1
 
 
 def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     """Class of what a run has done, from its `moving_energy`.
 
-    A run that seems to decay is undecided while the motion does not show that all modes of which
-    growth is predicted decay too: those that are followed may still be seen to, those that are not
-    (above the band, or too many) and those of a run that nothing moved never. A limit cycle is
-    undecided while a mode that is not part of it is seen to rise, or while the torque still goes to
-    another level: one mode may feed another at the same energy. Stick-slip that repeats is a
-    limit cycle, and linear growth decides nothing of what sticks for most of a period. So is other
-    motion that repeats where small motion would have changed.
+    A run that seems to decay is undecided until the motion shows that all modes with predicted
+    growth decay too. That can be seen only of modes that are followed (not of those above the band,
+    or of too many) and that something has moved. A limit cycle is undecided while a mode that is no
+    part of it rises, or while the torque drifts to another level: one mode may feed another at the
+    same energy. Stick-slip that repeats is a limit cycle: linear growth says nothing of contact
+    that sticks for most of a period. Other undecided motion that repeats is a limit cycle too.
     """
     initial = 0.0 if run.point.continued else float(run.modal_energy[0])
     run_class = classify(
@@ -70,7 +69,7 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     if run_class.name == LIMIT_CYCLE:
         until = rises_until(run)
         if not np.isfinite(until) and torque_drifts(run):
-            until = LONGER * float(run.times[-1])
+            until = DRIFT_DURATION_FACTOR * float(run.times[-1])
         return RunClass(UNDECIDED, until) if np.isfinite(until) else run_class
     if run_class.name != STABLE:
         return run_class
@@ -96,10 +95,10 @@ def torque_drifts(run: Motion) -> bool:
 
 
 def _predicted_pace(run: Motion) -> float:
-    """Rate at which the level of the final motion would go by the complex modes alone, 1/s.
+    """Rate at which the level of the final motion would change by the complex modes alone, 1/s.
 
-    Of instabilities, that of each followed one times its share of the energy, of those that are in
-    it. Where there are none, the decay of the lightest mode if that has nearly all of the energy.
+    With instabilities: the sum of the followed ones' growth rates times their energy shares, where
+    these are in the motion. Without: the decay of the lightest mode, if it has nearly all energy.
     """
     rows, modes = len(run.times), run.point.growing
     if rows < JUDGED_ROWS or not len(modes.lam):
@@ -127,12 +126,11 @@ def grows_until(run: Motion, k: int) -> float:
 
 
 def rises_until(run: Motion) -> float:
-    """The duration after which what rises behind the motion that leads would have its level, s.
+    """Duration of a run long enough to judge a mode that rises behind the leading motion, s.
 
-    It may be a followed unstable mode, or a sensed one of which no growth is predicted: a limit
-    cycle may shed into modes whose frequencies add up to its own. The part that is judged begins
-    where that would have all the energy. Infinite where nothing is seen to rise, or too slowly to
-    be foreseen.
+    The mode may be followed and unstable, or sensed without predicted growth: a limit cycle may
+    shed energy into modes whose frequencies add up to its own. The judged part of that run begins
+    where the mode would have all the energy. Infinite where none rises, or too slowly.
     """
     rows = len(run.times)
     if rows < JUDGED_ROWS:
@@ -152,7 +150,7 @@ def rises_until(run: Motion) -> float:
 def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scale: float) -> float:
     """When an amplitude that rises at a constant pace would have all the energy, s, or infinity.
 
-    What has a third of the energy is the motion itself, whose level tells how it goes on.
+    A mode with a third of the energy is the motion itself, which is judged by its level.
     """
     time, frequency = run.times[window], omega / (2 * np.pi)
     length = float(time[-1] - time[0])
@@ -190,9 +188,9 @@ def mode_course(run: Motion, k: int, window: slice) -> tuple[float, float, float
     Returns
     -------
     share : float
-        Of all energy over the window, that of the mode in the last of four stretches.
+        Energy of the mode in the last of four stretches over all energy of the window.
     rate, error : float
-        Of its amplitude, 1/s, and the standard error.
+        Growth rate of its amplitude, 1/s, and the standard error.
     """
     time, lam = run.times[window], run.point.growing.lam[k]
     size = line_sizes(time, run.xi(k)[window], float(abs(lam)) / (2 * np.pi))
