@@ -13,6 +13,7 @@ import numpy as np
 
 from squealstudy.engine.cache import past_reductions
 from squealstudy.engine.plan import Plan
+from squealstudy.linalg.factor import automatic_backend
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.wording import plural
 
@@ -23,10 +24,13 @@ MEASURED_REDUCTION_S, MEASURED_POINT_S = (21.0, 77.0, 253.0), (0.29, 0.36, 0.70)
 # how far times of another machine, under another load and of other meshes may be from those, and
 # from each other on one machine: bounds on factors
 ELSEWHERE, HERE = (0.25, 4.0), (0.6, 1.7)
-# largest memory of a reduction up to 12 kHz: Python, matrices and shapes, and a factor by fronts,
-# whose fill grows faster than the size; measured are 1.1 GB of 28,875 and 3.0 GB of 95,217 degrees
-# of freedom. Bounds on its factor: of other bands and contacts
-BASE_GB, GB_PER_DOF, FACTOR_GB, FACTOR_DOF, FILL_POWER = 0.25, 2.3e-5, 0.115, 28_875, 1.35
+# largest memory of a reduction up to 12 kHz: Python, matrices and shapes, and the entries of a
+# triangular factor, whose fill grows faster than the size; measured are 1.1 to 1.2 GB of 28,875 (by
+# SuperLU) and 2.7 GB of 95,217 degrees of freedom (by CHOLMOD). SuperLU holds both triangles, with
+# an index for each entry. Bounds on its factor: of other bands and contacts
+BASE_GB, GB_PER_DOF = 0.25, 2.3e-5
+FACTOR_ENTRIES, FACTOR_DOF, FILL_POWER = 11e6, 28_875, 1.4
+BYTES_PER_ENTRY = {"superlu": 24, "cholmod": 8, "pardiso": 8}
 MEMORY_ELSEWHERE = (0.6, 1.6)
 LIKE_SIZE = 2.0  # factor of degrees of freedom within which a past reduction is of like size
 
@@ -98,7 +102,8 @@ def forecast_by_size(plan: Plan) -> SizeForecast | None:
 
 def _memory_gb(n_dof: int) -> tuple[float, float]:
     """Bounds of the largest memory of a reduction, GB."""
-    factor_gb = FACTOR_GB * (n_dof / FACTOR_DOF) ** FILL_POWER
+    entries = FACTOR_ENTRIES * (n_dof / FACTOR_DOF) ** FILL_POWER
+    factor_gb = 1e-9 * BYTES_PER_ENTRY[automatic_backend(n_dof, definite=True)] * entries
     middle = BASE_GB + GB_PER_DOF * n_dof + factor_gb
     return MEMORY_ELSEWHERE[0] * middle, MEMORY_ELSEWHERE[1] * middle
 
