@@ -20,11 +20,10 @@ from squealstudy.kinds.complex_modes.design_lines import (
     design_lines,
     extremes_in_words,
     growth_in_words,
-    last_at,
     onsets_in_words,
-    other_frequency,
 )
 from squealstudy.kinds.complex_modes.onset_table import first_onsets, onset_table
+from squealstudy.kinds.complex_modes.onset_words import alike_together, last_at, other_frequency
 from squealstudy.screen import as_text
 
 
@@ -344,7 +343,13 @@ def test_modes_that_are_all_unstable_from_the_first_value_say_so_once(tmp_path):
     rows = [row | {"track": n, "frequency_hz": 90.0 * n, "family": n} for n in (1, 2)]
     table = pd.DataFrame(rows).assign(family_modes=1)
     said = onsets_in_words(results, table)
-    assert said == "T1 at 90 Hz, T2 at 180 Hz, all already at the least friction"
+    assert said == "T1 at 90 Hz, T2 at 180 Hz, both already at the least friction"
+    texts = ["T1 at 90 Hz already at the least v", "T2 at 9 Hz first at v 0.3"]
+    assert alike_together(texts, "v") == texts
+    more = ["T3 at 95 Hz already at the least v (99 Hz there)", texts[0], *texts]
+    told = "T1 at 90 Hz, T1 at 90 Hz, both already at the least v"
+    assert alike_together(more, "v") == [told, more[0], texts[1]]
+    assert alike_together([texts[0]] * 3, "v")[0].endswith("90 Hz, all already at the least v")
 
 
 def test_what_designs_change_of_the_contact_is_told_at_the_same_friction(tmp_path):

@@ -17,12 +17,15 @@ from squealstudy.kinds.complex_modes.design_lines import (
     by_mode,
     design_text,
     extremes_in_words,
-    first_at,
     first_onset,
     growth_in_words,
-    last_at,
     modes_of_several_numbers,
     onsets_in_words,
+)
+from squealstudy.kinds.complex_modes.onset_words import (
+    alike_together,
+    first_at,
+    last_at,
     other_frequency,
 )
 from squealstudy.kinds.complex_modes.outside_text import grows_outside
@@ -123,7 +126,7 @@ def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[Desi
                     f"{last_at(row, on_line if '/' not in name else None, unit)}"
                 )
         n_told = len(modes_in_words) if len(modes_in_words) == MOST_MODES + 1 else MOST_MODES
-        named = ", ".join(modes_in_words[:n_told])
+        named = ", ".join(alike_together(modes_in_words[:n_told], along))
         more = (
             f" and {plural(len(modes_in_words) - n_told, 'other')}"
             if len(modes_in_words) > n_told

@@ -13,6 +13,12 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
+from squealstudy.kinds.complex_modes.onset_words import (
+    alike_together,
+    first_at,
+    last_at,
+    other_frequency,
+)
 from squealstudy.screen import grid, notes
 from squealstudy.tables.mode_ranking import (
     frequency_text,
@@ -20,7 +26,7 @@ from squealstudy.tables.mode_ranking import (
     parameter_columns,
     rank_modes,
 )
-from squealstudy.tables.stability import BELOW_RANGE, INEXACT, INTO, OUT_OF
+from squealstudy.tables.stability import BELOW_RANGE, INEXACT
 from squealstudy.wording import amount, in_digits, plural, track_number
 
 if TYPE_CHECKING:
@@ -30,9 +36,7 @@ GRID = "grid"
 MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
 MOST_MODES = 4  # named in the answer
 MOST_ONSETS = 4  # modes whose onsets stand beside each other, a row a design
-SAME_ONSET = 1e-9  # relative: values of an onset in two tables
 ALIKE_ONSETS = 2e-3  # relative: designs whose first onsets are as near are not told apart
-OTHER_FREQUENCY = 0.02  # relative, of a mode at its onset: it is told beside that of its growth
 
 Row = Mapping[Hashable, Any]
 
@@ -121,60 +125,6 @@ def first_onset(table: pd.DataFrame) -> Row | None:
     )
 
 
-def first_at(row: Row, along: str, unit: str) -> str:
-    """Where a mode turns unstable first, in words; empty where that is not known.
-
-    It may be stable again further on.
-    """
-    kind, onset = str(row["threshold_kind"]), row["threshold"]
-    if kind == BELOW_RANGE:
-        return f" already at the least {along}"
-    if not isinstance(onset, float) or np.isnan(onset):
-        return ""
-    mark = INEXACT.get(kind, "")
-    about, below = "about " if mark == "~" else "", " or less" if mark == "<= " else ""
-    return f" first at {along} {about}{amount(onset, unit)}{below}"
-
-
-def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
-    """The frequency of a mode at its first onset, where it is not that of its fastest growth."""
-    if onsets is None:
-        return ""
-    of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
-    if row["threshold_kind"] == BELOW_RANGE:
-        at_least = of_mode["frequency_hz"][
-            (of_mode["status"] == BELOW_RANGE.replace(" ", "_")).to_numpy(bool)
-        ]
-        return _elsewhere(sorted(at_least.dropna()), row["frequency_hz"])
-    if row["threshold"] != row["threshold"]:
-        return ""
-    distance = (of_mode["onset"] - row["threshold"]).abs().fillna(np.inf)
-    if not len(distance) or distance.min() > SAME_ONSET * abs(row["threshold"]):
-        return ""
-    return _elsewhere([float(of_mode["frequency_hz"][distance.idxmin()])], row["frequency_hz"])
-
-
-def _elsewhere(frequencies: list[float], hz: float) -> str:
-    """The frequencies of a mode at one place where they are not its frequency; else empty."""
-    if not frequencies or max(abs(other - hz) for other in frequencies) <= OTHER_FREQUENCY * hz:
-        return ""
-    ends = dict.fromkeys(in_digits(end) for end in (frequencies[0], frequencies[-1]))
-    return f" ({' to '.join(ends)} Hz there)"
-
-
-def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
-    """Where a mode of one line is unstable last, in words; empty where that is not known."""
-    if onsets is None:
-        return ""
-    of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
-    ends = of_mode["onset"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].to_numpy(float)
-    begins = of_mode["onset"][(of_mode["direction"] == INTO).to_numpy(bool)].to_numpy(float)
-    begins = np.nan_to_num(begins, nan=-np.inf)  # below the range
-    if len(ends) != 1 or len(begins) > 1 or not (begins < ends[0]).all():
-        return ""  # or it comes back
-    return f", no longer from {amount(float(ends[0]), unit)} on"
-
-
 def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     """The modes of a ranking in the order in which they turn unstable; empty without onsets."""
     along = results.along
@@ -199,12 +149,9 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
         f"{last_at(row, line if tracks_of[row['family']] == 1 else None, unit)}"
         for row in tracked[:n_told].to_dict("records")
     ]
-    at_start = f" already at the least {along}"
     n_untold = len(tracked) - len(texts)
     others = f" and {plural(n_untold, 'other')}" if n_untold else ""
-    if len(texts) > 1 and not n_untold and all(text.endswith(at_start) for text in texts):
-        return f"{', '.join(text.removesuffix(at_start) for text in texts)}, all{at_start}"
-    return ", ".join(texts) + others
+    return ", ".join(alike_together(texts, along)) + others
 
 
 def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:

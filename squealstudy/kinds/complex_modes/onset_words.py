@@ -1,0 +1,87 @@
+"""Where a mode turns unstable and stable again, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from squealstudy.tables.stability import BELOW_RANGE, INEXACT, INTO, OUT_OF
+from squealstudy.wording import amount, in_digits
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SAME_ONSET = 1e-9  # relative: values of an onset in two tables
+OTHER_FREQUENCY = 0.02  # relative, of a mode at its onset: it is told beside that of its growth
+
+Row = Mapping[Hashable, Any]
+
+
+def first_at(row: Row, along: str, unit: str) -> str:
+    """Where a mode turns unstable first, in words; empty where that is not known.
+
+    It may be stable again further on.
+    """
+    kind, onset = str(row["threshold_kind"]), row["threshold"]
+    if kind == BELOW_RANGE:
+        return _at_start(along)
+    if not isinstance(onset, float) or np.isnan(onset):
+        return ""
+    mark = INEXACT.get(kind, "")
+    about, below = "about " if mark == "~" else "", " or less" if mark == "<= " else ""
+    return f" first at {along} {about}{amount(onset, unit)}{below}"
+
+
+def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
+    """The frequency of a mode at its first onset, where it is not that of its fastest growth."""
+    if onsets is None:
+        return ""
+    of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
+    if row["threshold_kind"] == BELOW_RANGE:
+        at_least = of_mode["frequency_hz"][
+            (of_mode["status"] == BELOW_RANGE.replace(" ", "_")).to_numpy(bool)
+        ]
+        return _elsewhere(sorted(at_least.dropna()), row["frequency_hz"])
+    if row["threshold"] != row["threshold"]:
+        return ""
+    distance = (of_mode["onset"] - row["threshold"]).abs().fillna(np.inf)
+    if not len(distance) or distance.min() > SAME_ONSET * abs(row["threshold"]):
+        return ""
+    return _elsewhere([float(of_mode["frequency_hz"][distance.idxmin()])], row["frequency_hz"])
+
+
+def _elsewhere(frequencies: list[float], hz: float) -> str:
+    """The frequencies of a mode at one place where they are not its frequency; else empty."""
+    if not frequencies or max(abs(other - hz) for other in frequencies) <= OTHER_FREQUENCY * hz:
+        return ""
+    ends = dict.fromkeys(in_digits(end) for end in (frequencies[0], frequencies[-1]))
+    return f" ({' to '.join(ends)} Hz there)"
+
+
+def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
+    """Where a mode of one line is unstable last, in words; empty where that is not known."""
+    if onsets is None:
+        return ""
+    of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
+    ends = of_mode["onset"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].to_numpy(float)
+    begins = of_mode["onset"][(of_mode["direction"] == INTO).to_numpy(bool)].to_numpy(float)
+    begins = np.nan_to_num(begins, nan=-np.inf)  # below the range
+    if len(ends) != 1 or len(begins) > 1 or not (begins < ends[0]).all():
+        return ""  # or it comes back
+    return f", no longer from {amount(float(ends[0]), unit)} on"
+
+
+def alike_together(texts: list[str], along: str) -> list[str]:
+    """Modes in words, those that are unstable already at the least value first, and as one text."""
+    ending = _at_start(along)
+    names = [text.removesuffix(ending) for text in texts if text.endswith(ending)]
+    if len(names) < 2:
+        return texts
+    others = [text for text in texts if not text.endswith(ending)]
+    return [f"{', '.join(names)}, {'both' if len(names) == 2 else 'all'}{ending}", *others]
+
+
+def _at_start(along: str) -> str:
+    return f" already at the least {along}"
