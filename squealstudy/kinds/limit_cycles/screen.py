@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Hashable, Mapping
 from itertools import zip_longest
 from string import ascii_lowercase
@@ -14,6 +15,7 @@ from rich.console import RenderableType
 
 from squealstudy.cycles.branch import CLOSED, RANGE, SHRUNK
 from squealstudy.cycles.growth import FAR
+from squealstudy.cycles.verdicts import NOT_FOLLOWED
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.screen import Rows, command_text, grid, notes
@@ -59,6 +61,7 @@ BRANCH_ENDS = {
     FAR: "beyond 'reach'",
 }
 MEASURED = re.compile(r"(?<![\w.])(?<!mode )(?<!modes )\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
+MOST_FOLLOWED, SAME_FREQUENCY = 3, 0.02  # modes told one by one; relative, of one mode
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 
@@ -112,7 +115,8 @@ class LimitCyclesScreen(KindScreen):
         legend = notes(
             *(f"{letter}: {reason}" for reason, letter in why.items() if letter != reason),
             f"{more} more in the points table" if more else "",
-            "growth: of the followed mode that grows fastest or decays slowest",
+            "growth: of the mode that grows fastest or decays slowest, of those followed and those "
+            "unstable",
             f"RMS: of the {force}, about its mean; +-: its error; Hz: its frequency (x2: loudest "
             "at twice that; ~: loudest line, where no period is known)",
             "all of the loudest stable cycle, or of a run in time that lasts",
@@ -142,7 +146,30 @@ class LimitCyclesScreen(KindScreen):
         counts_text = self.counted(results, points["verdict"].where(solved, FAILED).tolist())
         band = band_text(results.fact("band_hz"))
         counted = f"{plural(len(points), 'design')}, of modes {band}: {counts_text}."
-        return f"{counted}{levels_in_words(points, results.units.get(TORQUE, 'N m'))}"
+        levels = levels_in_words(points, results.units.get(TORQUE, "N m"))
+        return f"{counted}{levels}{self.followed_in_words(results)}"
+
+    def followed_in_words(self, results: ResultTables) -> str:
+        """Modes that squeal and were not followed, and what became of those that were.
+
+        Empty where all that squeal were followed.
+        """
+        verdicts = results.table("verdicts")
+        is_followed = (verdicts["curve_end"] != NOT_FOLLOWED).to_numpy(bool)
+        alone = verdicts[~is_followed & (verdicts["verdict"] == SQUEALS).to_numpy(bool)]
+        if not len(alone):
+            return ""
+        count = f"{alone['point_id'].nunique()} of {plural(len(results.points), 'design')}"
+        text = f" At {count} it squeals by modes that were not followed, near {_near(alone)} Hz"
+        told = []
+        for number, rows in list(verdicts[is_followed].groupby("mode"))[:MOST_FOLLOWED]:
+            of_point = dict(zip(rows["point_id"], rows["verdict"], strict=True))
+            words = [of_point.get(point, "") for point in results.points["point_id"]]
+            counts = Counter(filter(None, words)).most_common()
+            listed = ", ".join(f"{str(word).replace('_', ' ')} at {n}" for word, n in counts)
+            by_range = self.counted(results, words) if all(words) else listed
+            told.append(f"mode {number} near {_near(rows)} Hz: {by_range or listed}")
+        return f"{text}; followed was {'; '.join(told)}." if told else f"{text}."
 
     def next_steps(self, results: ResultTables) -> Rows:
         """The page of curves and levels; silence by a change, where something squeals."""
@@ -157,7 +184,8 @@ class LimitCyclesScreen(KindScreen):
         """Modes that were followed, and cycles; what the levels err by."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
         distinct_cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)]
-        counts = verdicts["verdict"].value_counts()
+        followed = verdicts[(verdicts["curve_end"] != NOT_FOLLOWED).to_numpy(bool)]
+        counts = followed["verdict"].value_counts()
         text = ", ".join(f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items())
         rows = [("modes", f"followed, over all designs: {text}" if text else "none followed")]
         if len(distinct_cycles):
@@ -174,6 +202,16 @@ class LimitCyclesScreen(KindScreen):
             rows.append(("cycles", said))
         rows += _branches(results)
         return [*rows, *_borders(results.table("borders"))]
+
+
+def _near(rows: pd.DataFrame) -> str:
+    """Frequencies of modes, one of those that are near each other: ``861, 3793 and 6306``."""
+    distinct: list[float] = []
+    for hz in sorted(rows["frequency_hz"].dropna()):
+        if not distinct or hz > (1.0 + SAME_FREQUENCY) * distinct[-1]:
+            distinct.append(float(hz))
+    names = [in_digits(hz) for hz in distinct]
+    return f"{', '.join(names[:-1])}{' and ' * (len(names) > 1)}{names[-1]}" if names else "?"
 
 
 def _served(results: ResultTables) -> str:

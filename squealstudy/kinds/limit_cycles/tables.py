@@ -204,7 +204,14 @@ def summary(
         reason = f"no mode was followed{beyond}"
         words = {"verdict": UNDECIDED, "reason": reason, "invalid_reason": ""}
         return {**words, **facts, **counts, **numbers}
-    first = min(verdicts, key=lambda v: VERDICTS.index(v["verdict"]))
+    # of several that squeal the fastest, whose growth the design has
+    first = min(
+        verdicts,
+        key=lambda v: (
+            VERDICTS.index(v["verdict"]),
+            -v["growth_rate"] if v["verdict"] == SQUEALS else 0.0,
+        ),
+    )
     loudest = max(
         (v for v in verdicts if np.isfinite(v["torque_rms"])),
         key=lambda v: v["torque_rms"],
