@@ -21,6 +21,7 @@ from squealstudy.kinds.complex_modes.design_lines import (
     growth_in_words,
     modes_of_several_numbers,
     onsets_in_words,
+    quiet_in_words,
 )
 from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,
@@ -70,7 +71,7 @@ def answer(
     if not len(table) or not onsets_in_words(results, table):
         return []
     text = f"{what_is_unstable(results, table, lines)}."
-    text += extremes_in_words(results, lines)
+    text += extremes_in_words(results, lines) + quiet_in_words(results, lines)
     text += _growth_in_words(results, lines) or growth_in_words(results, lines)
     return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
 

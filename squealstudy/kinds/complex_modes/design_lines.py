@@ -27,7 +27,7 @@ from squealstudy.tables.mode_ranking import (
     rank_modes,
 )
 from squealstudy.tables.stability import BELOW_RANGE, INEXACT
-from squealstudy.wording import amount, in_digits, plural, track_number
+from squealstudy.wording import amount, in_digits, plural, prefixed, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
@@ -199,6 +199,39 @@ def growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
         for end in (high, low)
     ]
     return f" The fastest growth is largest {texts[0]} and least {texts[1]}."
+
+
+def quiet_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
+    """Points of designs at which no mode is unstable, though one is at the least value.
+
+    To follow others; empty where no design has such points.
+    """
+    along, points = results.along or "", results.points
+    unit = results.units.get(along, "")
+    designs_at: dict[str, list[str]] = {}
+    for line in lines:
+        of_design = [points[name].to_numpy() == v for name, v in line.design.items()]
+        rows = points[np.logical_and.reduce(of_design)].sort_values(along)
+        stable = ((rows["status"] == "ok") & (rows["n_unstable_high"] == 0)).to_numpy(bool)
+        if line.kind != BELOW_RANGE or not stable.any():
+            continue
+        quiet, n_quiet = rows[along].to_numpy(float)[stable], int(stable.sum())
+        first, last = (amount(v, unit, quiet[-1]) for v in (float(quiet[0]), float(quiet[-1])))
+        first = first.removesuffix(prefixed(unit, quiet[-1])[0]).rstrip() if n_quiet > 1 else first
+        gaps = ", not between" * (not stable[stable.argmax() :][:n_quiet].all())
+        several = f" to {last} ({n_quiet} points{gaps})" if n_quiet > 1 else ""
+        designs_at.setdefault(f"{first}{several}", []).append(design_text(results, line))
+    if not designs_at:
+        return ""
+    name = f"{next(iter(lines[0].design))} "  # once, where designs differ by it alone
+    texts = [
+        f"{quiet} with {of[0]}"
+        + "".join(f" or {d.removeprefix(name) if len(lines[0].design) == 1 else d}" for d in of[1:])
+        for quiet, of in designs_at.items()
+    ]
+    more = f" and at others with {plural(len(texts) - MOST_MODES, 'other design')}"
+    more *= len(texts) > MOST_MODES
+    return f" No mode is unstable at {along} {'; '.join(texts[:MOST_MODES])}{more}."
 
 
 def design_text(results: ResultTables, line: DesignLine) -> str:

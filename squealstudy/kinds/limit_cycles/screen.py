@@ -160,16 +160,20 @@ class LimitCyclesScreen(KindScreen):
         if not len(alone):
             return ""
         count = f"{alone['point_id'].nunique()} of {plural(len(results.points), 'design')}"
-        text = f" At {count} it squeals by modes that were not followed, near {_near(alone)} Hz"
-        told = []
+        text = f" At {count} it squeals by modes that were not followed, near "
+        text += f"{_frequencies_text(alone)} Hz"
+        followed_texts = []
         for number, rows in list(verdicts[is_followed].groupby("mode"))[:MOST_FOLLOWED]:
             of_point = dict(zip(rows["point_id"], rows["verdict"], strict=True))
             words = [of_point.get(point, "") for point in results.points["point_id"]]
             counts = Counter(filter(None, words)).most_common()
-            listed = ", ".join(f"{str(word).replace('_', ' ')} at {n}" for word, n in counts)
-            by_range = self.counted(results, words) if all(words) else listed
-            told.append(f"mode {number} near {_near(rows)} Hz: {by_range or listed}")
-        return f"{text}; followed was {'; '.join(told)}." if told else f"{text}."
+            became = ", ".join(f"{str(word).replace('_', ' ')} at {n}" for word, n in counts)
+            if all(words):
+                became = self.counted(results, words)
+            followed_texts.append(f"mode {number} near {_frequencies_text(rows)} Hz: {became}")
+        if followed_texts:
+            text += f"; followed was {'; '.join(followed_texts)}"
+        return f"{text}."
 
     def next_steps(self, results: ResultTables) -> Rows:
         """The page of curves and levels; silence by a change, where something squeals."""
@@ -204,7 +208,7 @@ class LimitCyclesScreen(KindScreen):
         return [*rows, *_borders(results.table("borders"))]
 
 
-def _near(rows: pd.DataFrame) -> str:
+def _frequencies_text(rows: pd.DataFrame) -> str:
     """Frequencies of modes, one of those that are near each other: ``861, 3793 and 6306``."""
     distinct: list[float] = []
     for hz in sorted(rows["frequency_hz"].dropna()):
