@@ -1,8 +1,8 @@
 """A curve of periodic motions on a basis that grows with them.
 
-A small model is followed as it is. Of a projected one each point is corrected in all coordinates
-by blocks; where that correction is too large the basis grows by it and the step is made again: the
-motion before it is balanced in the larger basis after a Newton step or two.
+A small model is followed in all coordinates. In a projected one each point is corrected in all
+coordinates, by blocks. Where that correction is too large, it joins the basis and the step is made
+again; the motion before it is balanced in the larger basis after a Newton step or two.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
     from squealstudy.cycles.oscillator import LocalForces
 
 BASIS = "basis"  # the basis errs by too much, or is too large
-LOST = "not_converged"
+LOST = "not_converged"  # no next point was found
 MAX_ENRICHMENTS_PER_STEP = 6  # enrichments for one step, before it is halved
 ROUGH_EVENT_TOLERANCE = 2e-2  # tolerance over the step of an event that is corrected afterwards
 MAX_RESTARTS = 2  # restarts of a lost curve on a new basis
-MAX_BASIS_CHANGE = 5e-2  # change of a motion on another basis, beyond which it is another one
-MAX_POINTS_BACK = 4  # points that are taken back at most where a larger basis does not have them
-# cosine of the way on in another basis, below which it may as well be the way back
+MAX_BASIS_CHANGE = 5e-2  # relative change in another basis up to which a motion is the same
+MAX_POINTS_BACK = 4  # most points that are removed because a larger basis does not have them
+# cosine between directions before and after a change of basis, below which the sign is unclear
 MIN_DIRECTION_COSINE = 0.5
-# arc-length of the place that tells which way a curve goes on in another basis
+# arc length to the point that gives the direction of a curve in another basis
 DIRECTION_PROBE_LENGTH = 1e-2
 
-Ended = Callable[[np.ndarray, PeriodicMotion], str]  # of unknowns and the motion; why it ends there
+Ended = Callable[[np.ndarray, PeriodicMotion], str]  # (unknowns, motion) -> reason to end, or empty
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +51,11 @@ class CurveMotion:
     Attributes
     ----------
     motion : PeriodicMotion
-        Of all coordinates.
+        The motion in all coordinates.
     residual : float
-        Of the balance in the basis.
+        Residual of the balance in the basis.
     error : float
-        Of the basis, relative in elastic energy, by the blocks of the harmonics.
+        Error of the basis, relative in elastic energy, by the correction of each harmonic.
     event : str
         Name of the test that is zero here.
     """
@@ -103,15 +103,15 @@ class CurveBasis(Protocol):
         ...
 
     def remember(self, motion: PeriodicMotion) -> None:
-        """A basis that begins anew will hold this motion."""
+        """Note a motion that a rebuilt basis has to span."""
         ...
 
     def compact(self, motion: PeriodicMotion) -> None:
-        """A large basis begins anew."""
+        """Rebuild a basis that is too large."""
         ...
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """A correction joins the basis."""
+        """Add a correction to the basis."""
         ...
 
 
@@ -124,14 +124,14 @@ class Path:
     projection : CurveBasis
     harmonics : int
     first : (int, float)
-        Place among the unknowns, and sign, of what changes first.
+        Index of the unknown that changes first, and the sign of its change.
     ended : callable
-        Why the curve ends at a point; empty where it goes on.
+        Returns the reason to end at a point, or an empty text.
     steps : Steps
     tests : mapping of str -> callable
         Events that are located.
     watched : int or None
-        As of `continuation.follow`.
+        See `continuation.follow`.
     """
 
     projection: CurveBasis
@@ -150,10 +150,10 @@ class Path:
         Returns
         -------
         motions : list of CurveMotion
-            Events stand among them; on a projected model to a part of a step.
+            Events are among them; on a projected model they are located to a part of a step.
         end : str
-            What `ended` said; ``basis`` where too many vectors would be needed; ``steps`` or
-            ``not_converged``.
+            The reason that `ended` gave; ``basis`` where too many vectors would be needed;
+            ``steps`` or ``not_converged``.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class Path:
         curve = follow(
             equations,
             u,
-            self._along(u),
+            self._first_direction(u),
             self.steps,
             self.tests,
             lambda u: self.ended(u, equations.motion(u)),
@@ -197,13 +197,13 @@ class Path:
         ]
         return curve_motions, curve.end
 
-    def _along(self, u: np.ndarray) -> np.ndarray:
-        along = np.zeros(len(u))
-        along[self.first[0]] = self.first[1]
-        return along
+    def _first_direction(self, u: np.ndarray) -> np.ndarray:
+        direction = np.zeros(len(u))
+        direction[self.first[0]] = self.first[1]
+        return direction
 
     def _growing(self, motions: list[CurveMotion], held_unknown: int) -> str:
-        """Why the curve on from the first motion ended; what is found on it is added."""
+        """Add the motions of the curve after the last one to `motions`; return why it ends."""
         projection, steps = self.projection, self.steps
         h, tries = steps.first, 0
         equations, current = self._begun(motions, held_unknown)
@@ -217,12 +217,14 @@ class Path:
                 ROUGH_EVENT_TOLERANCE,
                 watched=self.watched,
             )
-            if step is None:  # what the last motion has missing may be what its successor needs
-                way = None if tries else self._grown(equations, current, motions[-1].motion)
-                if way is None:
+            if step is None:  # the next motion may need what the basis lacks of the last one
+                motions_of_step = (
+                    None if tries else self._grown(equations, current, motions[-1].motion)
+                )
+                if motions_of_step is None:
                     return LOST
                 tries, h = tries + 1, steps.first
-                equations, current = self._again(motions, *way)
+                equations, current = self._again(motions, *motions_of_step)
                 continue
             following, events, taken, iterations = step
             motion = equations.motion(following.u)
@@ -233,8 +235,10 @@ class Path:
                 h = taken if tries % MAX_ENRICHMENTS_PER_STEP else 0.5 * taken
                 if h < steps.least:
                     return BASIS
-                if way := self._grown(equations, current, motion, equations.forces(following.u)):
-                    equations, current = self._again(motions, *way)
+                if motions_of_step := self._grown(
+                    equations, current, motion, equations.forces(following.u)
+                ):
+                    equations, current = self._again(motions, *motions_of_step)
                 continue
             h = grown(taken, iterations, steps, float(current.tangent @ following.tangent))
             tries, current = 0, following
@@ -250,10 +254,10 @@ class Path:
     def _begun(
         self, motions: list[CurveMotion], held_unknown: int
     ) -> tuple[CycleEquations, CurvePoint]:
-        """The last motion of the curve, from which it goes on.
+        """Equations and point at the last motion of the curve, to continue it.
 
-        After others it is balanced on a basis of its own: one that has grown along the curve may
-        have lost its way.
+        After a loss that motion gets a new basis: in the one that has grown along the curve it may
+        lead to another curve.
         """
         if len(motions) == 1:
             return self._here(motions[0].motion)
@@ -266,7 +270,7 @@ class Path:
                 motion, error, residual = self.projection.improve(
                     last, CURVE_BASIS_ERROR, held_unknown
                 )
-                begun = self._here(
+                restarted = self._here(
                     motion, between(previous, motion, 1.0 + ROUGH_EVENT_TOLERANCE), previous
                 )
             except ConvergenceError:
@@ -276,7 +280,7 @@ class Path:
                 and self.projection.error(last, _change(last, motion)) < MAX_BASIS_CHANGE
             ):
                 motions[-1] = CurveMotion(motion, residual, error)
-                return begun
+                return restarted
             del motions[plain[-2] + 1 :]
         raise ConvergenceError(LOST, "the curve was lost, and not found again")
 
@@ -287,9 +291,9 @@ class Path:
         motion: PeriodicMotion,
         local: LocalForces | None = None,
     ) -> tuple[PeriodicMotion, PeriodicMotion] | None:
-        """Extend the basis by what a motion lacks; None where it lacks nothing.
+        """Extend the basis by the correction of a motion; None where it does not grow.
 
-        The point where the curve is, and one ahead of it, of all coordinates.
+        Returns the motion at the current point, and one ahead of it, in all coordinates.
         """
         projection = self.projection
         start, ahead = (
@@ -305,10 +309,10 @@ class Path:
     def _again(
         self, motions: list[CurveMotion], start: PeriodicMotion, ahead: PeriodicMotion
     ) -> tuple[CycleEquations, CurvePoint]:
-        """The last point in the basis as it is now.
+        """Equations and point at the last motion in the present, larger basis.
 
-        One that the larger basis does not have was made by what the smaller one lacked: it is taken
-        from the curve, which goes on from the one before it.
+        A point that does not exist in the larger basis was an artefact of the smaller one: it is
+        removed, and the curve continues from the point before.
         """
         for _ in range(MAX_POINTS_BACK):
             plain = [k for k, m in enumerate(motions) if not m.event]
@@ -328,21 +332,21 @@ class Path:
         ahead: PeriodicMotion | None = None,
         previous: PeriodicMotion | None = None,
     ) -> tuple[CycleEquations, CurvePoint]:
-        """A motion of the curve, in the basis as it is, and the way on to the side of `ahead`.
+        """Equations and point at a motion in the present basis, with the direction to `ahead`.
 
-        Which is not to be that to the side of `previous`, the motion before.
+        ConvergenceError where that direction is unclear, or leads back to `previous`.
         """
         equations = self.projection.equations(self.harmonics)
         u = equations.pack(motion)
         equations.accepted(u)
-        along = self._along(u)
+        direction = self._first_direction(u)
         if ahead is not None:
-            along = equations.pack(ahead) - u
-            along /= np.linalg.norm(along)
-        u, residual, _, bordered = newton(equations, u, along, None)
-        tangent = bordered.towards(along)
+            direction = equations.pack(ahead) - u
+            direction /= np.linalg.norm(direction)
+        u, residual, _, bordered = newton(equations, u, direction, None)
+        tangent = bordered.towards(direction)
         points_back = previous is not None and tangent @ (equations.pack(previous) - u) > 0.0
-        if ahead is not None and (points_back or tangent @ along < MIN_DIRECTION_COSINE):
+        if ahead is not None and (points_back or tangent @ direction < MIN_DIRECTION_COSINE):
             raise ConvergenceError(LOST, "which way the curve goes on cannot be told")
         return equations, CurvePoint(u, tangent, residual)
 
@@ -352,7 +356,7 @@ def _change(before: PeriodicMotion, after: PeriodicMotion) -> PeriodicMotion:
 
 
 def between(first: PeriodicMotion, second: PeriodicMotion, share: float) -> PeriodicMotion:
-    """A motion on the way from one to another of as many harmonics, in phase with it."""
+    """Linear interpolation of two motions that are in phase and have as many harmonics."""
     omega = first.omega + share * (second.omega - first.omega)
     parameter = first.parameter + share * (second.parameter - first.parameter)
     return PeriodicMotion(first.Q + share * (second.Q - first.Q), omega, parameter)

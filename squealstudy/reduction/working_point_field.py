@@ -34,7 +34,7 @@ class NewtonAnchor:
 def anchor_at(
     theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
 ) -> NewtonAnchor:
-    """An anchor at a working point; `space` is that of its component changes."""
+    """Anchor at a working point; `space` has the point's component changes."""
     jacobian = GapJacobian(space, operating, point.contact_pressure, point.tangent)
     return NewtonAnchor(theta, jacobian)
 
@@ -46,10 +46,10 @@ class WorkingPointField:
     Attributes
     ----------
     space : ContactSpace
-        Without component changes.
+        Contact space without component changes.
     node_gaps : ndarray (q, nc)
     cardinals : callable
-        theta (b, d) -> (b, q).
+        Interpolation weights (b, q) of the nodes at theta (b, d).
     anchors : tuple of NewtonAnchor
     """
 
