@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,8 @@ from squealstudy.kinds.complex_modes.reduction_errors import CARRIED, ReductionE
 from squealstudy.kinds.complex_modes.rows import read_columns
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
+from squealstudy.linalg import factor as factors
+from squealstudy.linalg.factor import solve_threads
 from squealstudy.models.assembly import Assembly, Component, ContactInterface
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.models.operating import DesignState, OperatingPoint
@@ -128,6 +131,30 @@ def test_residual_loads_are_those_of_the_unreduced_matrices(left):
     twin = load.real @ mixed[:4] + load.imag @ mixed[4:]
     made = ReductionRecord(assembly, modes, (NOMINAL,), TOP, CUTOFF)
     np.testing.assert_allclose(sums.loads(basis, made), twin, atol=1e-9 * np.abs(twin).max())
+
+
+def test_residual_loads_of_states_side_by_side_are_the_same_to_the_last_bit(monkeypatch):
+    assembly = two_bars()
+    prepared, modes, basis = prepare_with_basis(
+        assembly, NOMINAL, ReductionSettings(CUTOFF, CUTOFF, 0.0, 1e-3)
+    )
+    others = [replace(NOMINAL, brake_pressure=f * NOMINAL.brake_pressure) for f in (0.5, 2.0, 4.0)]
+    made = ReductionRecord(assembly, modes, (NOMINAL, *others), TOP, CUTOFF)
+    loads, threads = [], set()
+    solve = finer_model.dense_roots
+
+    def recorded(*matrices):
+        threads.add(threading.get_ident())
+        return solve(*matrices)
+
+    monkeypatch.setattr(finer_model, "dense_roots", recorded)
+    monkeypatch.setattr(factors, "FEW_ROWS", 1)
+    for count in (1, 2):
+        threads.clear()
+        with solve_threads(count):
+            loads.append(finer_model.residual_loads(prepared, basis, made))
+        assert len(threads) == count
+    np.testing.assert_array_equal(*loads)
 
 
 UNTRAINED = [

@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import scipy.linalg as la
@@ -155,26 +156,50 @@ def residual_loads(
     rng = np.random.default_rng(0)  # the same structure has the same finer model
     restricted = basis.restrict(rng.standard_normal(record.assembly.n_dof))
     sums = _ResidualSums(prepared.model)
-    for state in record.states:
-        with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
-            point = state_working_point(prepared, state)
-            small = linearise(prepared.model, point, state)
-            contact = contact_weights(prepared.model, point, state.operating)
-            changes = state.stiffness_changes(component_frequencies(prepared.model))
-            for use_transposes in (False, True) if state.operating.friction else (False,):
-                C, K = (small.C.T, small.K.T) if use_transposes else (small.C, small.K)
-                top = 2 * np.pi * record.top_hz
-                lam, x = dense_roots(C, K, (LOW_END_RATIO * top, top))
-                toward = restricted @ x
-                x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
-                mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
-                sums.add(
-                    [_mixed(x * lam**power, mixed) for power in range(3)], contact, use_transposes
-                )
-                sums.add_changes(_mixed(x, mixed), changes)
+    with side_by_side(record.assembly.n_dof) as pool:
+        solved = list(
+            pool.map(lambda state: _loading_modes(prepared, state, record), record.states)
+        )
+    for modes in chain.from_iterable(solved):  # in their order: so are the random numbers
+        lam, x = modes.lam, modes.x
+        toward = restricted @ x
+        x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
+        mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
+        powers = [_mixed(x * lam**power, mixed) for power in range(3)]
+        sums.add(powers, modes.contact, modes.are_left)
+        sums.add_changes(powers[0], modes.changes)
     if not sums.any:
         raise np.linalg.LinAlgError("no point has modes")
     return sums.loads(basis, record)
+
+
+@dataclass(frozen=True, eq=False)
+class _LoadingModes:
+    """Reduced right or left modes x (n, m) of a state, with roots lam (m,) [rad/s]."""
+
+    lam: np.ndarray
+    x: np.ndarray
+    are_left: bool
+    contact: ContactWeights
+    changes: Mapping[ModeKey, float]
+
+
+def _loading_modes(
+    prepared: PreparedModel, state: DesignState, record: ReductionRecord
+) -> list[_LoadingModes]:
+    """Right modes of a state, and with friction left ones; those before what fails."""
+    modes: list[_LoadingModes] = []
+    with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
+        point = state_working_point(prepared, state)
+        small = linearise(prepared.model, point, state)
+        contact = contact_weights(prepared.model, point, state.operating)
+        changes = state.stiffness_changes(component_frequencies(prepared.model))
+        top = 2 * np.pi * record.top_hz
+        for are_left in (False, True) if state.operating.friction else (False,):
+            C, K = (small.C.T, small.K.T) if are_left else (small.C, small.K)
+            lam, x = dense_roots(C, K, (LOW_END_RATIO * top, top))
+            modes.append(_LoadingModes(lam, x, are_left, contact, changes))
+    return modes
 
 
 def _mixed(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
