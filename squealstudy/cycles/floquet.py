@@ -32,7 +32,7 @@ COARSER_STEPS, STEPS_SAFETY_FACTOR = (0.45, 0.55, 0.7), 1.5
 TRAPEZOIDAL_MIN_COORDINATES = 60  # coordinates above which the trapezoidal rule takes over
 TRAPEZOIDAL_STEPS = 192
 ERROR_MIN_MULTIPLIER = 0.97  # size of multipliers of which the trapezoidal rule's error is told
-LEAST_MULTIPLIER = 0.5  # size of multipliers of which errors are told
+LEAST_MULTIPLIER = 0.5  # size of multipliers that are not small
 # Hulten's model on a cubic contact that opens: 11 harmonics err by .038, the change to 25 is .034
 OTHER_SERIES_SAFETY_FACTOR = 1.5
 FINER_SERIES_SHARE = 0.5  # error of a finer series over the change that it made: there .12
@@ -231,19 +231,23 @@ def _ordered_multipliers(osc: Oscillator, cycle: PeriodicMotion, whole: np.ndarr
 
 
 def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
-    """Largest distance of a multiplier that is not small to the nearest of the coarse ones."""
-    not_small = fine[np.abs(fine) > LEAST_MULTIPLIER]
-    if not len(not_small):
-        return 0.0
-    return float(np.abs(not_small[:, None] - coarse).min(axis=1).max())
+    """Largest distance of a multiplier that counts to the nearest of the coarse ones."""
+    apart = np.abs(fine[_counts(fine), None] - coarse).min(axis=1)
+    return float(apart.max(initial=0.0))
 
 
 def _size_change(floquet: Floquet, other: Floquet) -> float:
-    """Largest difference of sizes of multipliers that are not small, each beside its like."""
+    """Largest difference of sizes of multipliers that count, each beside its like."""
     fine, coarse = floquet.multipliers[:-1], other.multipliers[:-1]
     mine, pairs = least_assignment(np.abs(fine[:, None] - coarse))
     change = np.abs(np.abs(fine[mine]) - np.abs(coarse[pairs]))
-    return float(change[np.abs(fine[mine]) > LEAST_MULTIPLIER].max(initial=0.0))
+    return float(change[_counts(fine)[mine]].max(initial=0.0))
+
+
+def _counts(multipliers: np.ndarray) -> np.ndarray:
+    """Which multipliers have an error: the first, which is the largest, and all not small."""
+    size = np.abs(multipliers)
+    return np.asarray(size >= min([LEAST_MULTIPLIER, *size[:1]]))
 
 
 def _changes(floquet: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from squealstudy.cycles.cycle import (
     errors_by_changes,
 )
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.floquet import Floquet, _difference, _size_change
 
 BOUNDED = {"torque_rms", "contact_velocity", "frequency_hz", "torque_peak"}
 WIDEST = 60.0  # bounds over true errors
@@ -139,3 +140,19 @@ def test_a_peak_of_velocity_between_samples_is_within_its_error():
         between = contact.velocity_between_samples(motion) / told
         assert -1e-9 < missed < between < cycle.velocity_error
         assert between < 1e-4
+
+
+def test_a_multiplier_that_decides_has_an_error_however_small_it_is():
+    """A pad on stops: .457 +- .009 by 7 harmonics, its multiplier being .388."""
+
+    def multipliers(*sizes):
+        values = np.array([*sizes, 1.0], complex)
+        return Floquet(values, np.eye(len(values)), np.zeros(len(values)), 0.01)
+
+    few, more = multipliers(0.457, 0.02), multipliers(0.388, 0.1)
+    assert _size_change(few, more) == pytest.approx(0.069)
+    assert _difference(few.multipliers, more.multipliers) == pytest.approx(0.069)
+    assert _size_change(multipliers(0.9, 0.6, 0.3), multipliers(0.88, 0.55, 0.1)) == pytest.approx(
+        0.05
+    )
+    assert _size_change(multipliers(), multipliers()) == 0.0
