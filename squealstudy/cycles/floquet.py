@@ -232,8 +232,8 @@ def _ordered_multipliers(osc: Oscillator, cycle: PeriodicMotion, whole: np.ndarr
 
 def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
     """Largest distance of a multiplier that counts to the nearest of the coarse ones."""
-    apart = np.abs(fine[_counts(fine), None] - coarse).min(axis=1)
-    return float(apart.max(initial=0.0))
+    distances = np.abs(fine[_counts(fine), None] - coarse).min(axis=1)
+    return float(distances.max(initial=0.0))
 
 
 def _size_change(floquet: Floquet, other: Floquet) -> float:
