@@ -45,9 +45,14 @@ def lasting_in_words(
     row = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmax())]
     level = with_error(float(row["torque_rms"]), level_error(row))
     varied = [p for p in parameters if len(set(table[p].tolist())) > 1]
-    where = ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied[:MOST_SETTINGS])
+    where = _settings(row, varied, units)
     loudest = f"The loudest that lasts{f', at {where}' if where else ''}: " * (len(table) > 1)
     text = f" {loudest}RMS of the {what} {level} {unit}, {heard(row)}"
+    quiet = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmin())]
+    bounds = float(row["torque_rms"]) - level_error(row), float(quiet["torque_rms"])
+    if varied and bounds[0] > bounds[1] + level_error(quiet):  # known errors do not overlap
+        quiet_level = with_error(bounds[1], level_error(quiet))
+        text += f"; the quietest, at {_settings(quiet, varied, units)}: {quiet_level} {unit}"
     uneven = _uneven(lasting, len(table))
     if len(table) == 1:
         return f"{text}{_sticking(row)}.{uneven}{_growth(row)}"
@@ -56,6 +61,11 @@ def lasting_in_words(
     (name,) = varied
     of_name = name, units.get(name, "")
     return f"{text}.{uneven}{_leading(lasting, *of_name)}{_where_it_sticks(lasting, *of_name)}"
+
+
+def _settings(row: pd.Series, varied: Sequence[str], units: Mapping[str, str]) -> str:
+    """Values of the parameters that differ between runs, of one run."""
+    return ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied[:MOST_SETTINGS])
 
 
 def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:

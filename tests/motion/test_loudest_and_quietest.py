@@ -1,0 +1,33 @@
+"""Answers of several runs that last: the loudest, and the quietest where errors part them."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from squealstudy.kinds.transient.answer import lasting_in_words
+
+
+def runs(*levels, error=0.7):
+    """Limit cycles over damping, as continuation_scene has them."""
+    table = pd.DataFrame({"torque_rms": levels, "damping": [0.05 * k for k in range(len(levels))]})
+    return table.assign(
+        **{"class": "limit_cycle"},
+        torque_rms_low=table["torque_rms"] - error,
+        torque_rms_high=table["torque_rms"] + error,
+        torque_line_hz=3107.0,
+        dominant_mode=25,
+    )
+
+
+def said(table):
+    return lasting_in_words(table, ["damping"], {}, "N m")
+
+
+def test_the_quietest_is_told_where_errors_part_it_from_the_loudest():
+    assert said(runs(44.26, 39.44, 36.25)).startswith(
+        " The loudest that lasts, at damping = 0: RMS of the torque 44.26 +- 0.70 N m, loudest "
+        "near 3107 Hz; the quietest, at damping = 0.1: 36.25 +- 0.70 N m."
+    )
+    assert "quietest" not in said(runs(44.26, 43.4))  # within their errors
+    assert "quietest" not in said(runs(44.26, 39.0).assign(torque_rms_high=float("nan")))
+    assert "quietest" not in said(runs(44.26))
