@@ -23,7 +23,7 @@ MODES = [
 def results_of(modes):
     names = ["point_id", "mode", "frequency_hz", "growth_rate", "verdict", "curve_end"]
     verdicts = pd.DataFrame(modes, columns=names)
-    points = pd.DataFrame({"point_id": ["a", "b"], "friction": [0.4, 0.5]})
+    points = pd.DataFrame({"point_id": ["a", "b"], "friction": [0.4, 0.5], "verdict": "squeals"})
     return SimpleNamespace(
         points=points, parameters=["friction"], units={}, table={"verdicts": verdicts}.__getitem__
     )

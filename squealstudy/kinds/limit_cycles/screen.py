@@ -10,6 +10,7 @@ from itertools import zip_longest
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
@@ -154,8 +155,10 @@ class LimitCyclesScreen(KindScreen):
 
         Empty where all that squeal were followed.
         """
+        if not (results.points["verdict"] == SQUEALS).any():
+            return ""
         verdicts = results.table("verdicts")
-        is_followed = (verdicts["curve_end"] != NOT_FOLLOWED).to_numpy(bool)
+        is_followed = _is_followed(verdicts)
         alone = verdicts[~is_followed & (verdicts["verdict"] == SQUEALS).to_numpy(bool)]
         if not len(alone):
             return ""
@@ -188,7 +191,7 @@ class LimitCyclesScreen(KindScreen):
         """Modes that were followed, and cycles; what the levels err by."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
         distinct_cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)]
-        followed = verdicts[(verdicts["curve_end"] != NOT_FOLLOWED).to_numpy(bool)]
+        followed = verdicts[_is_followed(verdicts)]
         counts = followed["verdict"].value_counts()
         text = ", ".join(f"{n} {str(name).replace('_', ' ')}" for name, n in counts.items())
         rows = [("modes", f"followed, over all designs: {text}" if text else "none followed")]
@@ -206,6 +209,12 @@ class LimitCyclesScreen(KindScreen):
             rows.append(("cycles", said))
         rows += _branches(results)
         return [*rows, *_borders(results.table("borders"))]
+
+
+def _is_followed(verdicts: pd.DataFrame) -> np.ndarray:
+    """Rows (n,) bool of modes whose curve was asked for; all of results of before."""
+    ends = verdicts.get("curve_end", pd.Series("", index=verdicts.index))
+    return (ends != NOT_FOLLOWED).to_numpy(bool)
 
 
 def _frequencies_text(rows: pd.DataFrame) -> str:
