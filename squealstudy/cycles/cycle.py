@@ -150,7 +150,7 @@ def cycle_near(
         errors, basis_error = errors_by_changes(rungs) + of_basis, of_basis.level
         other = rougher
         if errors.level < search.tolerance or harmonics == tried[-1]:
-            finer = errors_by_finer_series(contact, projection, rungs[-1])
+            finer = errors_by_finer_series(contact, projection, rungs[-1], errors_by_changes(rungs))
             if finer is not None:
                 errors, other = finer[0] + of_basis, finer[1]
         if errors.level < search.tolerance:
@@ -262,11 +262,15 @@ def errors_by_changes(cycle_levels: Sequence[CycleLevels]) -> SeriesErrors:
 
 
 def errors_by_finer_series(
-    contact: ContactOscillator, projection: Projection, cycle_levels: CycleLevels
+    contact: ContactOscillator,
+    projection: Projection,
+    cycle_levels: CycleLevels,
+    by_changes: SeriesErrors,
 ) -> tuple[SeriesErrors, PeriodicMotion] | None:
     """Errors by the same cycle with more harmonics and samples, and that motion.
 
-    The largest change of two such cycles, of which one may agree by chance. None where not known.
+    The largest change of two such cycles, of which one may agree by chance; of one alone not less
+    than a part of `errors_by_changes`. None where not known.
     """
     H, motion = cycle_levels.motion.harmonics, cycle_levels.motion
     max_harmonics = most_finer(contact.oscillator.n)
@@ -284,7 +288,10 @@ def errors_by_finer_series(
             errors = errors.larger(change(cycle_levels, CycleLevels(motion, levels)))
     except ConvergenceError:
         return None
-    return errors * FINER_SERIES_SAFETY_FACTOR, motion
+    errors = errors * FINER_SERIES_SAFETY_FACTOR
+    if len(orders) == 1:
+        errors = errors.larger(by_changes * (1.0 / (SERIES_SAFETY_FACTOR * MAX_CHANGE_RATIO)))
+    return errors, motion
 
 
 def with_peak_and_tolerance(

@@ -12,7 +12,16 @@ from squealstudy.columns.cycles import POINTS
 from squealstudy.cycles import families as searched
 from squealstudy.cycles import kicked
 from squealstudy.cycles.curve import CurveMotion
-from squealstudy.cycles.cycle import LEVELS, Cycle, CycleLevels, Search, change, cycle_near
+from squealstudy.cycles.cycle import (
+    LEVELS,
+    Cycle,
+    CycleLevels,
+    Search,
+    SeriesErrors,
+    change,
+    cycle_near,
+    errors_by_finer_series,
+)
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import Floquet
@@ -376,6 +385,23 @@ def test_harmonics_of_which_one_number_is_lost_go_on_with_more(hoffmann, monkeyp
     on_all = Projection.on_harmonics_of(contact.oscillator, motion)
     monkeypatch.setattr("squealstudy.cycles.cycle.HARMONIC_COUNTS", (3, 5, 7, 11))
     assert cycle_near(contact, on_all, motion, Search(None, 1e-12, 1.0)).motion.harmonics == 11
+
+
+def test_one_finer_series_alone_tells_no_less_than_a_part_of_the_last_changes(
+    hoffmann, monkeypatch
+):
+    """59 and 100 harmonics agreed to 3e-7 in frequency, and erred by 4e-6."""
+    contact, _, family = hoffmann
+    motion = family.loudest.motion
+    on_all = Projection.on_harmonics_of(contact.oscillator, motion)
+    motion, _ = on_all.cycle_near(motion, 11)
+    levels = CycleLevels(motion, contact.levels(motion))
+    changes = SeriesErrors(8e-3, 8e-3, 8e-3, 8e-3)
+    both, _ = errors_by_finer_series(contact, on_all, levels, changes)
+    monkeypatch.setattr("squealstudy.cycles.cycle.most_finer", lambda coordinates: 25)
+    one, _ = errors_by_finer_series(contact, on_all, levels, changes)
+    assert both.frequency < 1e-4
+    assert min(one.all) == pytest.approx(1e-3)
 
 
 def test_a_level_is_that_of_velocity_where_friction_has_none():
