@@ -12,7 +12,7 @@ NOT_BOUNDED = "The error of the series and of the basis; it is not bounded here.
 LEVEL = (
     number(
         "torque_rms",
-        "RMS of the torque about its mean, of the loudest stable cycle or lasting run.",
+        "RMS of the torque about its mean, of the loudest found: stable cycle or lasting run.",
         "level_error",
         "regularisation_error",
     ),

@@ -155,12 +155,12 @@ def test_levels_and_kicks_are_told_in_words():
         }
     )
     assert levels_in_words(points, "N") == (
-        " RMS of the force of friction in what lasts: 23.5 to 262.6 N, at 217.7 to 223.9 Hz. Where "
-        "it squeals if kicked, a kick along the unstable cycle by 0.79 to 1.15 m/s at a contact "
-        "point starts it (19 to 92 % of the speed in the cycle); others may need less."
+        " RMS of the force of friction in what was seen to last: 23.5 to 262.6 N, at 217.7 to "
+        "223.9 Hz. Where it squeals if kicked, a kick along the unstable cycle by 0.79 to 1.15 m/s "
+        "at a contact point starts it (19 to 92 % of the speed in the cycle); others may need less."
     )
     assert levels_in_words(points[2:3].assign(threshold_velocity=np.nan), "N m") == (
-        " RMS of the torque in what lasts: 127.9 N m, at 219.9 Hz."
+        " RMS of the torque in what was seen to last: 127.9 N m, at 219.9 Hz."
     )
     assert levels_in_words(points[:1], "N") == ""
 

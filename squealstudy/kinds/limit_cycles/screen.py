@@ -19,6 +19,7 @@ from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.verdicts import NOT_FOLLOWED
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.limit_cycles.larger import larger_in_words
 from squealstudy.screen import Rows, command_text, grid, notes
 from squealstudy.wording import (
     FAILED,
@@ -120,7 +121,7 @@ class LimitCyclesScreen(KindScreen):
             "unstable",
             f"RMS: of the {force}, about its mean; +-: its error; Hz: its frequency (x2: loudest "
             "at twice that; ~: loudest line, where no period is known)",
-            "all of the loudest stable cycle, or of a run in time that lasts",
+            "all of the loudest stable cycle that was found, or of a run in time that lasts",
             "kick m/s: speed of a contact point in the least kick along the unstable cycle that "
             "starts squeal; kicks of other shapes may need less; kick %: as share of the speed in "
             "the stable cycle"
@@ -148,6 +149,10 @@ class LimitCyclesScreen(KindScreen):
         band = band_text(results.fact("band_hz"))
         counted = f"{plural(len(points), 'design')}, of modes {band}: {counts_text}."
         levels = levels_in_words(points, results.units.get(TORQUE, "N m"))
+        if levels:
+            varied = [p for p in results.parameters if len(set(points[p])) > 1]
+            unit = results.units.get(TORQUE, "N m")
+            levels += larger_in_words(points, results.table("cycles"), varied, unit)
         return f"{counted}{levels}{self.followed_in_words(results)}"
 
     def followed_in_words(self, results: ResultTables) -> str:
@@ -310,7 +315,8 @@ def levels_in_words(points: pd.DataFrame, unit: str) -> str:
     hz = loud["frequency_hz"].fillna(loud.get("torque_line_hz", math.nan)).dropna()
     frequency_text = f", at {_ends(hz, 1)} Hz" if len(hz) else ""
     text = (
-        f" RMS of the {what} in what lasts: {_ends(loud['torque_rms'], 1)} {unit}{frequency_text}."
+        f" RMS of the {what} in what was seen to last: {_ends(loud['torque_rms'], 1)} {unit}"
+        f"{frequency_text}."
     )
     kicked = points[points["threshold_velocity"].notna().to_numpy(bool)]
     if not len(kicked):

@@ -1,0 +1,67 @@
+"""Designs at which motion louder than the level that is told may last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.wording import IF_KICKED, in_digits, plural
+
+DISTINCT_RATIO = 1.02  # times the level: a cycle that is louder than it
+# times the level: what is kicked at a neighbour is no continuation of what is told here
+NEIGHBOUR_RATIO = 1.5
+
+
+def louder_cycles(points: pd.DataFrame, cycles: pd.DataFrame) -> np.ndarray:
+    """Level (n,) of the loudest cycle not known as stable that is above a design's; NaN if none."""
+    levels = points["torque_rms"].to_numpy(float)
+    not_stable = cycles[~(cycles["stable"].astype("boolean").fillna(False)).to_numpy(bool)]
+    loudest = not_stable.groupby("point_id")["torque_rms"].max()
+    above = points["point_id"].map(loudest).to_numpy(float)
+    return np.where(above > DISTINCT_RATIO * levels, above, np.nan)
+
+
+def louder_neighbours(points: pd.DataFrame, parameters: Sequence[str]) -> np.ndarray:
+    """Level (n,) of a neighbour on a line of designs that squeals if kicked; NaN if none is louder.
+
+    Such a motion does not begin where steady sliding loses its stability: it may go on beside what
+    was found.
+    """
+    levels = points["torque_rms"].to_numpy(float)
+    kicked = np.where((points["verdict"] == IF_KICKED).to_numpy(bool), levels, np.nan)
+    above = np.full(len(points), np.nan)
+    for name in parameters:
+        others = [p for p in parameters if p != name]
+        lines = points.groupby(others, sort=False) if others else [("", points)]
+        for _, line in lines:
+            rows = points.index.get_indexer(line.sort_values(name, kind="stable").index)
+            for one, other in ((rows[:-1], rows[1:]), (rows[1:], rows[:-1])):
+                above[one] = np.fmax(above[one], kicked[other])
+    return np.where(above > NEIGHBOUR_RATIO * levels, above, np.nan)
+
+
+def larger_in_words(
+    points: pd.DataFrame, cycles: pd.DataFrame, parameters: Sequence[str], unit: str
+) -> str:
+    """Sentence on the designs at which larger motion may last too; empty where none is known."""
+    cycle_levels = louder_cycles(points, cycles)
+    neighbour_levels = louder_neighbours(points, parameters)
+    n_designs = int((np.isfinite(cycle_levels) | np.isfinite(neighbour_levels)).sum())
+    whys = [
+        f"{text} ({_ends(levels[np.isfinite(levels)])} {unit})"
+        for text, levels in (
+            ("a cycle above that level is unstable or not known as stable", cycle_levels),
+            ("louder motion lasts at a design beside it", neighbour_levels),
+        )
+        if np.isfinite(levels).any()
+    ]
+    if not whys:
+        return ""
+    count = f"{n_designs} of {plural(len(points), 'design')}"
+    return f" At {count} larger motion may last too: {'; '.join(whys)}."
+
+
+def _ends(levels: np.ndarray) -> str:
+    return " to ".join(dict.fromkeys(in_digits(float(v), 1) for v in (levels.min(), levels.max())))

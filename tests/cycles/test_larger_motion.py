@@ -1,0 +1,51 @@
+"""The level of a design is that of the loudest motion that was found: larger may last."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from squealstudy.kinds.limit_cycles.larger import (
+    larger_in_words,
+    louder_cycles,
+    louder_neighbours,
+)
+from squealstudy.wording import IF_KICKED, SQUEALS
+
+# Hoffmann's oscillator with contact that opens: in time 0.75 and 0.8 last at 128 and 140 N too
+POINTS = pd.DataFrame(
+    {
+        "point_id": ["a", "b", "c", "d"],
+        "friction": [0.8, 0.65, 0.7, 0.75],
+        "verdict": [SQUEALS, IF_KICKED, IF_KICKED, SQUEALS],
+        "torque_rms": [45.0, 104.3, 116.2, 38.3],
+    }
+)
+CYCLES = pd.DataFrame(
+    {
+        "point_id": ["a", "a", "b", "c", "d"],
+        "torque_rms": [45.0, 76.5, 67.6, 70.5, 38.3],
+        "stable": pd.array([None, False, False, False, True], "boolean"),
+    }
+)
+
+
+def test_a_cycle_above_the_level_and_a_louder_neighbour_are_told():
+    np.testing.assert_array_equal(louder_cycles(POINTS, CYCLES), [76.5, *[np.nan] * 3])
+    neighbours = louder_neighbours(POINTS, ["friction"])
+    np.testing.assert_array_equal(neighbours, [*[np.nan] * 3, 116.2])
+    assert larger_in_words(POINTS, CYCLES, ["friction"], "N") == (
+        " At 2 of 4 designs larger motion may last too: a cycle above that level is unstable or "
+        "not known as stable (76.5 N); louder motion lasts at a design beside it (116.2 N)."
+    )
+
+
+def test_of_levels_that_rise_evenly_nothing_is_told():
+    points = POINTS.assign(torque_rms=[130.0, 104.3, 116.2, 120.0])
+    assert larger_in_words(points, CYCLES, ["friction"], "N") == ""
+
+
+def test_neighbours_of_other_lines_do_not_count():
+    points = POINTS.assign(sliding_speed=[0.1, 0.1, 0.2, 0.1])
+    neighbours = louder_neighbours(points, ["friction", "sliding_speed"])
+    np.testing.assert_array_equal(neighbours, [np.nan, np.nan, np.nan, 104.3])
