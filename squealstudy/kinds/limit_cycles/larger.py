@@ -37,8 +37,8 @@ def louder_neighbours(points: pd.DataFrame, parameters: Sequence[str]) -> np.nda
         lines = points.groupby(others, sort=False) if others else [("", points)]
         for _, line in lines:
             rows = points.index.get_indexer(line.sort_values(name, kind="stable").index)
-            for one, other in ((rows[:-1], rows[1:]), (rows[1:], rows[:-1])):
-                above[one] = np.fmax(above[one], kicked[other])
+            for designs, beside in ((rows[:-1], rows[1:]), (rows[1:], rows[:-1])):
+                above[designs] = np.fmax(above[designs], kicked[beside])
     return np.where(above > NEIGHBOUR_RATIO * levels, above, np.nan)
 
 
