@@ -33,8 +33,8 @@ def louder_neighbours(points: pd.DataFrame, parameters: Sequence[str]) -> np.nda
     kicked = np.where((points["verdict"] == IF_KICKED).to_numpy(bool), levels, np.nan)
     above = np.full(len(points), np.nan)
     for name in parameters:
-        others = [p for p in parameters if p != name]
-        lines = points.groupby(others, sort=False) if others else [("", points)]
+        fixed = [p for p in parameters if p != name]
+        lines = points.groupby(fixed, sort=False) if fixed else [("", points)]
         for _, line in lines:
             rows = points.index.get_indexer(line.sort_values(name, kind="stable").index)
             for designs, beside in ((rows[:-1], rows[1:]), (rows[1:], rows[:-1])):
