@@ -37,8 +37,8 @@ def louder_neighbours(points: pd.DataFrame, parameters: Sequence[str]) -> np.nda
         lines = points.groupby(fixed, sort=False) if fixed else [("", points)]
         for _, line in lines:
             rows = points.index.get_indexer(line.sort_values(name, kind="stable").index)
-            for designs, beside in ((rows[:-1], rows[1:]), (rows[1:], rows[:-1])):
-                above[designs] = np.fmax(above[designs], kicked[beside])
+            for designs, neighbours in ((rows[:-1], rows[1:]), (rows[1:], rows[:-1])):
+                above[designs] = np.fmax(above[designs], kicked[neighbours])
     return np.where(above > NEIGHBOUR_RATIO * levels, above, np.nan)
 
 
