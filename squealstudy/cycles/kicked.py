@@ -36,7 +36,7 @@ CYCLE = "the cycle"  # where a run goes on with it
 START_OF_LOST = "the curve's largest motion"  # where runs of a lost curve begin
 ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
-KICK_FOUND, NO_KICK, KICK_UNDECIDED = "ok", "none", "undecided"
+KICK_FOUND, NO_KICK, KICK_UNDECIDED, KICK_WITHOUT_CYCLE = "ok", "none", "undecided", "no_cycle"
 
 LEVEL = "torque_rms"  # by which cycles of a design that squeals are compared
 DISTINCT_LEVEL_RATIO = 1.02  # times the loudest stable one: another that is no other reading of it
@@ -60,7 +60,8 @@ class Kick:
         Width of the bracket, relative.
     status : str
         ``ok``; ``none`` where no phase of any kick tried, up to the largest, leads to the cycle;
-        ``undecided`` where a run that decides came to nothing that can be named.
+        ``undecided`` where a run that decides came to nothing that can be named; ``no_cycle`` where
+        a run lasts beside steady sliding, but no stable cycle is known that runs could come to.
     """
 
     velocity: float
@@ -290,13 +291,14 @@ def kicks(contact: ContactOscillator, followed: Followed, largest: float) -> dic
     return {
         mode: _kick(contact, family, largest)
         for mode, family in followed.families
-        if family.verdict == IF_KICKED and family.loudest is not None
+        if family.verdict == IF_KICKED
     }
 
 
 def _kick(contact: ContactOscillator, family: Family, largest: float) -> Kick:
     stable, cycles = family.loudest, family.cycles
-    assert stable is not None
+    if stable is None:
+        return Kick(np.nan, np.nan, np.nan, np.nan, KICK_WITHOUT_CYCLE)
     smallest = min(cycles, key=lambda c: c.levels["energy"])
     lam, psi = contact.oscillator.steady_modes(FREQUENCY_MARGIN * abs(family.lam))
     phi = psi[:, int(np.argmin(np.abs(lam - family.lam)))]

@@ -160,7 +160,9 @@ def test_what_cycles_leave_open_runs_decide(hoffmann):
         assert told in judged.reason
         assert "?" in judged.reason
         assert np.isfinite(judged.run.torque_rms) == (verdict == IF_KICKED)
-        assert kicks(contact, found._replace(families=[(1, judged)]), 1.0) == {}
+        tried = kicks(contact, found._replace(families=[(1, judged)]), 1.0)
+        statuses = [kick.status for kick in tried.values()]
+        assert statuses == ["no_cycle"] * (verdict == IF_KICKED)
     look = SecondLook(7, 3, open=[replace(family.loudest.motion, parameter=-1.0)])
     open_ = found._replace(families=[(1, replace(quiet, cycles=(), look=look, largest=None))])
     ((_, judged),) = decided_in_time(contact, open_, BAND, 1.0).families

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from squealstudy.kinds.limit_cycles.kick_words import untold_kicks
 from squealstudy.kinds.limit_cycles.larger import (
     larger_in_words,
     louder_cycles,
@@ -49,3 +50,20 @@ def test_neighbours_of_other_lines_do_not_count():
     points = POINTS.assign(sliding_speed=[0.1, 0.1, 0.2, 0.1])
     neighbours = louder_neighbours(points, ["friction", "sliding_speed"])
     np.testing.assert_array_equal(neighbours, [np.nan, np.nan, np.nan, 104.3])
+
+
+def test_where_a_kick_was_asked_for_and_none_is_told_the_screen_says_why():
+    """Runs that last have no stable cycle that a kick's runs could be seen to come to."""
+    verdicts = pd.DataFrame(
+        {
+            "verdict": [IF_KICKED, IF_KICKED, SQUEALS],
+            "kick_velocity": [np.nan, 0.3, np.nan],
+            "kick_status": ["no_cycle", "ok", ""],
+            "run_status": ["lasts", "", ""],
+        }
+    )
+    told = untold_kicks(verdicts, was_asked=True)
+    assert told.startswith(" Of 1 of 2 modes that squeal if kicked no kick along the mode is told")
+    assert told.endswith("bisected beside a stable cycle, and none was found (1).")
+    assert untold_kicks(verdicts, was_asked=False) == ""
+    assert untold_kicks(verdicts[1:], was_asked=True) == ""

@@ -19,6 +19,7 @@ from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.verdicts import NOT_FOLLOWED
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.limit_cycles.kick_words import untold_kicks
 from squealstudy.kinds.limit_cycles.larger import larger_in_words
 from squealstudy.screen import Rows, command_text, grid, notes
 from squealstudy.wording import (
@@ -153,6 +154,8 @@ class LimitCyclesScreen(KindScreen):
             varied = [p for p in results.parameters if len(set(points[p])) > 1]
             unit = results.units.get(TORQUE, "N m")
             levels += larger_in_words(points, results.table("cycles"), varied, unit)
+        was_asked = bool(results.fact("limit_cycles").get("kick_along_mode"))
+        levels += untold_kicks(results.table("verdicts"), was_asked)
         return f"{counted}{levels}{self.followed_in_words(results)}"
 
     def followed_in_words(self, results: ResultTables) -> str:
