@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
+import pytest
 
-from squealstudy.kinds.transient.answer import lasting_in_words
+from squealstudy.kinds.transient.answer import heard, lasting_in_words
 
 
 def runs(*levels, error=0.7):
@@ -31,3 +33,16 @@ def test_the_quietest_is_told_where_errors_part_it_from_the_loudest():
     assert "quietest" not in said(runs(44.26, 43.4))  # within their errors
     assert "quietest" not in said(runs(44.26, 39.0).assign(torque_rms_high=float("nan")))
     assert "quietest" not in said(runs(44.26))
+
+
+@pytest.mark.parametrize(
+    ("hz", "line", "text"),
+    [
+        (222.0, 3108.0, "loudest near 3108 Hz, repeating at 222 Hz"),
+        (222.0, 222.4, "at 222 Hz"),
+        (np.nan, 3108.0, "loudest near 3108 Hz"),
+        (np.nan, np.nan, "frequency not known"),
+    ],
+)
+def test_the_loudest_line_is_told_in_hertz_beside_what_repeats(hz, line, text):
+    assert heard(pd.Series({"frequency_hz": hz, "torque_line_hz": line})) == text

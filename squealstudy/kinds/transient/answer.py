@@ -104,9 +104,9 @@ def heard(row: pd.Series) -> str:
     hz, line = row.get("frequency_hz", np.nan), row["torque_line_hz"]
     if hz != hz:
         return f"loudest near {in_digits(line)} Hz" if line == line else "frequency not known"
-    harmonic = round(line / hz) if line == line else 1
-    text = f"at {in_digits(hz)} Hz"
-    return text if harmonic < 2 else f"{text}, loudest at {harmonic} times that"
+    if line == line and round(line / hz) > 1:
+        return f"loudest near {in_digits(line)} Hz, repeating at {in_digits(hz)} Hz"
+    return f"at {in_digits(hz)} Hz"
 
 
 def _growth(row: pd.Series) -> str:
