@@ -18,6 +18,7 @@ import pandas as pd
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 from squealstudy.tables.stability import INTO
 
+REFINED_ONSETS = ("refined", "cubic")  # status of onsets that are known to 1e-4
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 BEGINS_UNSTABLE = ("first_seen", "broken")  # status of onsets of tracks that begin unstable
 ENDS = ["point_before", "point_after"]
@@ -150,6 +151,27 @@ def same_mode_pairs(
     return [*linked, *exchanged_tracks(modes, code, edges, tracked)]
 
 
+def pairs_growing_together(onsets: pd.DataFrame | None) -> list[tuple[int, int]]:
+    """Pairs of tracks of which one turns unstable before the other is stable again.
+
+    Between two neighbouring points, by refined onsets: there are two unstable modes, although no
+    solved point has both.
+    """
+    if onsets is None:
+        return []
+    refined = onsets[onsets["status"].isin(REFINED_ONSETS).to_numpy(bool)]
+    pairs: list[tuple[int, int]] = []
+    for _, rows in refined.groupby(ENDS, sort=False):
+        begins = (rows["direction"] == INTO).to_numpy(bool)
+        if begins.any() and not begins.all():
+            tracks, onset = rows["track"].to_numpy(), rows["onset"].to_numpy(float)
+            overlap = onset[begins, None] < onset[~begins]
+            pairs += [
+                (int(tracks[begins][i]), int(tracks[~begins][j])) for i, j in np.argwhere(overlap)
+            ]
+    return pairs
+
+
 def family_numbers(tracks: Iterable[int], pairs: Sequence[tuple[int, int]]) -> dict[int, int]:
     """Family of each track: the least number of the tracks that `pairs` connect with it."""
     least = {int(track): int(track) for track in tracks}
@@ -164,7 +186,11 @@ def family_numbers(tracks: Iterable[int], pairs: Sequence[tuple[int, int]]) -> d
 
 
 def families(
-    tracks: pd.Index, pairs: Sequence[tuple[int, int]], group: np.ndarray, code: np.ndarray
+    tracks: pd.Index,
+    pairs: Sequence[tuple[int, int]],
+    group: np.ndarray,
+    code: np.ndarray,
+    together: Sequence[tuple[int, int]] = (),
 ) -> pd.DataFrame:
     """Family of each ranked group of modes.
 
@@ -176,13 +202,15 @@ def families(
         Tracks that are one (`linked_tracks`, `exchanged_tracks`).
     group, code : ndarray (m,) of int
         Group of each mode (`mode_ranking.unstable_groups`), 0 of stable ones, and its design point.
+    together : sequence of (int, int)
+        Tracks that grow at once between design points (`pairs_growing_together`).
 
     Returns
     -------
     DataFrame
         Indexed by `track`: ``family``, the least track of those that are one, or its own;
-        ``family_modes``, most unstable modes of the family at one design point; ``family_points``,
-        design points at which one of them is unstable.
+        ``family_modes``, most unstable modes of the family at one design point, or between two;
+        ``family_points``, design points at which one of them is unstable.
     """
     number = pd.Series(family_numbers(tracks, pairs), dtype="int64", index=tracks)
     rows = np.flatnonzero(group)
@@ -193,10 +221,15 @@ def families(
     modes_at_point = (
         of_family.drop_duplicates().groupby(["family", "point"]).size().groupby(level="family")
     )
+    largest_count = modes_at_point.max()
+    for track, other in together:
+        family = number.get(track, 0)
+        if family in largest_count.index and track != other and number.get(other, -1) == family:
+            largest_count[family] = max(largest_count[family], 2)
     return pd.DataFrame(
         {
             "family": number,
-            "family_modes": modes_at_point.max().reindex(number.to_numpy()).to_numpy(),
+            "family_modes": largest_count.reindex(number.to_numpy()).to_numpy(),
             "family_points": modes_at_point.size().reindex(number.to_numpy()).to_numpy(),
         },
         index=tracks,

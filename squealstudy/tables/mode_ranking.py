@@ -10,7 +10,12 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.families import RENUMBERED, families, same_mode_pairs
+from squealstudy.tables.families import (
+    RENUMBERED,
+    families,
+    pairs_growing_together,
+    same_mode_pairs,
+)
 from squealstudy.tables.point_rows import point_codes
 from squealstudy.tables.ranking_query import rows_that_count
 from squealstudy.tables.stability import (
@@ -128,7 +133,7 @@ def rank_modes(
     table = table.join(unstable_bounds(modes, group, code, modes_selected & counted[code]))
     names = parameter_columns(points, varied=True)
     pairs = same_mode_pairs(table.index, onsets, modes, code, points, names, scattered)
-    table = table.join(families(table.index, pairs, group, code))
+    table = table.join(families(table.index, pairs, group, code, pairs_growing_together(onsets)))
     if along is not None and len(table):
         track = modes["track"].to_numpy()
         listed = np.isin(track, table.index[table.index > 0]) & counted[code]

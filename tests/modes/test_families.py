@@ -17,7 +17,13 @@ from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.verdict import beyond_validity
 from squealstudy.shapes.names import _ring
 from squealstudy.shapes.shape import Label
-from squealstudy.tables.families import exchanged_tracks, families, linked_tracks, neighbours
+from squealstudy.tables.families import (
+    exchanged_tracks,
+    families,
+    linked_tracks,
+    neighbours,
+    pairs_growing_together,
+)
 from squealstudy.tables.mode_ranking import rank_modes
 
 FALLING = """
@@ -251,3 +257,29 @@ def test_why_of_own_matrices_needs_no_variable(
     capsys.readouterr()
     assert command("rank", "elsewhere", "--why") == 0
     assert "the two have locked in" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("begins", "ends", "status", "together"),
+    [
+        (0.6787, 0.6975, "refined", [(25, 23)]),  # softer_lining: both grow between .6 and .7
+        (0.6975, 0.6787, "refined", []),
+        (0.6787, 0.6975, "crossing", []),  # of labels that may have changed places
+    ],
+)
+def test_tracks_that_grow_at_once_between_points_are_two_modes(begins, ends, status, together):
+    onsets = pd.DataFrame(
+        {
+            "track": [23, 25],
+            "onset": [ends, begins],
+            "direction": ["out", "in"],
+            "status": status,
+            "point_before": "p0",
+            "point_after": "p1",
+        }
+    )
+    assert pairs_growing_together(onsets) == together
+    group, code = np.array([23, 25]), np.array([0, 1])
+    table = families(pd.Index([23, 25]), [(23, 25)], group, code, together)
+    assert set(table["family"]) == {23}
+    assert set(table["family_modes"]) == {1 + len(together)}
