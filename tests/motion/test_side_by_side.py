@@ -60,6 +60,19 @@ def peak(power: np.ndarray, resolution: float) -> float:
     )
 
 
+def approach(periods: np.ndarray, mean: float) -> float:
+    """What is left of an exponential through smooth means of periods; 0 where they are no line."""
+    weight = np.hanning(len(periods) // 3 + 2)[1:-1]
+    starts = np.round(np.linspace(0, len(periods) - len(weight), 5)).astype(int)
+    smooth = [np.average(periods[k : k + len(weight)], weights=weight) for k in starts]
+    if not np.ptp(smooth) > 0 or not np.corrcoef(range(5), smooth)[0, 1] ** 2 >= 0.9:
+        return 0.0
+    slope = float(np.polyfit(range(5), smooth, 1)[0])
+    ratio = (smooth[4] - smooth[2]) / (smooth[2] - smooth[0])
+    ratio = np.clip(ratio, 0.3, 0.85) if ratio > 0 else 0.85
+    return 0.0 if abs(4 * slope) > 0.2 * abs(mean) else 1.6 * abs(slope) * 2 / -np.log(ratio)
+
+
 def interval(values: np.ndarray, width: float) -> tuple[float, float, float]:
     """Mean and bounds over whole periods of `width` rows, from the end back."""
     count = int(len(values) / width * (1 + 1e-12)) if width >= 1 else 0
@@ -94,6 +107,8 @@ def interval(values: np.ndarray, width: float) -> tuple[float, float, float]:
     if on_a_line and first * second > 0 and abs(thirds[2] - thirds[0]) <= 0.05 * abs(mean):
         ratio = min(second / first, 0.9)
         half = max(half, abs(thirds[2] + 1.5 * second * ratio / (1 - ratio) - mean))
+    if count >= 20:
+        half = max(half, approach(blocks(count), mean))
     return mean, mean - half, mean + half
 
 
