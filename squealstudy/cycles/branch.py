@@ -4,7 +4,8 @@ Events carry the names of bifurcation tools: H, the cycle shrinks to steady slid
 parameter turns back (fold); NS, PD, a pair of multipliers or one at -1 leaves the unit circle; BP,
 one passes 1 though the parameter does not turn back. Where forces are linear up to a size, as of a
 contact that has not lifted off yet, cycles of all sizes lie at one value of the parameter: there,
-neither the round-off of that value nor a multiplier that stays 1 is an event.
+neither the round-off of that value nor a multiplier that stays 1 is an event. All multipliers stay
+there: beside the cycle's own one more is 1, and which of both is which round-off decides.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ FOLD_NEIGHBOURS = 2, 5  # between which points of a branch, on either side, a fo
 HOPF_STEPS = 2.0  # last steps of a branch within which cycles that fall by the square of it vanish
 # of the range of the parameter: cycles beside each other that differ less lie at one value
 ONE_VALUE_REL_WIDTH = 1e-7
+MIN_IMAGINARY = 1e-6  # of a multiplier that is one of a pair
+NEAR_ONE = 1e-4  # two multipliers at 1 are apart by the root of what either errs by
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,19 +303,31 @@ def _with_changes(
     at_one_value = np.concatenate(([False], steps < ONE_VALUE_REL_WIDTH * width, [False]))
     with_changes = points[:1]
     for k, (start_point, end_point) in enumerate(itertools.pairwise(points)):
-        if FOLD not in (start_point.event, end_point.event) and HOPF not in (
-            start_point.event,
-            end_point.event,
+        # of linear motion multipliers stay; folds and Hopf points are events already
+        is_told = {FOLD, HOPF} & {start_point.event, end_point.event} or at_one_value[k + 1]
+        leaves_one_value = at_one_value[k : k + 3].any()  # where a multiplier is 1
+        if not is_told and not (
+            leaves_one_value and _outside_apart(start_point) == _outside_apart(end_point)
         ):
             changes = _changes(moving, start_point, end_point, highest, width)
-            meets_one_value = at_one_value[k : k + 3].any()  # where a multiplier is 1
-            with_changes += [p for p in changes if not (meets_one_value and p.event == BP)]
+            with_changes += [p for p in changes if not (leaves_one_value and p.event == BP)]
         with_changes.append(end_point)
     return with_changes
 
 
 def _outside(multipliers: Floquet) -> int:
     return int((np.abs(multipliers.multipliers[:-1]) > 1.0).sum())
+
+
+def _outside_apart(point: BranchPoint) -> int:
+    """Multipliers outside the unit circle that are neither near 1 nor have left it along the axis.
+
+    Of all: where two are 1 the cycle's own may have been taken for another.
+    """
+    multipliers = point.multipliers.multipliers
+    is_apart = (np.abs(multipliers.imag) > MIN_IMAGINARY) | (multipliers.real < 0.0)
+    is_apart &= np.abs(multipliers - 1.0) > NEAR_ONE
+    return int((is_apart & (np.abs(multipliers) > 1.0)).sum())
 
 
 def _changes(
@@ -364,6 +379,6 @@ def _passing(
         except (ConvergenceError, ValueError):  # it stays known to the step
             pass
     passing = complex(point.multipliers.multipliers[number])
-    if abs(passing.imag) > 1e-6:
+    if abs(passing.imag) > MIN_IMAGINARY:
         return replace(point, event=NS)
     return replace(point, event=PD if passing.real < 0 else BP)

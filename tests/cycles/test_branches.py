@@ -20,8 +20,10 @@ from squealstudy.cycles.branch import (
     PD,
     RANGE,
     SHRUNK,
+    BranchPoint,
     Loop,
     _folds_alone,
+    _with_changes,
     branch,
     cycles_along,
 )
@@ -30,6 +32,7 @@ from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
+from squealstudy.cycles.floquet import Floquet
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.moving import Moving
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
@@ -305,6 +308,33 @@ def test_cycles_of_all_sizes_at_one_value_have_neither_folds_nor_branch_points()
     at_one_value = [q for q in points if abs(q.motion.parameter - 0.3) < 1e-9]
     assert len(at_one_value) > 5
     assert [q.event for q in points if q.event] == [HOPF]
+
+
+def multipliers_at(value, *multipliers):
+    """A cycle on a branch; the last multiplier is taken for the cycle's own."""
+    motion = PeriodicMotion(np.array([[0.0], [1.0], [0.0]]), 1.0, value)
+    floquet = Floquet(np.array(multipliers, complex), np.eye(4), np.full(4, 4e-13), 1.0)
+    return BranchPoint(motion, floquet, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("pair", "events"), [(0.855 + 0.397j, []), (0.92 + 0.45j, [NS])], ids=["inside", "passes"]
+)
+def test_where_all_sizes_lie_at_one_value_no_torus_is_born(pair, events):
+    """Hoffmann's oscillator, its contact closed: two multipliers are 1 to round-off, a pair .94.
+
+    With the contact open one has left 1. Where the pair leaves the circle with it, that is told.
+    """
+    one, inside = 1.0 + 3e-13, 0.849 + 0.404j
+    flat = [inside, np.conj(inside)]
+    points = [
+        multipliers_at(0.3, one, one, *flat),
+        multipliers_at(0.3, one, one, *flat),
+        multipliers_at(0.3, one, *flat, one),
+        multipliers_at(0.4, pair, np.conj(pair), 0.96, 1.0),
+    ]
+    changed = _with_changes(SimpleNamespace(complete=False), points, np.inf, 1.0)
+    assert [p.event for p in changed if p.event] == events
 
 
 @pytest.mark.parametrize(
