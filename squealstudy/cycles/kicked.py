@@ -34,6 +34,7 @@ START_SIZES = 1.0, 1.5  # of `reach`: how large motions of lost curves are made,
 START_ANGLES_RAD = 0.0, 0.5 * np.pi  # at which of their angles
 CYCLE = "the cycle"  # where a run goes on with it
 START_OF_LOST = "the curve's largest motion"  # where runs of a lost curve begin
+MADE_AS_LARGE = "scaled to"  # whatever the curve itself has come to
 ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
 # status of a search
 KICK_FOUND, NO_KICK, KICK_UNDECIDED, KICK_WITHOUT_CYCLE = "ok", "none", "undecided", "no_cycle"
@@ -251,7 +252,7 @@ def _starts(
     if family.largest is not None:
         velocity = contact.contact_velocity(family.largest)
         for size, theta in itertools.product(START_SIZES, START_ANGLES_RAD):
-            name = f"{START_OF_LOST} at {size * reach:.3g} m/s"
+            name = f"{START_OF_LOST} {MADE_AS_LARGE} {size * reach:.3g} m/s"
             yield name, state_of(family.largest, size * reach / velocity, theta)
 
 
@@ -270,7 +271,7 @@ def _decided(family: Family, ends: Sequence[Ended]) -> Family:
         return replace(family, run=run, reason=f"{family.reason}; {run.nothing_told}")
     names = " and ".join(dict.fromkeys(run.start for run in ends))
     before, first, after = names.partition(START_OF_LOST)
-    names = before + first + after.replace(f" and {START_OF_LOST}", " and")
+    names = before + first + after.replace(f" and {START_OF_LOST} {MADE_AS_LARGE}", " and")
     count = "a run in time" if len(ends) == 1 else f"each of {len(ends)} runs in time"
     reason = f"{family.reason}; {count} from {names} decays"
     if family.cut_short and family.largest is not None:

@@ -342,7 +342,7 @@ def test_a_lost_curve_has_no_cycle_where_large_motions_of_it_decay(hoffmann, siz
     reach = size * saddle.levels["contact_velocity"]
     ((_, judged),) = decided_in_time(contact, open_, BAND, reach).families
     assert judged.verdict == verdict
-    assert "the curve's largest motion at" in judged.reason
+    assert "the curve's largest motion scaled to" in judged.reason  # whatever it had come to
     if verdict == NO_CYCLE:
         assert judged.run.outcome == DECAYS
         assert "lost; each of 4 runs in time from" in judged.reason

@@ -433,6 +433,13 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
         ),
         ("undecided", "only unstable cycles found", False, "only unstable cycles found"),
         ("undecided", "the equations", None, "the equations"),
+        (
+            "undecided",
+            "the curve was followed up to a contact velocity of 0.2 m/s only",
+            False,
+            "the curve was followed up to a contact velocity of 0.2 m/s only; a cycle that came is "
+            "unstable, at 5 m/s",
+        ),
     ],
 )
 @pytest.mark.parametrize("pulls", ["", "it pulls: 1"])
@@ -451,7 +458,7 @@ def test_a_cycle_of_which_it_is_not_known_whether_it_attracts_is_not_told_unstab
         "n_left_out": 0,
     }
     row["unstable_outside"] = False
-    cycle = QUIET | {"stable": stable, "energy": 1.0}
+    cycle = QUIET | {"stable": stable, "energy": 1.0, "contact_velocity": 5.0}
     _judge_again(row, 1, "a cycle that came", cycle)
     assert row["verdicts"][0]["reason"] == told
     assert row["verdicts"][0]["verdict"] == "undecided"

@@ -60,6 +60,7 @@ from squealstudy.modes.tracking.tree import grid_places
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 
 THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
+SAME_OF_A_CYCLE = "torque_rms", "level_error", "torque_line_hz", "invalid_reason"
 N_NEAREST_DESIGNS = 3  # neighbours of a design that is on no grid
 BRANCH_FIELDS = (
     ("cycle_id", TEXT),
@@ -365,13 +366,10 @@ def _judge_again(
             # a run in time tells the level of the same motion less exactly
             lowest_level = verdict["torque_rms"] * (1.0 - verdict["level_error"])
             if stable and not lowest_level >= cycle["torque_rms"]:
-                verdict["torque_rms"] = cycle["torque_rms"]
-                verdict["level_error"] = cycle["level_error"]
+                verdict |= {name: cycle[name] for name in SAME_OF_A_CYCLE}
                 verdict["regularisation_error"] = np.nan
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
                 verdict["cycle_frequency_error"] = cycle["frequency_error"]
-                verdict["torque_line_hz"] = cycle["torque_line_hz"]
-                verdict["invalid_reason"] = cycle["invalid_reason"]
                 verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)
         if verdict["verdict"] == SQUEALS:
             if stable:
@@ -388,6 +386,8 @@ def _judge_again(
             joined = ", and" if cycle is None else " but"
             reason = f"{ONLY_UNSTABLE}{joined} {came}{_of_what_kind(cycle, ' that')}"
             verdict["reason"] = verdict["reason"].replace(ONLY_UNSTABLE, reason)
+        elif not verdict["threshold_velocity"] > 0.0 and ONLY_UNSTABLE not in verdict["reason"]:
+            verdict["reason"] += f"; {came} is unstable, at {cycle['contact_velocity']:.3g} m/s"
     row |= summary(row["verdicts"], row["cycles"], row["n_left_out"], bool(row["unstable_outside"]))
 
 
