@@ -192,7 +192,8 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
         reason = f"{ONLY_UNSTABLE}; what larger motions come to is open"
     elif family.end not in SEARCHED_ENDS:
         why = CURVE_ENDS.get(family.end, family.end)
-        reason = f"the curve was followed up to a contact velocity of {family.reached:.3g} m/s only: {why}"
+        velocity = f"a contact velocity of {family.reached:.3g} m/s"
+        reason = f"the curve was followed up to {velocity} only: {why}"
     elif family.look is None or family.look.grows:
         reason = "motions of some amplitude grow, but no cycle was found"
     elif family.look.open:
