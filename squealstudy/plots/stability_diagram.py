@@ -124,7 +124,7 @@ def stability_diagram(
     _widen(axes)
     shade_unstable(axes)
     finish(axes, "Frequency [Hz]", "Damping ratio [%]")
-    head(axes, title, _summary(shown, table))
+    head(axes, title, _summary(shown, table, _named_modes(results, drawn, len(shown))))
     _edge_marks(axes, drawn)
     if not len(drawn):
         axes.text(0.5, 0.6, "no modes", transform=axes.transAxes, ha="center", color="0.4")
@@ -220,15 +220,27 @@ def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[
     ]
 
 
-def _summary(points: pd.DataFrame, modes: pd.DataFrame) -> str:
-    """Number of modes in the picture, and of those that are not."""
+def _named_modes(results: Results, modes: pd.DataFrame, points: int) -> str:
+    """How many modes of a study are unstable, as the ranking counts tracks that are one mode."""
+    numbers = worst_tracks(modes)["track"].to_numpy()
+    if points == 1 or len(numbers) < 2:
+        return plural(len(numbers), "unstable track") if len(numbers) else ""
+    ranked = results.rank()
+    tracked = ranked[ranked["track"].isin(numbers)]
+    count = int(tracked.drop_duplicates("family")["family_modes"].sum())
+    if count == len(numbers):
+        return plural(count, "unstable track")
+    return f"{plural(count, 'unstable mode')} of {len(numbers)} numbers"
+
+
+def _summary(points: pd.DataFrame, modes: pd.DataFrame, named: str) -> str:
+    """Number of modes in the picture, and of those that are not; those of tracks are `named`."""
     drawn = oscillating(modes)
     unstable = drawn[drawn["unstable"].to_numpy(bool)]
     if len(points) == 1:
         text = f"{len(unstable)} of {plural(len(drawn), 'mode')} unstable"
     else:
-        n = len(worst_tracks(drawn))
-        text = f"{plural(n, 'unstable track')}, named where growth is fastest" if n else ""
+        text = f"{named}, named where growth is fastest" if named else ""
         loose = int((unstable["track"] <= 0).sum())
         text = joined(text, f"{plural(loose, 'unstable mode')} without track" if loose else "")
         solved = (points["status"] == "ok").any()

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from explored import NO_ONSETS
+from made_results import made
 from scipy import stats
 from scipy.stats import qmc
 from study_runs import command, plan_of, solved
@@ -258,6 +260,10 @@ def test_a_mode_that_changes_its_number_is_one_mode_of_a_random_design(capsys):
     assert rank_modes(points, modes, scattered=True)["family"].tolist() == [1, 1]
     screens.show(*random_screen.probabilities(table))
     assert "T1 and T2 are one unstable mode, which changes its number" in capsys.readouterr().out
+    facts = {"design": {"type": "sobol_indices"}, "parameters": [*NAMES], "sweeps": [*NAMES]}
+    onsets = pd.DataFrame({name: pd.Series(dtype=d) for name, d in NO_ONSETS.items()})
+    drawn = made(points=points, modes=modes, onsets=onsets, facts=facts).plot.stability_diagram()
+    assert "1 unstable mode of 2 numbers" in drawn.axes[0].get_title(loc="left")
 
 
 def test_the_screen_says_of_which_points_growth_is_and_what_failed_points_leave_open(capsys):
