@@ -18,6 +18,7 @@ from squealstudy.engine.cache import load_prepared, save_prepared
 from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes import reduction_errors as reduction
+from squealstudy.kinds.complex_modes.error_text import percent_or_times
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.reduction_errors import CARRIED, ReductionErrors, carried
@@ -469,3 +470,11 @@ def test_sample_points_are_spread_over_each_structure():
     for own in friction:
         assert {0.1, 0.5} <= set(np.round(own, 9))
         assert np.diff(np.sort(own)).max() < 0.11
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(1.0, ""), (1.004, ""), (1.04, "by 4 %"), (1.9, "by 90 %"), (2.4, "to 2.4 times that")],
+)
+def test_what_full_order_adds_to_an_error_is_told_in_words(factor, text):
+    assert percent_or_times(factor) == text

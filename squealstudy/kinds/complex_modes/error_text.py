@@ -63,8 +63,8 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
         return [("estimates", f"{text}; from the reduction not known: no sample point has modes")]
     points = plural(errors["reduction_sample_points"], "sample point")
     text += f" and {error_percent(reduction)} from the reduction, by a finer model at {points}"
-    if errors["reduction_widened"] > 1:
-        text += f", raised {errors['reduction_widened']:.2g} times as full order showed more"
+    if rise := percent_or_times(errors["reduction_widened"]):
+        text += f", raised {rise}, as full order showed more"
     if manifest.get("basis_enriched"):
         text += "; the basis was enriched"
         if reduction > tolerance:
@@ -154,3 +154,10 @@ def unseen_text(results: ResultTables) -> str:
         f"; by its own estimate the method errs by {at_checks} there, but by {elsewhere} "
         "elsewhere: audit checks points drawn at random"
     )
+
+
+def percent_or_times(factor: float) -> str:
+    """How much a factor raises a number, in words; empty where that is less than 1 %."""
+    if factor < 1.01:
+        return ""
+    return f"by {100 * (factor - 1):.0f} %" if factor < 2 else f"to {factor:.2g} times that"
