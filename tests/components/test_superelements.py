@@ -242,7 +242,7 @@ def test_what_is_wrong_is_said_with_its_key(tmp_path, what, key, message):
         path.write_text(
             text.replace("[parameters]", '[[fixed]]\nset = "slider.INNER"\n[parameters]')
         )
-        message = "follow others by a tie or a coupling"
+        message = "follow others by a tie, a coupling, or the recovery"
     with pytest.raises(StudyFileError, match=re.escape(message)) as caught:
         built(path)
     assert str(caught.value.key).startswith(key)

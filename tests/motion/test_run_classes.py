@@ -124,10 +124,10 @@ def test_undecided_runs_are_told_and_not_ranked(tmp_path, monkeypatch):
     results = results_of(tmp_path / "belt", [1.0, 12.0], damping=1e-5, kick=1e-3)
     assert sorted(results.points["class"]) == ["limit_cycle", "undecided"]
     assert (results.rank()["points"] == 1).all()
-    console = Console(width=200, record=True, file=StringIO())
+    console = Console(width=200, file=(text := StringIO()))
     monkeypatch.setattr(screen, "console", console)
     screen.show(*results.screen.findings(results))
-    printed = " ".join(console.export_text().split())
+    printed = " ".join(text.getvalue().split())
     until = results.points["undecided_until"].max()
     assert "1 of 2 runs is too short to tell what it comes to" in printed
     assert f"a duration of about {until:.2g} s would decide it" in printed

@@ -33,7 +33,7 @@ def has_moved(run: Motion) -> bool:
 def mode_fits(run: Motion) -> list[GrowthFit]:
     """Growth of each followed complex mode, until the first of them bends that has much energy."""
     count = len(run.point.growing.lam)
-    if not has_moved(run):
+    if not count or not has_moved(run):
         return [GrowthFit()] * count
     xi = [run.xi(k) for k in range(count)]
     energy = run.point.growing.energy * np.array([np.abs(x).max() ** 2 for x in xi])
