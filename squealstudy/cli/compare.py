@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from squealstudy.screen import grid, notes
 from squealstudy.tables.comparison import BOTH, TIME, UNFOLLOWED, VIBRATION
 from squealstudy.tables.comparison import FREQUENCY as PREDICTED
-from squealstudy.tables.cycle_comparison import AGREES, CANNOT, DIFFERS
+from squealstudy.tables.cycle_comparison import AGREES, CANNOT, DIFFERS, DOUBTFUL, MAX_DEVIATION
 from squealstudy.tables.mode_ranking import group_kind
 from squealstudy.wording import (
     SUSTAINED,
@@ -24,7 +24,7 @@ from squealstudy.wording import (
 )
 
 TITLES = ("mode", "Hz", "growth 1/s", "forecast", "fitted", "95 %", "dev %", "energy %", "lives")
-AGREEMENTS = {AGREES: "agree", DIFFERS: "differ", CANNOT: "open"}
+AGREEMENTS = {AGREES: "agree", DOUBTFUL: "doubtful", DIFFERS: "differ", CANNOT: "open"}
 
 
 def comparison(
@@ -79,9 +79,13 @@ def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
     text += f", {unknown} cannot be told" if unknown else ""
     legend = notes(
         "RMS, Hz: of the stable cycle nearest in frequency to a run that lasts, else of the "
-        "loudest; dev: run against it",
-        "kick: contact velocity of the unstable cycle; bistable: a stable cycle beside stable "
-        "steady sliding, so that a run may do either",
+        "loudest; without one of the design's own run; dev: run against it",
+        "kick: contact velocity of the unstable cycle; bistable: a stable cycle or a lasting "
+        "run beside stable steady sliding, so that a run may do either",
+        f"doubtful: levels more than {100 * MAX_DEVIATION:g} % apart: several motions may last, "
+        "which of them depends on the start"
+        if DOUBTFUL in counts
+        else "",
     )
     return [shown, f"{text}.", legend]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,8 @@ import pandas as pd
 from squealstudy.tables.comparison import OF_THE_RUN, OPEN, STABLE, join_points
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, SUSTAINED
 
-AGREES, DIFFERS, CANNOT = "agrees", "differs", "open"  # verdict and run
+AGREES, DOUBTFUL, DIFFERS, CANNOT = "agrees", "doubtful", "differs", "open"  # verdict and run
+MAX_DEVIATION = 0.2  # relative, of levels beyond their errors: other motion lasts than was found
 COLUMNS = (
     {"verdict": "str", "bistable": "boolean", "n_stable": "int64"}
     | {"predicted_torque_rms": "f8", "predicted_frequency_hz": "f8", "threshold_velocity": "f8"}
@@ -36,15 +38,18 @@ def compare_cycles(
     Returns
     -------
     DataFrame
-        The parameters of both studies, then COLUMNS. `bistable`: a stable cycle was found beside
-        steady sliding without an unstable mode; missing where that is undecided. The predicted
-        cycle is, of the stable ones, that nearest in frequency to a run that lasts (to its loudest
-        line where the motion does not repeat), else the loudest. `level_deviation` and
+        The parameters of both studies, then COLUMNS. `bistable`: a stable cycle or a lasting run
+        was found beside steady sliding without an unstable mode; missing where that is undecided.
+        The predicted cycle is, of the stable ones, that nearest in frequency to a run that lasts
+        (to its loudest line where the motion does not repeat), else the loudest; without one the
+        level is that of the design, of a run. `level_deviation` and
         `frequency_deviation` are run / predicted - 1, of runs that last; `level_deviation_error`
         what the bounds of the run's level and the error of the cycle's leave open, NaN where one
         of them cannot be told. `agreement`: ``differs`` where a design of verdict squeals stays
-        silent, or one without a cycle vibrates; ``open`` where verdict or run is undecided. A
-        design that squeals if kicked agrees with both: it depends on the start.
+        silent, or one without a cycle vibrates; ``open`` where verdict or run is undecided;
+        ``doubtful`` where both vibrate, but the levels are apart by more than MAX_DEVIATION beyond
+        their errors: several motions may last. A design that squeals if kicked agrees with both
+        silence and vibration: it depends on the start.
 
     Raises
     ------
@@ -63,8 +68,11 @@ def compare_cycles(
         stable = distinct_cycles[(distinct_cycles["point_id"] == design["point_id"]).to_numpy()]
         values = {n: float((run if n in time_parameters else design)[n]) for n in names}
         ids = {"cycles_point_id": design["point_id"], "time_point_id": run["point_id"]}
-        rows.append(values | ids | _verdict(design, len(stable)) | _levels(stable, run))
-        rows[-1]["agreement"] = _agreement(str(design["verdict"]), str(run["class"]))
+        rows.append(values | ids | _verdict(design, len(stable)) | _levels(design, stable, run))
+        agreement = _agreement(str(design["verdict"]), str(run["class"]))
+        if agreement == AGREES and _is_apart(rows[-1]):
+            agreement = DOUBTFUL
+        rows[-1]["agreement"] = agreement
     return pd.DataFrame(rows, columns=[*names, *COLUMNS]).astype(COLUMNS)
 
 
@@ -72,7 +80,7 @@ def _verdict(design: pd.Series, n_stable: int) -> dict[str, object]:
     ok = design["status"] == "ok"
     verdict = str(design["verdict"]) if ok else str(design["status"])
     quiet = ok and int(design["n_unstable"]) == 0 and not bool(design["unstable_outside"])
-    bistable: object = quiet and n_stable > 0
+    bistable: object = quiet and (n_stable > 0 or verdict == IF_KICKED)
     if not ok or (not bistable and verdict not in (SQUEALS, NO_CYCLE)):
         bistable = None
     return {
@@ -83,7 +91,13 @@ def _verdict(design: pd.Series, n_stable: int) -> dict[str, object]:
     }
 
 
-def _levels(stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
+def _is_apart(row: Mapping[str, Any]) -> bool:
+    """Whether levels differ so much that the run is no motion that was found."""
+    deviation = abs(float(row["level_deviation"]))
+    return deviation > MAX_DEVIATION + np.nan_to_num(float(row["level_deviation_error"]))
+
+
+def _levels(design: pd.Series, stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
     row: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
     line = float(run["torque_line_hz"])
     run_hz = float(run.get("frequency_hz", np.nan))  # results of before have none
@@ -91,15 +105,17 @@ def _levels(stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
     row |= {"predicted_torque_rms": np.nan, "predicted_frequency_hz": np.nan, "cycle_id": ""}
     row |= dict.fromkeys(("level_deviation", "level_deviation_error"), np.nan)
     row["frequency_deviation"] = np.nan
-    if not len(stable):
-        return row
     lasts = run["class"] in SUSTAINED
     hz, level = run_hz if np.isfinite(run_hz) else line, float(run["torque_rms"])
-    if lasts and np.isfinite(hz):
+    if not len(stable):
+        if not float(design.get("torque_rms", np.nan)) > 0.0:
+            return row
+        cycle = design  # a run's level, where no cycle is known to be stable
+    elif lasts and np.isfinite(hz):
         cycle = stable.iloc[int(np.argmin(np.abs(stable["frequency_hz"] / hz - 1.0)))]
     else:
         cycle = stable.iloc[int(np.argmax(stable["torque_rms"]))]
-    row["cycle_id"] = cycle["cycle_id"]
+    row["cycle_id"] = cycle["cycle_id"] if len(stable) else ""
     row["predicted_torque_rms"] = cycle["torque_rms"]
     row["predicted_frequency_hz"] = cycle["frequency_hz"]
     if lasts:

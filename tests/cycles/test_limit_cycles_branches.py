@@ -329,20 +329,21 @@ def test_compared_with_runs_in_time(followed, tmp_path):
 
 
 def test_verdicts_and_runs_agree_or_differ():
-    def row(verdict, run, unstable=0):
+    def row(verdict, run, unstable=0, rms=1.1, stable=True):
         points = pd.DataFrame({"point_id": ["a"], "status": ["ok"], "friction": [0.5]})
         points = points.assign(
             verdict=verdict, n_unstable=unstable, unstable_outside=False, threshold_velocity=np.nan
         )
+        points = points.assign(torque_rms=1.05, frequency_hz=100.0, level_error=0.01)
         cycles = pd.DataFrame(
             {"point_id": ["a", "a"], "cycle_id": ["a-1-1", "a-1-2"], "same_as": ["", ""]}
             | {"stable": [True, True], "frequency_hz": [100.0, 200.0], "torque_rms": [1.0, 2.0]}
             | {"level_error": 0.01}
         )
         runs = pd.DataFrame({"point_id": ["t"], "status": ["ok"], "friction": [0.5], "class": run})
-        runs = runs.assign(torque_rms=1.1, torque_line_hz=101.0)
-        runs = runs.assign(torque_rms_low=1.05, torque_rms_high=1.2)
-        has = verdict in ("squeals", "squeals_if_kicked")
+        runs = runs.assign(torque_rms=rms, torque_line_hz=101.0)
+        runs = runs.assign(torque_rms_low=rms - 0.05, torque_rms_high=rms + 0.1)
+        has = stable and verdict in ("squeals", "squeals_if_kicked")
         found = compare_cycles(
             points, cycles if has else cycles[:0], runs, ["friction"], ["friction"], {}
         )
@@ -361,6 +362,12 @@ def test_verdicts_and_runs_agree_or_differ():
     assert not row("no_cycle_found", "stable")["bistable"]
     assert pd.isna(row("undecided", "stable")["bistable"])
     assert row("undecided", "limit_cycle")["agreement"] == "open"
+    assert row("squeals", "limit_cycle", 1, rms=1.5)["agreement"] == "doubtful"
+    assert row("squeals_if_kicked", "limit_cycle", rms=1.5)["agreement"] == "doubtful"
+    alone = row("squeals_if_kicked", "limit_cycle", stable=False)
+    assert (alone["agreement"], alone["bistable"], alone["cycle_id"]) == ("agrees", True, "")
+    assert alone["level_deviation"] == pytest.approx(1.1 / 1.05 - 1.0)
+    assert not row("squeals", "limit_cycle", 1, stable=False)["bistable"]
 
 
 # -- one cycle or two ------------------------------------------------------------------------------
