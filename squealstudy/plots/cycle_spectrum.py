@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ from squealstudy.colours import COLOURS, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.over_time import friction_label
-from squealstudy.plots.style import finish, one_panel
+from squealstudy.plots.style import finish, legend_of, one_panel
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
 
@@ -75,13 +75,9 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     axes.set_ylim(MIN_SHOWN_HARMONIC_RATIO * level.max(), 2.0 * level.max())
     error = float(cycle_row["level_error"]) * level.max()
     if error > MIN_SHOWN_HARMONIC_RATIO * level.max():
-        axes.axhline(error, color=GREY, linestyle="--", linewidth=1.2)
-        place: dict[str, Any] = {
-            "transform": axes.get_yaxis_transform(),
-            "ha": "right",
-            "va": "bottom",
-        }
-        axes.text(0.995, error, "estimated error of the level", color="0.35", fontsize=9, **place)
+        label = "estimated error of the level"
+        line = axes.axhline(error, color=GREY, linestyle="--", linewidth=1.2, label=label)
+        legend_of(figure, ax, [line])
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.4, len(level) + 0.6)
     finish(axes, f"Harmonic of {hz:.1f} Hz", f"{what.capitalize()} [{unit}]")

@@ -242,7 +242,11 @@ def test_pictures_of_branches_growth_and_harmonics(followed, tmp_path):
     title = figure.get_suptitle()
     assert "at friction" in title
     assert "cycles" not in title
-    bars = followed.plot.cycle_spectrum(cycle=stable["cycle_id"]).axes[0].patches
+    rough = followed.with_tables(cycles=followed.table("cycles").assign(level_error=1e-2))
+    spectrum = rough.plot.cycle_spectrum(cycle=stable["cycle_id"])
+    bars, shown = spectrum.axes[0].patches, [t for g in spectrum.legends for t in g.get_texts()]
+    assert [text.get_text() for text in shown] == ["estimated error of the level"]
+    assert not spectrum.axes[0].texts  # it lay on the bars
     assert len(bars) == stable["n_harmonics"]
     # a torque about its mean is the root of the harmonics' squares
     power = np.sqrt(0.5 * np.sum(np.square(stable["torque_harmonics"])))
