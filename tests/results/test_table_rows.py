@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,6 +12,7 @@ from study_runs import solved
 from squealstudy.engine.results import Results
 from squealstudy.engine.table_rows import ranked_modes
 from squealstudy.errors import ResultsError
+from squealstudy.screen import as_text
 from squealstudy.tables import point_rows
 from squealstudy.tables.mode_ranking import rank_modes
 from squealstudy.tables.point_rows import ROW, point_codes
@@ -140,3 +143,18 @@ def test_a_ranking_made_again_is_the_same_whatever_was_done_to_the_first(results
     fastest = expected["max_growth_rate"].idxmax()
     assert results.rank(by="growth")["track"].iloc[0] == expected["track"][fastest]
     assert len(results.rank(where="friction < 0.0")) == len(results.rank(top=0)) == 0
+
+
+def test_the_error_of_refined_onsets_is_told_beside_them(results):
+    onsets = results.onsets
+    refined = onsets["status"].isin(["refined", "cubic"]) & onsets["track"].isin(
+        results.rank()["track"]
+    )
+    error = onsets["error_estimate"][refined].max()
+    printed = " ".join(as_text(results.screen.ranking(results)).split())
+    told = re.search(r"refined ones to (\S+), the model's errors apart", printed)
+    assert (told is None) == np.isnan(error)
+    if told:
+        assert float(told[1]) == pytest.approx(error, rel=0.05)
+        unknown = results.with_tables(onsets=onsets.assign(error_estimate=np.nan))
+        assert "refined ones" not in as_text(unknown.screen.ranking(unknown))

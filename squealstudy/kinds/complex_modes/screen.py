@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
@@ -32,6 +33,7 @@ from squealstudy.kinds.complex_modes.random_screen import (
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, command_text, grid, held_together, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
+from squealstudy.tables.families import REFINED_ONSETS
 from squealstudy.tables.mode_ranking import (
     FIRST_UNTRACKED_GROUP,
     frequency_text,
@@ -306,7 +308,9 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
     names = ", ".join(settings_of(table["at"].iloc[0], {}))
     texts += [f"worst at: {names}"] if names else []
     if along := results.along:
-        texts.append(f"onset: least {along} at which the mode turns unstable")
+        texts.append(
+            f"onset: least {along} at which the mode turns unstable{_onset_error(table, results)}"
+        )
         texts += _onset_kinds(set(table["threshold_kind"]), results, query)
         if (table["threshold"].isna() & (table["threshold_kind"] != BELOW_RANGE)).any():
             texts.append(
@@ -322,6 +326,20 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
     if table["ambiguous"].any():
         texts.append(f"{DOUBTFUL_NUMBER}; stability and onsets do not depend on it")
     return [*texts, *named_tracks(table["track"], results.track_names)]
+
+
+def _onset_error(table: pd.DataFrame, results: ResultTables) -> str:
+    """The largest error of the refined onsets of a ranking, in words; empty where none is known."""
+    if "onsets" not in results.tables:
+        return ""
+    onsets = results.onsets
+    refined = onsets["status"].isin(REFINED_ONSETS) & onsets["track"].isin(table["track"])
+    error = float(onsets["error_estimate"][refined.to_numpy(bool)].max())
+    if not np.isfinite(error):
+        return ""
+    unit = results.units.get(results.along or "", "")
+    rounded = amount(float(np.format_float_scientific(error, 1)), unit)
+    return f"; refined ones to {rounded}, the model's errors apart"
 
 
 def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str]:
