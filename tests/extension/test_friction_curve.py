@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -112,3 +114,18 @@ def test_the_library_knows_a_curve_that_was_imported():
     assert complex(grown.real, abs(root.imag)) == pytest.approx(grown, rel=1e-8)
     assert grown.real == pytest.approx(root.real, rel=1e-8)
     assert float(force) == pytest.approx(contact_force(), rel=1e-9)
+
+
+def statements(text):
+    """Of a module, without docstrings and `from __future__`."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.FunctionDef) and ast.get_docstring(node):
+            node.body = node.body[1:]
+    return [ast.unparse(node) for node in tree.body if "__future__" not in ast.unparse(node)]
+
+
+def test_the_page_shows_this_law():
+    page = Path(__file__).parents[2] / "docs" / "howto" / "own-law.md"
+    (shown,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    assert statements(shown) == statements(Path(__file__).with_name(FILE).read_text("utf-8"))
