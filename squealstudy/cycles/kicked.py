@@ -24,7 +24,7 @@ from squealstudy.cycles.trials import (
     state_of,
     with_regularisation,
 )
-from squealstudy.cycles.verdicts import Family, Followed
+from squealstudy.cycles.verdicts import NOT_FOLLOWED, SEARCHED_ENDS, Family, Followed
 from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
 N_PHASES = 8
@@ -135,20 +135,21 @@ def decided_in_time(
 ) -> Followed:
     """A design that cycles leave open, after runs in time.
 
-    One that squeals has the level of a run where no stable cycle is the loudest (`_with_level`). Of
-    one whose modes are all stable runs begin with what was found of families that are undecided:
-    the loudest cycle, above it where it is unstable; without any the motion that lacks least
-    damping, and the largest of the curve, made as large as `reach` [m/s] and larger: on the brake a
-    motion of that size along a mode may lose what a cycle of half of it needs. Where one lasts the
-    design squeals if kicked, and no more are run. Where all of a family decay there is no cycle
-    found if nothing but the curve's end was missing; else that is told, and the verdict stays open.
+    One that squeals has the level of a run where no stable cycle is the loudest (`_with_level`), or
+    where one to larger motion lasts (`_with_larger`). Of one whose modes are all stable runs begin
+    with what was found of families that are undecided: the loudest cycle, above it where it is
+    unstable; without any the motion that lacks least damping, and the largest of the curve, made as
+    large as `reach` [m/s] and larger: on the brake a motion of that size along a mode may lose what
+    a cycle of half of it needs. Where one lasts the design squeals if kicked, and no more are run.
+    Where all of a family decay there is no cycle found if nothing but the curve's end was missing;
+    else that is told, and the verdict stays open.
     `band` [rad/s] is that of `run_on`.
     """
     families = [family for _, family in followed.families]
     if any(family.verdict == NEUTRAL for family in families):
         return followed  # every run keeps what it begins with of that mode
     if any(family.verdict == SQUEALS for family in families):
-        return _with_level(contact, followed, band, reach)
+        return _with_larger(contact, _with_level(contact, followed, band, reach), band, reach)
     if followed.unstable_outside or contact.point.growing.n_outside > 0:
         return followed
     starts = [list(_starts(contact, family, reach)) for family in families]
@@ -228,6 +229,51 @@ def _with_level(
     return followed._replace(families=list(families.items()))
 
 
+def _with_larger(
+    contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
+) -> Followed:
+    """A design that squeals, with the level of a larger motion where one run to it lasts.
+
+    Of the loudest family that squeals whose curve was not followed to its end: beyond it there may
+    be another motion, which a kick leads to.
+    """
+    levels = {
+        mode: _level(family)
+        for mode, family in followed.families
+        if family.verdict == SQUEALS
+        and family.largest is not None
+        and family.end not in (*SEARCHED_ENDS, NOT_FOLLOWED)
+        and _level(family) > 0.0
+        and (family.run is None or family.run.start == CYCLE)  # else it began above all cycles
+    }
+    if not levels or contact.point.growing.n_outside > 0:
+        return followed
+    families, mode = dict(followed.families), max(levels, key=lambda mode: levels[mode])
+    family = families[mode]
+    name, (q, v) = _scaled_start(contact, family, START_SIZES[0] * reach, START_ANGLES_RAD[0])
+    (motion,) = run_on(contact, [replace(contact.point, q0=q, v0=v)], band)
+    run = with_regularisation(contact, ended(name, motion, band), motion, band)
+    loudest = max(_level(family) for family in families.values())
+    if run.outcome == LASTS and run.torque_rms > DISTINCT_LEVEL_RATIO * loudest:
+        reason = f"{family.reason}; the level is that of a louder run in time from {name}"
+        if family.loudest is None:  # its level was of a quieter run
+            reason = f"unstable mode; level of a run in time from {name}"
+        families[mode] = replace(family, run=run, reason=reason)
+    elif run.outcome == LASTS:
+        why = f"a run in time from {name} comes to no louder motion"
+        families[mode] = replace(family, reason=f"{family.reason}; {why}")
+    else:
+        families[mode] = replace(family, reason=f"{family.reason}; {run.nothing_told}")
+    return followed._replace(families=list(families.items()))
+
+
+def _level(family: Family) -> float:
+    """Level of the loudest motion of a family that lasts; 0 without one."""
+    cycle = family.loudest.levels[LEVEL] if family.loudest else 0.0
+    by_run = family.run.torque_rms if family.run and family.run.outcome == LASTS else 0.0
+    return max(cycle, by_run)
+
+
 def _lasting(runs: Iterable[Ended]) -> list[Ended]:
     """The outcomes of runs that last."""
     return [run for run in runs if run.outcome == LASTS]
@@ -250,10 +296,18 @@ def _starts(
         if open_:
             yield "the motion nearest to growing", state_of(max(open_, key=lambda m: m.parameter))
     if family.largest is not None:
-        velocity = contact.contact_velocity(family.largest)
         for size, theta in itertools.product(START_SIZES, START_ANGLES_RAD):
-            name = f"{START_OF_LOST} {MADE_AS_LARGE} {size * reach:.3g} m/s"
-            yield name, state_of(family.largest, size * reach / velocity, theta)
+            yield _scaled_start(contact, family, size * reach, theta)
+
+
+def _scaled_start(
+    contact: ContactOscillator, family: Family, size: float, theta: float
+) -> tuple[str, State]:
+    """The curve's largest motion made as large as `size` [m/s], in words and as a state."""
+    assert family.largest is not None
+    factor = size / contact.contact_velocity(family.largest)
+    name = f"{START_OF_LOST} {MADE_AS_LARGE} {size:.3g} m/s"
+    return name, state_of(family.largest, factor, theta)
 
 
 def _decided(family: Family, ends: Sequence[Ended]) -> Family:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cycle_models as models
 import numpy as np
 import pandas as pd
+import pytest
 
+from squealstudy.cycles.cycle import Search
+from squealstudy.cycles.families import families
+from squealstudy.cycles.kicked import decided_in_time
 from squealstudy.kinds.limit_cycles.kick_words import untold_kicks
 from squealstudy.kinds.limit_cycles.larger import (
     larger_in_words,
@@ -67,3 +74,28 @@ def test_where_a_kick_was_asked_for_and_none_is_told_the_screen_says_why():
     assert told.endswith("bisected beside a stable cycle, and none was found (1).")
     assert untold_kicks(verdicts, was_asked=False) == ""
     assert untold_kicks(verdicts[1:], was_asked=True) == ""
+
+
+def test_a_kick_beyond_an_unfinished_curve_tells_a_louder_level():
+    """Contact that opens: `transient` with perturbation 0.4 lasts at 128.3 N; the cycle has 38."""
+    values = {"damping_ratio": 0.005, "sliding_speed": 0.1, "friction": 0.75}
+    contact = models.Designs("hoffmann", values, "unilateral").at()
+    band = (2 * np.pi * 10.0, 2 * np.pi * 1000.0)
+    followed = families(contact, band, [1], 1e-9, Search(None, 1e-2, 0.8))
+    ((mode, family),) = followed.families
+    quiet = replace(family, cycles=(family.loudest,))  # lost before the saddle
+
+    def run(unfinished):
+        ((_, judged),) = decided_in_time(
+            contact, followed._replace(families=[(mode, unfinished)]), band, 0.8
+        ).families
+        return judged
+
+    louder = run(quiet)
+    assert louder.run.torque_rms == pytest.approx(128.3, rel=5e-3)
+    assert louder.reason.startswith(f"{quiet.reason}; the level is that of a louder run in time")
+    assert run(replace(quiet, end="far")).run is None  # nothing was left out
+    levels = family.loudest.levels | {"torque_rms": 200.0}
+    told = run(replace(quiet, cycles=(replace(family.loudest, levels=levels),)))
+    assert told.run is None
+    assert told.reason.endswith("m/s comes to no louder motion")
