@@ -296,11 +296,13 @@ def _pair_text(mode: ModeVectors, of_contact: bool) -> str:
     text = f"{100 * share:.1f} % of the real mode {first} {without}"
     if other < LEAST_SHARE or not np.isfinite(mode.phase_deg):
         return f"{text}: one real mode alone, no lock-in"
-    text += f", {100 * other:.1f} % of that {second}, {mode.phase_deg:.0f} deg apart"
+    text += (
+        f", {100 * other:.1f} % of that {second}; they move {mode.phase_deg:.0f} deg out of phase"
+    )
     feeds_most = mode.by_stiffness > max(mode.by_velocity, 0.0)  # not friction that falls
     if feeds_most and other >= LOCKED_IN_SHARE and min(mode.pair_hz) > 0:
         feeds = "friction" if of_contact else "unsymmetric stiffness"
-        text += f": the two have locked in; {feeds} feeds by the sine of this angle"
+        text += f": the two have locked in; {feeds} feeds by the sine of this phase"
     return text
 
 

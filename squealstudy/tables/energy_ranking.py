@@ -13,6 +13,7 @@ from squealstudy.wording import LASTING, UNDECIDED
 
 CLASS = "class"
 SHARES = ("energy_share", "energy_share_low", "energy_share_high", "energy_mean")
+LEAST_IN_INTERFACES = 0.995  # of the energy of a mode: more prints as all of it
 COLUMNS = (
     {"mode": "int64", "frequency_hz": "f8", "energy_share": "f8", "energy_share_max": "f8"}
     | {"first_share": "f8", "dominant_points": "int64", "gained_points": "int64"}
@@ -86,6 +87,17 @@ def transient_parameters(points: pd.DataFrame, varied: bool = False) -> list[str
 def component_columns(modes: pd.DataFrame) -> list[str]:
     """Columns of elastic energy shares of components."""
     return [c for c in mode_ranking.energy_columns(modes.columns) if c not in SHARES]
+
+
+def tells_parts(ranking: pd.DataFrame) -> bool:
+    """Whether the energy of ranked modes tells parts apart.
+
+    A family of matrices has no parts; all energy of a lumped model is in its interfaces.
+    """
+    in_interfaces = (ranking["main_component"] == "interfaces").to_numpy(bool)
+    says_nothing = in_interfaces & (ranking["main_share"] >= LEAST_IN_INTERFACES).to_numpy(bool)
+    named = (ranking["main_component"] != "").to_numpy(bool)
+    return bool((named & ~says_nothing).any())
 
 
 def _summary(lasting: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:

@@ -4,7 +4,12 @@ import pytest
 from transient_tables import modes_table, points_table
 
 from squealstudy.errors import ResultsError
-from squealstudy.tables.energy_ranking import COLUMNS, rank_energy, transient_parameters
+from squealstudy.tables.energy_ranking import (
+    COLUMNS,
+    rank_energy,
+    tells_parts,
+    transient_parameters,
+)
 
 KINDS = ["limit_cycle", "irregular", "growing", "stable", "failed"]
 SCALE = "caliper.modes[8].frequency_scale"
@@ -123,3 +128,17 @@ def test_tables_are_not_changed():
     rank_energy(points, modes, where="friction > 0.2")
     pd.testing.assert_frame_equal(points, before[0])
     pd.testing.assert_frame_equal(modes, before[1])
+
+
+@pytest.mark.parametrize(
+    ("component", "share", "told"),
+    [
+        ("interfaces", 1.0, False),
+        ("interfaces", 0.9, True),
+        ("pad", 1.0, True),
+        ("", np.nan, False),
+    ],
+)
+def test_energy_of_a_lumped_model_tells_no_parts(component, share, told):
+    table = pd.DataFrame({"main_component": ["interfaces", component], "main_share": [1.0, share]})
+    assert tells_parts(table) == told

@@ -33,6 +33,7 @@ from squealstudy.kinds.complex_modes.random_screen import (
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, command_text, grid, held_together, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
+from squealstudy.tables.energy_ranking import tells_parts
 from squealstudy.tables.families import REFINED_ONSETS
 from squealstudy.tables.mode_ranking import (
     FIRST_UNTRACKED_GROUP,
@@ -145,7 +146,7 @@ class ComplexModesScreen(KindScreen):
             beyond = "" if where else grows_outside(results.manifest, results.units)
             none = f"{_no_mode(results, where)}{beyond}"
             return [none, notes(_doubt(results, where), _left_out(results))]
-        energies = bool(table["main_component"].any())  # a family of matrices has none
+        energies = tells_parts(table)
         shown = grid(
             *("mode", "Hz", "unstable", "growth 1/s", "damping %"),
             *(["onset"] if results.along else []),

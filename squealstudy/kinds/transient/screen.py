@@ -14,7 +14,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.answer import lasting_in_words, level_error
 from squealstudy.kinds.transient.window_screen import in_words, windows
 from squealstudy.screen import Rows, command_text, facts, grid, notes
-from squealstudy.tables.energy_ranking import rank_energy
+from squealstudy.tables.energy_ranking import rank_energy, tells_parts
 from squealstudy.wording import (
     CHANGING,
     CLASS_LETTERS,
@@ -83,11 +83,12 @@ class TransientScreen(KindScreen):
             keeps_text = "is known to keep" if undecided or failed else "keeps"
             what = "Nothing within the query" if where else "No design point"
             return [f"{what} {keeps_text} vibrating{left_out}."]
-        varied = any(table["worst"])
+        varied, energies = any(table["worst"]), tells_parts(table)
         shown = grid(
-            *("mode", "Hz", "energy %", "most %", "leads at", "word:energy in"),
+            *("mode", "Hz", "energy %", "most %", "leads at"),
+            *(["word:energy in"] if energies else []),
             *(["text:most where"] if varied else []),
-            rows=(_energy(row, varied) for row in table.to_dict("records")),
+            rows=(_energy(row, varied, energies) for row in table.to_dict("records")),
         )
         legend = notes(
             "mode: R1 is the lowest real mode at the nominal working point, or at less friction if "
@@ -304,14 +305,14 @@ def _leader(row: Mapping[Hashable, Any]) -> str:
     return f"{real_mode_number(row['dominant_mode'])} {share} %"
 
 
-def _energy(row: dict[Hashable, Any], varied: bool) -> list[str]:
+def _energy(row: dict[Hashable, Any], varied: bool, energies: bool) -> list[str]:
     return [
         real_mode_number(row["mode"]),
         in_digits(row["frequency_hz"]),
         f"{100 * row['energy_share']:.1f}",
         f"{100 * row['energy_share_max']:.1f}",
         str(row["dominant_points"]),
-        str(row["main_component"]),
+        *([str(row["main_component"])] if energies else []),
         *([str(row["worst"])] if varied else []),
     ]
 
