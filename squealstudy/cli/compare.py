@@ -79,7 +79,7 @@ def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
     text += f", {unknown} cannot be told" if unknown else ""
     legend = notes(
         "RMS, Hz: of the stable cycle nearest in frequency to a run that lasts, else of the "
-        "loudest; without one of the design's own run; dev: run against it",
+        "loudest, the design's own run among them; dev: run against it",
         "kick: contact velocity of the unstable cycle; bistable: a stable cycle or a lasting "
         "run beside stable steady sliding, so that a run may do either",
         f"doubtful: levels more than {100 * MAX_DEVIATION:g} % apart: several motions may last, "

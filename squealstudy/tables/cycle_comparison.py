@@ -13,6 +13,7 @@ from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, SUSTAINED
 
 AGREES, DOUBTFUL, DIFFERS, CANNOT = "agrees", "doubtful", "differs", "open"  # verdict and run
 MAX_DEVIATION = 0.2  # relative, of levels beyond their errors: other motion lasts than was found
+LOUDER_RATIO = 1.02  # a design's level that is none of its stable cycles'
 COLUMNS = (
     {"verdict": "str", "bistable": "boolean", "n_stable": "int64"}
     | {"predicted_torque_rms": "f8", "predicted_frequency_hz": "f8", "threshold_velocity": "f8"}
@@ -41,8 +42,8 @@ def compare_cycles(
         The parameters of both studies, then COLUMNS. `bistable`: a stable cycle or a lasting run
         was found beside steady sliding without an unstable mode; missing where that is undecided.
         The predicted cycle is, of the stable ones, that nearest in frequency to a run that lasts
-        (to its loudest line where the motion does not repeat), else the loudest; without one the
-        level is that of the design, of a run. `level_deviation` and
+        (to its loudest line where the motion does not repeat), else the loudest; a run whose level
+        the design has is one of them, without an id. `level_deviation` and
         `frequency_deviation` are run / predicted - 1, of runs that last; `level_deviation_error`
         what the bounds of the run's level and the error of the cycle's leave open, NaN where one
         of them cannot be told. `agreement`: ``differs`` where a design of verdict squeals stays
@@ -97,6 +98,20 @@ def _is_apart(row: Mapping[str, Any]) -> bool:
     return deviation > MAX_DEVIATION + np.nan_to_num(float(row["level_deviation_error"]))
 
 
+def _with_run(stable: pd.DataFrame, design: pd.Series) -> pd.DataFrame:
+    """The stable cycles of a design, and the run whose level it has where that is louder."""
+    level = float(design.get("torque_rms", np.nan))
+    if not level > LOUDER_RATIO * stable["torque_rms"].max() and (len(stable) or not level > 0.0):
+        return stable
+    hz = float(design.get("frequency_hz", np.nan))
+    hz = hz if np.isfinite(hz) else float(design.get("torque_line_hz", np.nan))
+    if not np.isfinite(hz):
+        return stable
+    run = {"cycle_id": "", "frequency_hz": hz, "torque_rms": level}
+    run["level_error"] = float(design.get("level_error", np.nan))
+    return pd.DataFrame([*stable.to_dict("records"), run])
+
+
 def _levels(design: pd.Series, stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
     row: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
     line = float(run["torque_line_hz"])
@@ -107,15 +122,14 @@ def _levels(design: pd.Series, stable: pd.DataFrame, run: pd.Series) -> dict[str
     row["frequency_deviation"] = np.nan
     lasts = run["class"] in SUSTAINED
     hz, level = run_hz if np.isfinite(run_hz) else line, float(run["torque_rms"])
-    if not len(stable):
-        if not float(design.get("torque_rms", np.nan)) > 0.0:
-            return row
-        cycle = design  # a run's level, where no cycle is known to be stable
-    elif lasts and np.isfinite(hz):
-        cycle = stable.iloc[int(np.argmin(np.abs(stable["frequency_hz"] / hz - 1.0)))]
+    motions = _with_run(stable, design)
+    if not len(motions):
+        return row
+    if lasts and np.isfinite(hz):
+        cycle = motions.iloc[int(np.nanargmin(np.abs(motions["frequency_hz"] / hz - 1.0)))]
     else:
-        cycle = stable.iloc[int(np.argmax(stable["torque_rms"]))]
-    row["cycle_id"] = cycle["cycle_id"] if len(stable) else ""
+        cycle = motions.iloc[int(np.argmax(motions["torque_rms"]))]
+    row["cycle_id"] = cycle["cycle_id"]
     row["predicted_torque_rms"] = cycle["torque_rms"]
     row["predicted_frequency_hz"] = cycle["frequency_hz"]
     if lasts:

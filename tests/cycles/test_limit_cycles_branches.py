@@ -333,12 +333,12 @@ def test_compared_with_runs_in_time(followed, tmp_path):
 
 
 def test_verdicts_and_runs_agree_or_differ():
-    def row(verdict, run, unstable=0, rms=1.1, stable=True):
+    def row(verdict, run, unstable=0, rms=1.1, stable=True, level=1.05):
         points = pd.DataFrame({"point_id": ["a"], "status": ["ok"], "friction": [0.5]})
         points = points.assign(
             verdict=verdict, n_unstable=unstable, unstable_outside=False, threshold_velocity=np.nan
         )
-        points = points.assign(torque_rms=1.05, frequency_hz=100.0, level_error=0.01)
+        points = points.assign(torque_rms=level, frequency_hz=101.0, level_error=0.01)
         cycles = pd.DataFrame(
             {"point_id": ["a", "a"], "cycle_id": ["a-1-1", "a-1-2"], "same_as": ["", ""]}
             | {"stable": [True, True], "frequency_hz": [100.0, 200.0], "torque_rms": [1.0, 2.0]}
@@ -372,6 +372,9 @@ def test_verdicts_and_runs_agree_or_differ():
     assert (alone["agreement"], alone["bistable"], alone["cycle_id"]) == ("agrees", True, "")
     assert alone["level_deviation"] == pytest.approx(1.1 / 1.05 - 1.0)
     assert not row("squeals", "limit_cycle", 1, stable=False)["bistable"]
+    beside = row("squeals", "limit_cycle", 1, rms=5.0, level=5.0)  # of a run, beside the cycles
+    assert (beside["agreement"], beside["cycle_id"]) == ("agrees", "")
+    assert beside["predicted_torque_rms"] == 5.0
 
 
 # -- one cycle or two ------------------------------------------------------------------------------
