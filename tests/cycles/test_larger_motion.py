@@ -69,11 +69,10 @@ def test_where_a_kick_was_asked_for_and_none_is_told_the_screen_says_why():
             "run_status": ["lasts", "", ""],
         }
     )
-    told = untold_kicks(verdicts, was_asked=True)
+    told = untold_kicks(verdicts)
     assert told.startswith(" Of 1 of 2 modes that squeal if kicked no kick along the mode is told")
     assert told.endswith("bisected beside a stable cycle, and none was found (1).")
-    assert untold_kicks(verdicts, was_asked=False) == ""
-    assert untold_kicks(verdicts[1:], was_asked=True) == ""
+    assert untold_kicks(verdicts[1:]) == ""
 
 
 def test_a_kick_beyond_an_unfinished_curve_tells_a_louder_level():

@@ -331,9 +331,9 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
 
 def _onset_error(table: pd.DataFrame, results: ResultTables) -> str:
     """The largest error of the refined onsets of a ranking, in words; empty where none is known."""
-    if "onsets" not in results.tables:
+    onsets = results.onsets if "onsets" in results.tables else pd.DataFrame()
+    if "error_estimate" not in onsets:
         return ""
-    onsets = results.onsets
     refined = onsets["status"].isin(REFINED_ONSETS) & onsets["track"].isin(table["track"])
     error = float(onsets["error_estimate"][refined.to_numpy(bool)].max())
     if not np.isfinite(error):

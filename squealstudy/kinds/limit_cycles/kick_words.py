@@ -17,10 +17,11 @@ WHY = {  # by `kick_status`; cycles that are continued to a design join it witho
 }
 
 
-def untold_kicks(verdicts: pd.DataFrame, was_asked: bool) -> str:
-    """Sentence on how many modes squeal if kicked without a kick of theirs; empty where none do."""
-    if not was_asked:
-        return ""
+def untold_kicks(verdicts: pd.DataFrame) -> str:
+    """Sentence on how many modes squeal if kicked without a kick of theirs; empty where none do.
+
+    Of a study that asks for kicks along modes.
+    """
     kicked = verdicts[(verdicts["verdict"] == IF_KICKED).to_numpy(bool)]
     untold = kicked[kicked["kick_velocity"].isna().to_numpy(bool)]
     status = untold["kick_status"].where(

@@ -154,8 +154,8 @@ class LimitCyclesScreen(KindScreen):
             varied = [p for p in results.parameters if len(set(points[p])) > 1]
             unit = results.units.get(TORQUE, "N m")
             levels += larger_in_words(points, results.table("cycles"), varied, unit)
-        was_asked = bool(results.fact("limit_cycles").get("kick_along_mode"))
-        levels += untold_kicks(results.table("verdicts"), was_asked)
+        if results.manifest.get("limit_cycles", {}).get("kick_along_mode"):
+            levels += untold_kicks(results.table("verdicts"))
         return f"{counted}{levels}{self.followed_in_words(results)}"
 
     def followed_in_words(self, results: ResultTables) -> str:
