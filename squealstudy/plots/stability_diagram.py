@@ -226,8 +226,8 @@ def _named_modes(results: Results, modes: pd.DataFrame, points: int) -> str:
     if points == 1 or len(numbers) < 2:
         return plural(len(numbers), "unstable track") if len(numbers) else ""
     ranked = results.rank()
-    tracked = ranked[ranked["track"].isin(numbers)]
-    count = int(tracked.drop_duplicates("family")["family_modes"].sum())
+    families = ranked[ranked["track"].isin(numbers)].groupby("family")["family_modes"]
+    count = int(np.minimum(families.first(), families.size()).sum())  # some numbers may be absent
     if count == len(numbers):
         return plural(count, "unstable track")
     return f"{plural(count, 'unstable mode')} of {len(numbers)} numbers"

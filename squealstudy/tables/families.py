@@ -154,10 +154,10 @@ def same_mode_pairs(
 def pairs_growing_together(onsets: pd.DataFrame | None) -> list[tuple[int, int]]:
     """Pairs of tracks of which one turns unstable before the other is stable again.
 
-    Between two neighbouring points, by refined onsets: there are two unstable modes, although no
-    solved point has both.
+    Between two neighbouring points, by refined onsets and beyond their errors: there are two
+    unstable modes, although no solved point has both.
     """
-    if onsets is None:
+    if onsets is None or "error_estimate" not in onsets:  # results of before
         return []
     refined = onsets[onsets["status"].isin(REFINED_ONSETS).to_numpy(bool)]
     pairs: list[tuple[int, int]] = []
@@ -165,7 +165,8 @@ def pairs_growing_together(onsets: pd.DataFrame | None) -> list[tuple[int, int]]
         begins = (rows["direction"] == INTO).to_numpy(bool)
         if begins.any() and not begins.all():
             tracks, onset = rows["track"].to_numpy(), rows["onset"].to_numpy(float)
-            overlap = onset[begins, None] < onset[~begins]
+            error = rows["error_estimate"].to_numpy(float)  # NaN, not known, is no overlap
+            overlap = (onset + error)[begins, None] < (onset - error)[~begins]
             pairs += [
                 (int(tracks[begins][i]), int(tracks[~begins][j])) for i, j in np.argwhere(overlap)
             ]

@@ -15,6 +15,7 @@ from squealstudy import read_study, run
 from squealstudy.cli.check import _design, check
 from squealstudy.errors import StudyFileError
 from squealstudy.kinds.design.verdict import beyond_validity
+from squealstudy.plots.stability_diagram import _named_modes
 from squealstudy.shapes.names import _ring
 from squealstudy.shapes.shape import Label
 from squealstudy.tables.families import (
@@ -260,20 +261,25 @@ def test_why_of_own_matrices_needs_no_variable(
 
 
 @pytest.mark.parametrize(
-    ("begins", "ends", "status", "together"),
+    ("begins", "ends", "status", "error", "together"),
     [
-        (0.6787, 0.6975, "refined", [(25, 23)]),  # softer_lining: both grow between .6 and .7
-        (0.6975, 0.6787, "refined", []),
-        (0.6787, 0.6975, "crossing", []),  # of labels that may have changed places
+        (0.6787, 0.6975, "refined", 2e-4, [(25, 23)]),  # softer_lining: both grow between .6 and .7
+        (0.6975, 0.6787, "refined", 2e-4, []),
+        (0.6787, 0.6790, "refined", 2e-4, []),  # as far as is known
+        (0.6787, 0.6975, "refined", np.nan, []),
+        (0.6787, 0.6975, "crossing", 2e-4, []),  # of labels that may have changed places
     ],
 )
-def test_tracks_that_grow_at_once_between_points_are_two_modes(begins, ends, status, together):
+def test_tracks_that_grow_at_once_between_points_are_two_modes(
+    begins, ends, status, error, together
+):
     onsets = pd.DataFrame(
         {
             "track": [23, 25],
             "onset": [ends, begins],
             "direction": ["out", "in"],
             "status": status,
+            "error_estimate": error,
             "point_before": "p0",
             "point_after": "p1",
         }
@@ -283,3 +289,26 @@ def test_tracks_that_grow_at_once_between_points_are_two_modes(begins, ends, sta
     table = families(pd.Index([23, 25]), [(23, 25)], group, code, together)
     assert set(table["family"]) == {23}
     assert set(table["family_modes"]) == {1 + len(together)}
+    points = pd.DataFrame({"point_id": ["p0", "p1"], "status": "ok", "friction": [0.6, 0.7]})
+    modes = pd.DataFrame({"point_id": ["p0", "p0", "p1", "p1"], "track": [23, 25, 23, 25]})
+    modes = modes.assign(frequency_hz=[3200.0, 3210.0, 3200.0, 3210.0], track_ambiguous=True)
+    modes = modes.assign(unstable=[True, False, False, True], overdamped=False)
+    sign = np.where(modes["unstable"], 1.0, -1.0)
+    modes = modes.assign(growth_rate=50.0 * sign, damping_ratio=-0.01 * sign)
+    ranked = rank_modes(points.assign(n_modes=2), modes, "friction", onsets=onsets)
+    assert set(ranked["family"]) == {23}
+    assert set(ranked["family_modes"]) == {1 + len(together)}
+
+
+def test_a_diagram_of_one_number_of_two_modes_counts_one() -> None:
+    """Of a family of two modes, at a part of the points, T23 alone is drawn, and T34."""
+    ranked = pd.DataFrame(
+        {"track": [23, 25, 34], "family": [23, 23, 34], "family_modes": [2, 2, 1]}
+    )
+    results = SimpleNamespace(rank=lambda: ranked)
+    modes = pd.DataFrame({"track": [23, 34, 25], "frequency_hz": [3200.0, 4900.0, 3230.0]})
+    modes = modes.assign(unstable=True, overdamped=False, growth_rate=1.0, damping_ratio=-0.01)
+    assert _named_modes(results, modes[:2], 2) == "2 unstable tracks"
+    assert _named_modes(results, modes, 2) == "3 unstable tracks"
+    ranked["family_modes"] = [1, 1, 1]
+    assert _named_modes(results, modes, 2) == "2 unstable modes of 3 numbers"

@@ -191,6 +191,8 @@ def growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
     fastest = [float(x.fastest["max_growth_rate"]) if x.fastest else np.nan for x in lines]
     if len(lines) < 2 or np.isnan(fastest).any() or len({line.solved for line in lines}) > 1:
         return ""
+    if not (results.points["status"] == "ok").all():  # as many, but not at the same values
+        return ""
     low, high = min(fastest), max(fastest)
     if high - low <= ALIKE_ONSETS * high:
         return ""
@@ -229,8 +231,8 @@ def quiet_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
         + "".join(f" or {d.removeprefix(name) if len(lines[0].design) == 1 else d}" for d in of[1:])
         for quiet, of in designs_at.items()
     ]
-    more = f" and at others with {plural(len(texts) - MOST_MODES, 'other design')}"
-    more *= len(texts) > MOST_MODES
+    n_others = sum(map(len, list(designs_at.values())[MOST_MODES:]))
+    more = f" and at others with {plural(n_others, 'other design')}" if n_others else ""
     return f" No mode is unstable at {along} {'; '.join(texts[:MOST_MODES])}{more}."
 
 
