@@ -172,11 +172,13 @@ def listed(names: Sequence[str], most: int = 12) -> str:
     return ", ".join(names[:most]) + more
 
 
-def in_digits(value: float, decimals: int = 0) -> str:
-    """`value` with fixed decimals; in significant digits where those would leave less than two.
+def all_of(names: Sequence[str]) -> str:
+    """All names as a sentence has them: ``T1, T2 and T3``; empty for none."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
-    A slow machine's 0.00012 Hz is not "0 Hz".
-    """
+
+def in_digits(value: float, decimals: int = 0) -> str:
+    """`value` with fixed decimals; 0.00012 Hz, of which they would leave nothing, in two digits."""
     if value and abs(value) < 10.0 ** (1 - decimals):
         return f"{value:.{LEAST_DIGITS}g}"
     return f"{value:.{decimals}f}"

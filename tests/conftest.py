@@ -1,7 +1,6 @@
 """Fixtures: one coarse brake and one cache for all processes of a session; how models are built.
 
-The whole suite runs on up to four processes (`pytest_xdist_auto_num_workers`); named files or tests
-run in one.
+The whole suite runs on up to four processes, named files or tests in one.
 """
 
 from __future__ import annotations
@@ -104,8 +103,7 @@ def is_worker(config) -> bool:
 def pytest_configure(config):
     """What all processes share: reductions out of the user's cache, kernels compiled in it.
 
-    Kernels are named by a hash of their sources: what an earlier session or study compiled serves.
-    Workers inherit the environment.
+    Kernels are named by a hash of their sources: what was compiled before serves. Workers inherit.
     """
     absent = code_paths.missing()
     if absent:
@@ -338,8 +336,7 @@ def assembled_once():
     assemble = disc_brake_assembly.assemble
 
     def kept(options, values):
-        meshes = id(DENSITIES["coarse"])  # of `tiny_brake`, or not
-        key = tuple(sorted(options.items())), tuple(sorted(values.items())), meshes
+        key = tuple(sorted(options.items())), tuple(sorted(values.items())), id(DENSITIES["coarse"])
         if key not in assembled:
             assembled[key] = assemble(options, values)
         return assembled[key]

@@ -36,7 +36,7 @@ def pulled_contacts(study: Study, points: pd.DataFrame) -> list[str]:
         return []
     try:
         return _pulled(plan.tasks[int(of_point[0])])
-    except FAILURES:  # as it is solved here, a worker's start helped it
+    except FAILURES:  # workers may start from another point's steady sliding, and come further
         return []
 
 

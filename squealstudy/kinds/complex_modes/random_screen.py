@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,15 @@ from squealstudy.study.sweeps import SOBOL_INDICES
 from squealstudy.tables.mode_ranking import settings_of
 from squealstudy.tables.robustness import GROWTH, robust_table
 from squealstudy.tables.sobol import base_rows, sobol_table
-from squealstudy.wording import band_text, in_digits, named_tracks, percent, plural, track_number
+from squealstudy.wording import (
+    all_of,
+    band_text,
+    in_digits,
+    named_tracks,
+    percent,
+    plural,
+    track_number,
+)
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
@@ -87,7 +95,7 @@ def _numbering(table: pd.DataFrame) -> list[str]:
     """Text on tracks that are one mode, and on those that may be two."""
     rows = table[table["quantity"] == "track"].drop_duplicates("track")
     listed = [
-        _in_words(map(track_number, tracks.split(", ")))
+        all_of([track_number(int(n)) for n in tracks.split(", ")])
         for tracks in rows["tracks"]
         if ", " in tracks
     ]
@@ -95,12 +103,6 @@ def _numbering(table: pd.DataFrame) -> list[str]:
     if rows["ambiguous"].any():
         texts.append(f"{DOUBTFUL_NUMBER}; its line is then of both")
     return texts
-
-
-def _in_words(names: Iterable[str]) -> str:
-    """All names as a sentence has them: ``T1, T2 and T3``."""
-    *others, last = names
-    return f"{', '.join(others)} and {last}" if others else last
 
 
 def families_in_words(table: pd.DataFrame) -> list[str]:
@@ -116,7 +118,7 @@ def families_in_words(table: pd.DataFrame) -> list[str]:
                 in_digits(100 * first["family_points"] / first["points"], 1),
             )
             sentences.append(
-                f"{_in_words(map(track_number, sorted(family_tracks['track'].tolist())))} "
+                f"{all_of([track_number(n) for n in sorted(family_tracks['track'].tolist())])} "
                 + (
                     "are one unstable mode, which changes its number between design points: it is "
                     f"unstable at {percentage} % of them"

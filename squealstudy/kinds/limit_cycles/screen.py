@@ -29,6 +29,7 @@ from squealstudy.wording import (
     SQUEALS,
     TORQUE,
     VERDICT_LETTERS,
+    all_of,
     amount,
     band_text,
     error_percent,
@@ -231,8 +232,7 @@ def _frequencies_text(rows: pd.DataFrame) -> str:
     for hz in sorted(rows["frequency_hz"].dropna()):
         if not distinct or hz > (1.0 + SAME_FREQUENCY) * distinct[-1]:
             distinct.append(float(hz))
-    names = [in_digits(hz) for hz in distinct]
-    return f"{', '.join(names[:-1])}{' and ' * (len(names) > 1)}{names[-1]}" if names else "?"
+    return all_of([in_digits(hz) for hz in distinct]) or "?"
 
 
 def _served(results: ResultTables) -> str:

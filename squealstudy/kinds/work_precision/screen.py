@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.screen import grid, notes
 from squealstudy.tables.method_quality import at_tolerances, usable
-from squealstudy.wording import figure, plural
+from squealstudy.wording import all_of, figure, plural
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,15 +62,14 @@ class WorkPrecisionScreen(KindScreen):
         quantities, tolerance = results.fact("quantities"), results.fact("tolerance")
         measured = results.measurements
         row = at_tolerances(measured, quantities, (tolerance,)).iloc[-1]
-        names = [WORDS[q] for q in quantities if measured[f"error_{q}"].notna().any()]
-        what = f"{', '.join(names[:-1])}{' and ' * (len(names) > 1)}{names[-1] if names else ''}"
+        judged_by = all_of([WORDS[q] for q in quantities if measured[f"error_{q}"].notna().any()])
         others = int((usable(measured) & ~measured["reference"].to_numpy(bool)).sum())
         of_all = f"of {plural(others, 'measurement')} against '{results.fact('reference')}'"
         if not row["cheapest"]:
             exact = _most_exact(measured, quantities)
-            return f"None {of_all} is within {tolerance:g} in {what}{exact}."
+            return f"None {of_all} is within {tolerance:g} in {judged_by}{exact}."
         text = (
-            f"'{row['cheapest']}' costs least {of_all} within {tolerance:g} in {what}: "
+            f"'{row['cheapest']}' costs least {of_all} within {tolerance:g} in {judged_by}: "
             f"{row['cost']:.3g} s {'an onset' if 'onset' in quantities else 'a point'}"
         )
         if row["default"] == row["cheapest"]:

@@ -25,9 +25,7 @@ N_SMOOTH_WINDOWS = 5
 MIN_SMOOTH_PERIODS = 20  # of a record whose windows smooth anything
 MIN_SMOOTH_VARIANCE_SHARE = 0.9  # that a line holds of their means; chance reaches it in 2 %
 SMOOTH_RATIO_RANGE = (0.3, 0.85)  # of the slopes of the two halves, that are believed
-# times what is left of an approach with beats: of 476 windows of Hoffmann's oscillator 61 missed
-# the level of a run of 5 s without it, 15 by up to 15 % of the bound with 1.2, and 4 with 1.6
-SMOOTH_SAFETY = 1.6
+SMOOTH_SAFETY = 1.6  # times what is left of an approach with beats: chosen on Hoffmann's oscillator
 MAX_REL_SMOOTH_DRIFT = 0.2  # of the mean: a larger one is of motion that passes
 PERIODS_OF_HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
 IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative: runs that agree so well are one run

@@ -16,7 +16,7 @@ MAX_CORRELATION = 0.3
 CURVE_ROUND_OFF = 1e-10  # bent part of a curve, relative, up to which it is straight
 # of a ratio of amplitudes: what is less after means over blocks turns too fast to tilt a line
 LEAST_SLOW_SHARE = 0.1
-LEAST_REL_ERROR = 1e-7  # of a slope; of 500 linear runs 2e-8 at most
+LEAST_REL_ERROR = 1e-7  # of a slope: chosen, above the round-off of linear runs
 
 
 def block_means(log: np.ndarray, width: int, real: bool) -> np.ndarray:
