@@ -70,7 +70,9 @@ def test_where_a_kick_was_asked_for_and_none_is_told_the_screen_says_why():
         }
     )
     told = untold_kicks(verdicts)
-    assert told.startswith(" Of 1 of 2 modes that squeal if kicked no kick along the mode is told")
+    assert told.startswith(
+        " No kick along the mode is known for 1 of 2 modes that squeal if kicked: a run"
+    )
     assert told.endswith("bisected beside a stable cycle, and none was found (1).")
     assert untold_kicks(verdicts[1:]) == ""
 

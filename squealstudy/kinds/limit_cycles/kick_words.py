@@ -32,4 +32,4 @@ def untold_kicks(verdicts: pd.DataFrame) -> str:
     if not whys:
         return ""
     number = f"{len(untold)} of {plural(len(kicked), 'mode')} that squeal if kicked"
-    return f" Of {number} no kick along the mode is told: {'; '.join(whys)}."
+    return f" No kick along the mode is known for {number}: {'; '.join(whys)}."
