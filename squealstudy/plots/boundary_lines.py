@@ -12,9 +12,8 @@ import pandas as pd
 
 from squealstudy.plots.plane import StudyPlane
 from squealstudy.plots.style import Quantity
-from squealstudy.tables.mode_ranking import CUBIC, REFINED
 from squealstudy.tables.point_rows import largest_by_code
-from squealstudy.tables.stability import INTO
+from squealstudy.tables.stability import INTO, REFINED_ONSETS
 
 # of the growing mode's damping ratio: below it a stable point has no damping
 DAMPING_ROUND_OFF_RATIO = 1e-9
@@ -225,7 +224,7 @@ class _Crossings:
 
 def _refined(onsets: pd.DataFrame, along: Quantity) -> dict[tuple[str, str], float]:
     """Coordinate of the onset between two points: of the mode that is unstable first."""
-    refined = onsets[onsets["status"].isin([REFINED, CUBIC])]
+    refined = onsets[onsets["status"].isin(REFINED_ONSETS)]
     values = along.even(along.scaled(refined["onset"]))
     ends = zip(refined["point_before"], refined["point_after"], refined["direction"], strict=True)
     onset_between: dict[tuple[str, str], float] = {}

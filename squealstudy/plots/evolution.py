@@ -44,8 +44,9 @@ from squealstudy.plots.tables import (
     unstable_counts,
     worst_tracks,
 )
-from squealstudy.tables.mode_ranking import CUBIC, REFINED, parameter_columns
+from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
+from squealstudy.tables.stability import REFINED_ONSETS
 from squealstudy.wording import did_you_mean, plural, track_number
 
 if TYPE_CHECKING:
@@ -391,10 +392,9 @@ def _onsets(
     table = results.onsets if "onsets" in results.tables else None
     if table is None or shown.name != results.along or not {*others} <= {*table.columns}:
         return pd.DataFrame(columns=columns)
-    is_located = table["status"].isin((REFINED, CUBIC)).to_numpy(bool) & table[
-        "onset"
-    ].notna().to_numpy(bool)
+    is_located = (table["status"].isin(REFINED_ONSETS) & table["onset"].notna()).to_numpy(bool)
     for name in others:
-        is_located &= np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
+        on_value = np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
+        is_located = is_located & on_value  # a new array: pandas' own may be read-only
     on_line = table[is_located]
     return on_line.assign(x=shown.scaled(on_line["onset"]))[columns].reset_index(drop=True)

@@ -16,9 +16,8 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
-from squealstudy.tables.stability import INTO
+from squealstudy.tables.stability import INTO, REFINED_ONSETS
 
-REFINED_ONSETS = ("refined", "cubic")  # status of onsets that are known to 1e-4
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 BEGINS_UNSTABLE = ("first_seen", "broken")  # status of onsets of tracks that begin unstable
 ENDS = ["point_before", "point_after"]

@@ -23,8 +23,10 @@ from squealstudy.tables.stability import (
     BRACKETED,
     BROKEN,
     CROSSING,
+    CUBIC,
     FIRST_SEEN,
     INTO,
+    REFINED,
     line_crossings,
     unstable_bounds,
 )
@@ -32,7 +34,6 @@ from squealstudy.wording import amount, did_you_mean, in_digits
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
 FIRST_RESULT = ("n_modes", "class", "verdict")  # what follows: of modes, of motion, of cycles
-REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
 AT_DIGITS = 4  # of the values in `at`, on a screen
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency

@@ -211,8 +211,13 @@ def test_a_mode_that_is_unstable_from_the_first_value_says_until_where(tmp_path)
     """Friction that falls less at higher speeds: the closed form of the onset is the end."""
     row = {"track": 1, "threshold": np.nan, "frequency_hz": 18.0}
     onsets = pd.DataFrame({"track": [1, 1], "onset": [np.nan, 0.1906], "direction": ["in", "out"]})
+    onsets = onsets.assign(status=["below_range", "refined"])
     assert last_at(row, onsets, "m/s") == ", no longer from 0.1906 m/s on"
-    again = pd.DataFrame({"track": [1] * 3, "onset": [np.nan, 0.2, 0.3]})
+    between = onsets.assign(status=["below_range", "interpolated"])
+    assert last_at(row, between, "m/s") == ", no longer from about 0.1906 m/s on"
+    at_an_end = onsets.assign(status=["below_range", "bracketed"])  # it is unstable there
+    assert last_at(row, at_an_end, "m/s") == ""
+    again = pd.DataFrame({"track": [1] * 3, "onset": [np.nan, 0.2, 0.3], "status": "refined"})
     assert last_at(row, again.assign(direction=["in", "out", "in"]), "") == ""
 
 

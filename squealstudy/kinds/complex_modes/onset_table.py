@@ -13,8 +13,8 @@ from rich.console import RenderableType
 
 from squealstudy.kinds.complex_modes.design_lines import GRID, MOST_DESIGNS
 from squealstudy.screen import grid, notes
-from squealstudy.tables.mode_ranking import CUBIC, REFINED, parameter_columns
-from squealstudy.tables.stability import CROSSING, FIRST_SEEN, INEXACT, INTO
+from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.tables.stability import CROSSING, FIRST_SEEN, INEXACT, INTO, REFINED_ONSETS
 from squealstudy.wording import amount, with_unit
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
     into = into[(into["direction"] == INTO).to_numpy(bool) & into["onset"].notna().to_numpy(bool)]
     into = into.sort_values("onset", kind="stable").drop_duplicates(names).set_index(names)
     first = into[["onset", "status"]].reindex(surely_quiet.index)
-    exact = first["status"].isin([REFINED, CUBIC]) | first["onset"].isna()
+    exact = first["status"].isin(REFINED_ONSETS) | first["onset"].isna()
     is_bound = ~(first["onset"] <= least_unstable) & least_unstable.notna()
     onset = first["onset"].where(~is_bound, least_unstable)
     is_below = least_unstable == start_values

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from squealstudy.tables.stability import BELOW_RANGE, INEXACT, INTO, OUT_OF
+from squealstudy.tables.stability import (
+    BELOW_RANGE,
+    INEXACT,
+    INTERPOLATED,
+    INTO,
+    OUT_OF,
+    REFINED_ONSETS,
+)
 from squealstudy.wording import amount, in_digits
 
 if TYPE_CHECKING:
@@ -70,7 +77,11 @@ def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
     begins = np.nan_to_num(begins, nan=-np.inf)  # below the range
     if len(ends) != 1 or len(begins) > 1 or not (begins < ends[0]).all():
         return ""  # or it comes back
-    return f", no longer from {amount(float(ends[0]), unit)} on"
+    status = of_mode["status"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].iloc[0]
+    if status not in (*REFINED_ONSETS, INTERPOLATED):  # others have the value of one end
+        return ""
+    about = "about " if status == INTERPOLATED else ""
+    return f", no longer from {about}{amount(float(ends[0]), unit)} on"
 
 
 def alike_together(texts: list[str], along: str) -> list[str]:

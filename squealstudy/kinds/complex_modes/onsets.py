@@ -22,23 +22,26 @@ from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.parameters import ONSET_PARAMETER
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.families import RENUMBERED
-from squealstudy.tables.mode_ranking import CUBIC, REFINED, line_codes, parameter_columns
-from squealstudy.tables.stability import BELOW_RANGE, BRACKETED, BROKEN, FIRST_SEEN, INTO
+from squealstudy.tables.mode_ranking import line_codes, parameter_columns
+from squealstudy.tables.stability import (
+    BELOW_RANGE,
+    BRACKETED,
+    BROKEN,
+    CUBIC,
+    FIRST_SEEN,
+    INTERPOLATED,
+    INTO,
+    REFINED,
+)
 
 ONSET_TOLERANCE = 1e-4  # of the parameter's range; of friction, and of logarithms, as it is
-INTERPOLATED = "interpolated"
 WITHIN_ERROR = "within_error"
 UNKNOWN_REL_ERROR = 1e6  # relative error of a root: as good as infinite, and finite
-UNREFINED = {
-    BELOW_RANGE: "below_range",
-    FIRST_SEEN: "first_seen",
-    BRACKETED: "bracketed",
-    BROKEN: BROKEN,
-}
+UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen"}  # status in the table
+UNREFINED |= {kind: kind for kind in (BRACKETED, BROKEN)}
 EXPECTED_SOLVES_PER_ONSET = 8  # evaluations an onset
 BRACKETS_PER_BATCH = 4096  # brackets of small models that are refined together as arrays
-# brackets refined together; fixed, so that results do not depend on the workers
-BRACKETS_PER_ROUND = 32
+BRACKETS_PER_ROUND = 32  # refined together; fixed: results do not depend on the workers
 
 Cells = dict[str, np.ndarray]  # columns of the table of onsets while it is made
 

@@ -34,7 +34,6 @@ from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, command_text, grid, held_together, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.energy_ranking import tells_parts
-from squealstudy.tables.families import REFINED_ONSETS
 from squealstudy.tables.mode_ranking import (
     FIRST_UNTRACKED_GROUP,
     frequency_text,
@@ -51,6 +50,7 @@ from squealstudy.tables.stability import (
     CROSSING,
     FIRST_SEEN,
     INEXACT,
+    REFINED_ONSETS,
     is_uncertain,
     uncertain_points,
 )
