@@ -121,15 +121,19 @@ def run(folder: Path, text: str, tree: Path = ROOT) -> tuple[float, float, int, 
     command = [sys.executable, "-m", "squealstudy", "run", str(path), "-o", str(folder / "out")]
     kernels = {"NUMBA_CACHE_DIR": str(folder.parent / "kernels")}
     environment = kernels | os.environ | {"SQUEALSTUDY_CACHE": str(cache), "PYTHONPATH": str(tree)}
-    process = subprocess.Popen(
-        [*command, "--no-pictures", "--yes"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-    )
-    _, status, usage = os.wait4(process.pid, 0)
+    said = folder / "said.txt"
+    with said.open("w") as lines:
+        process = subprocess.Popen(
+            [*command, "--no-pictures", "--yes"],
+            stdout=subprocess.DEVNULL,
+            stderr=lines,
+            env=environment,
+            cwd=folder,  # -m looks for the package here first
+        )
+        _, status, usage = os.wait4(process.pid, 0)
     if status:
-        raise RuntimeError(f"{path.read_text(encoding='utf-8')}: ended with {status}")
+        error = said.read_text(encoding="utf-8")
+        raise RuntimeError(f"{text}: ended with {status}: {error}")
     seconds = usage.ru_utime + usage.ru_stime
     points = len(pd.read_parquet(folder / "out" / "points.parquet", columns=["status"]))
     files = sum(p.is_file() for p in (cache / "models").rglob("*"))
