@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from squealstudy.explore.packed import MISSING, packed_numbers, packed_whole
+from squealstudy.explore.packed import MISSING, packed_numbers, packed_single, packed_whole
 from squealstudy.explore.points import Content, measure
 from squealstudy.tables.point_rows import ROW
 from squealstudy.tables.stability import is_uncertain
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 MAX_BYTES = 15_000_000  # of the columns of modes; base64 then makes four bytes of three
-# columns that are packed as numbers and as integers, 16 bits a mode each
+# columns that are packed as numbers of 32 bits, and as integers of 16 bits
 NUMBERS = ("frequency_hz", "growth_rate", "error_estimate")
 INTEGERS = ("mode", "track", "flags")
 UNSTABLE, UNCERTAIN, OVERDAMPED, AMBIGUOUS = 1, 2, 4, 8  # bits of flags
@@ -32,7 +32,7 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
     """
     names = results.columns("modes")
     energies = [name for name in names if name.startswith(ENERGY)]
-    bytes_per_mode = 2 * (len(NUMBERS) + len(INTEGERS) + len(energies))
+    bytes_per_mode = 4 * len(NUMBERS) + 2 * (len(INTEGERS) + len(energies))
     position = np.full(len(results.points), -1)
     position[points.index] = np.arange(len(points))
     all_modes = results.rows("modes", [ROW, "damping_ratio"])
@@ -68,7 +68,7 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
         "flags": packed_whole(_flags(modes)),
         "shares": [packed_numbers(modes[name].to_numpy()) for name in energies],
     }
-    content |= {name: packed_numbers(modes[name].to_numpy()) for name in NUMBERS if name in modes}
+    content |= {name: packed_single(modes[name].to_numpy()) for name in NUMBERS if name in modes}
     return content, _measures(points, modes)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.colours import FILLS
-from squealstudy.explore.packed import packed_exact, packed_numbers, packed_whole
+from squealstudy.explore.packed import packed_exact, packed_single, packed_whole
 from squealstudy.explore.points import Content, classes, measure
 from squealstudy.tables.run_levels import run_levels
 from squealstudy.wording import TORQUE
@@ -45,7 +45,7 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
             "row": packed_exact(first_rows["row"]),
         }
         part |= {
-            n: packed_numbers(_numbers(first_rows[n])) for n in NUMBERS[name] if n in first_rows
+            n: packed_single(_numbers(first_rows[n])) for n in NUMBERS[name] if n in first_rows
         }
         part["mode"] = packed_whole(first_rows["mode"].to_numpy())
         part |= {n: first_rows[n].astype(str).tolist() for n in WORDS[name]}

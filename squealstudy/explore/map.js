@@ -176,7 +176,7 @@ function legend() {
     for (const [words, ends, map, marker] of shown) {
       if (ends[0] > ends[1]) continue;  // none of them
       const [pale, dark] = measure.bad ? [...ends].sort((a, b) => Math.abs(a) - Math.abs(b)) : ends;
-      const near = Math.abs(pale) <= 2 * (measure.values?.error ?? 0) ? 0 : pale;  // round-off
+      const near = Math.abs(pale) <= 1e-5 * Math.abs(dark) ? 0 : pale;  // round-off
       parts.push(bar(words + digits(near, 3), map, inUnit(`to ${digits(dark, 3)}`, measure.unit), marker));
     }
   }

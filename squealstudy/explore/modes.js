@@ -25,7 +25,7 @@ const sorts = {name: i => track[i], hertz: i => hertz[i], growth: i => -growth[i
 let sorted = "growth", backwards = false;
 
 function modeText(i) {
-  const lines = [callName(i), `${rounded(hertz[i], own.frequency_hz.error)} Hz`, `growth ${rounded(growth[i], own.growth_rate.error)} 1/s`];
+  const lines = [callName(i), `${digits(hertz[i], 6)} Hz`, `growth ${digits(growth[i], 6)} 1/s`];
   lines.push(`damping ratio ${digits(100 * damping(i), 3)} %`);
   if (!isNaN(error[i])) lines.push(`error ± ${digits(error[i], 2)} 1/s`);
   lines.push(stability(i) + (has(i, OVERDAMPED) ? ", overdamped" : "") + (has(i, AMBIGUOUS) ? ", following it is in doubt" : ""));
@@ -127,7 +127,7 @@ function table() {
     const row = element("tr", "", {"aria-selected": i === state.mode}), name = element("td"), button = element("button", callName(i));
     button.onclick = () => chooseMode(i);
     name.append(button);
-    const texts = [rounded(hertz[i], own.frequency_hz.error), rounded(growth[i], own.growth_rate.error), digits(100 * damping(i), 3), digits(error[i], 2)];
+    const texts = [digits(hertz[i], 6), digits(growth[i], 6), digits(100 * damping(i), 3), digits(error[i], 2)];
     row.append(name, ...texts.map(text => element("td", text)), element("td", stability(i), {class: stability(i)}));
     return row;
   }));
@@ -138,7 +138,7 @@ function chooseMode(i) {
   drawLine();
   const none = i === undefined;
   figures.diagram.source("chosen").data = none ? {x: [], y: []} : {x: [hertz[i]], y: [growth[i]]};
-  $("mode-title").textContent = none ? "Mode" : `${callName(i)}, ${rounded(hertz[i], own.frequency_hz.error)} Hz`;
+  $("mode-title").textContent = none ? "Mode" : `${callName(i)}, ${digits(hertz[i], 6)} Hz`;
   $("mode-facts").textContent = none ? "This design point has no mode on this page." : modeText(i).split("\n").slice(1).join(", ") + `; mode ${mode[i]} at the point`;
   const parts = none ? [] : own.energies.map((name, k) => [name, share(k, i)]).filter(([, v]) => v >= .0005).sort((a, b) => b[1] - a[1]);
   fill($("energies"), ...parts.flatMap(([name, v]) => [element("span", name), element("i", "", {style: `width:${100 * v}%`}), element("span", `${digits(100 * v, 2)} %`)]));

@@ -1,4 +1,4 @@
-"""Columns of numbers as a page holds them: base64 of 16 or 64 bits, and the error of the former."""
+"""Columns of numbers as a page holds them: base64 of 16, 32 or 64 bits."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ Packed = dict[str, Any]  # what the page's script reads again
 def packed_numbers(values: np.ndarray) -> Packed:
     """Numbers (n,) in 16 bits, evenly between the least and the largest; NaN where one is missing.
 
+    Only for curves and shares: of a number far below the largest no digit stays.
+
     ``error`` is the most by which a number read again differs.
     """
     values = np.asarray(values, dtype=float)
@@ -28,6 +30,11 @@ def packed_numbers(values: np.ndarray) -> Packed:
     codes[finite] = np.round((values[finite] - low) / step) if step > 0 else 0
     error = step / 2
     return {"bits": 16, "low": float(low), "step": step, "error": error, "text": _text(codes)}
+
+
+def packed_single(values: np.ndarray) -> Packed:
+    """Numbers (n,) in 32 bits: six digits of each stay, however large the others are."""
+    return {"bits": 32, "text": _text(np.asarray(values, dtype=float).astype("<f4"))}
 
 
 def packed_whole(values: np.ndarray) -> Packed:
@@ -55,6 +62,8 @@ def unpacked(packed: Packed) -> np.ndarray:
     raw = b64decode(packed["text"])
     if packed["bits"] == 64:
         return np.frombuffer(raw, dtype="<f8")
+    if packed["bits"] == 32:
+        return np.frombuffer(raw, dtype="<f4").astype(float)
     codes = np.frombuffer(raw, dtype="<u2")
     return np.where(codes == MISSING, np.nan, packed["low"] + packed["step"] * codes)
 

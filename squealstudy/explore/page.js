@@ -13,6 +13,7 @@ function buffer(text) {
 }
 function numbers(packed) {
   if (packed.bits === 64) return new Float64Array(buffer(packed.text));
+  if (packed.bits === 32) return Float64Array.from(new Float32Array(buffer(packed.text)));
   const codes = new Uint16Array(buffer(packed.text)), found = new Float64Array(codes.length);
   const {low, step} = packed;
   for (let i = 0; i < codes.length; i++) found[i] = codes[i] === 65535 ? NaN : low + step * codes[i];
@@ -36,11 +37,6 @@ function digits(value, most = 4) {
   if (!Number.isFinite(value)) return "-";
   const short = +value.toPrecision(most);
   return Math.abs(short) >= 1e6 ? short.toExponential().replace("e+", "e") : String(short);
-}
-function rounded(value, error) {  // no digit beyond what is known
-  if (!Number.isFinite(value)) return "-";
-  if (!(error > 0)) return digits(value, 6);
-  return value.toFixed(Math.min(6, Math.max(0, Math.ceil(-Math.log10(2 * error)))));
 }
 const inUnit = (text, unit) => unit ? `${text} ${unit}` : text;
 const valueText = (p, value) => inUnit(digits(value * p.factor, 6), p.unit);
@@ -238,10 +234,10 @@ function pandasLine() {
 }
 function pandasAll() {
   const lines = ["import squealstudy as sq", "", `results = sq.open_results(${python(data.directory)})`];
-  const table = data.table.name;
-  if (table === "points") lines.push("points = results.points");
+  const table = data.table.name, chosen = data.where ? `.query(${python(data.where)})` : "";
+  if (table === "points") lines.push(`points = results.points${chosen}`);
   else {
-    lines.push('points = results.points[["point_id", *results.parameters]]');
+    lines.push(`points = results.points${chosen}[["point_id", *results.parameters]]`);
     lines.push(`${table} = results.${table}.merge(points, on="point_id", suffixes=("", "_of_point"))`);
   }
   return [...lines, pandasLine()].join("\n");

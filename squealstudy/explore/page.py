@@ -89,6 +89,7 @@ def explore(results: Results, where: str | None = None) -> Exploration:
     content = {
         "kind": results.kind,
         "directory": str(results.directory),
+        "where": where or "",
         "study": study_head(results),
         "table": {"name": kind.table, "columns": results.columns(kind.table)},
         "points": points_content(results, points),
@@ -123,15 +124,9 @@ def _shades(name: str) -> list[str]:
 
 
 def _notes(results: Results, points: pd.DataFrame, content: Content) -> Iterator[str]:
-    """Notes on what the page leaves out, and on how its numbers are rounded."""
+    """Notes on what the page leaves out."""
     if len(points) < len(results.points):
         yield f"{len(points)} of {plural(len(results.points), 'design point')} are on this page."
-    if "frequency_hz" in content:
-        hertz, growth = (content[name]["error"] for name in ("frequency_hz", "growth_rate"))
-        yield (
-            "Numbers of modes are kept in 16 bits: frequencies are rounded by at most "
-            f"{hertz:.2g} Hz, growth rates by {growth:.2g} 1/s. Whether a mode is unstable is not."
-        )
     if content.get("lightest") is not None:
         yield (
             f"{content['n']} of {content['n_all']} modes are on this page: those that "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.explore.packed import packed_exact, packed_numbers, packed_whole, packed_words
+from squealstudy.explore.packed import packed_exact, packed_single, packed_whole, packed_words
 from squealstudy.study.toml_text import toml_text
 from squealstudy.wording import prefixed
 
@@ -48,9 +48,12 @@ def points_content(results: Results, points: pd.DataFrame) -> Content:
 
 
 def _shown(results: Results, points: pd.DataFrame) -> list[str]:
-    """Parameters that vary, in the order of the sweeps; the first one where none does."""
+    """Parameters that are swept or vary, in the order of the sweeps; else the first one.
+
+    A sweep of one value is among them: a study for a closer look must have that value.
+    """
     names = [n for n in dict.fromkeys([*results.swept, *results.parameters]) if n in points]
-    return [n for n in names if len(points[n].unique()) > 1] or names[:1]
+    return [n for n in names if n in results.swept or len(points[n].unique()) > 1] or names[:1]
 
 
 def _parameter(results: Results, points: pd.DataFrame, name: str) -> Content:
@@ -92,7 +95,7 @@ def measure(
     Where the number of its unstable modes is given a map tells those that have one from others: a
     growth rate of round-off has a sign, too.
     """
-    map_number = {"name": name, "unit": unit, "values": packed_numbers(values), **more}
+    map_number = {"name": name, "unit": unit, "values": packed_single(values), **more}
     if unstable is not None:
         map_number["unstable"] = packed_whole((unstable.fillna(0) > 0).to_numpy(dtype=int))
     return map_number

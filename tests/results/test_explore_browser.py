@@ -89,8 +89,8 @@ def browser():
 def opened(browser, tmp_path):
     pages = []
 
-    def open_page(results, width=1280):
-        path = explore(results).save(tmp_path / "page.html")
+    def open_page(results, width=1280, where=None):
+        path = explore(results, where).save(tmp_path / "page.html")
         pages.append(Opened(browser, path, width))
         return pages[-1]
 
@@ -200,6 +200,21 @@ def test_a_selection_goes_on_in_pandas_and_in_a_study(opened, two, tmp_path):
     with page.tab.expect_download() as download:
         page.tab.locator("#save-study").click()
     assert download.value.suggested_filename == "closer.toml"
+
+
+def test_what_is_taken_of_a_part_is_of_that_part(opened, two, tmp_path):
+    page = opened(two, where="damping_ratio == 0.01")
+    page.tab.get_by_label("friction from").fill("0.3")
+    page.tab.keyboard.press("Tab")
+    assert page.text("selected") == "3 of 5 design points are selected."
+    *before, last = page.text("pandas").splitlines()
+    names = {}
+    exec("\n".join([*before, f"found = {last}"]), names)
+    assert names["found"]["point_id"].nunique() == 3
+    path = tmp_path / "closer.toml"
+    path.write_text(page.text("study"))
+    damping = sq.read_study(path).plan().study.sweeps[1]
+    assert (damping.name, list(damping.values)) == ("damping_ratio", [0.01])
 
 
 def test_a_band_that_is_brushed_is_what_the_map_shows(opened):
