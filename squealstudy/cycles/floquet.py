@@ -19,6 +19,7 @@ from squealstudy.cycles.balance import sampled
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import sampling, series_at
 from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.cycles.time_nodes import has_corners, monodromy_at_nodes
 from squealstudy.errors import ConvergenceError
 from squealstudy.root_pairs import least_assignment
 
@@ -143,15 +144,33 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion, other: PeriodicMotion | None
     """Multipliers of a cycle of an oscillator; errors also by an `other` finding of it, if any.
 
     Where these do not let stability be said and the other has more harmonics, they are the other's.
+    Of few coordinates with corners in the period both are held against the cycle at its nodes, too.
     """
     multipliers = _in_all_coordinates(osc, cycle)
-    if other is None or other.harmonics == cycle.harmonics:
+    if other is None:
         return multipliers
-    of_other = _in_all_coordinates(osc, other)
-    change = _size_change(multipliers, of_other)
+    if other.harmonics != cycle.harmonics:
+        of_other = _in_all_coordinates(osc, other)
+        change = _size_change(multipliers, of_other)
+        multipliers = _with_least_error(multipliers, OTHER_SERIES_SAFETY_FACTOR * change)
+        if multipliers.stable is None and other.harmonics > cycle.harmonics:
+            cycle, multipliers = other, _with_least_error(of_other, FINER_SERIES_SHARE * change)
+    return _held_against_nodes(osc, cycle, multipliers)
+
+
+def _held_against_nodes(osc: Oscillator, cycle: PeriodicMotion, multipliers: Floquet) -> Floquet:
+    """The multipliers with errors by those at nodes; these where stability is not known else."""
+    if osc.n > SMALL_MAX_COORDINATES or not has_corners(osc, cycle):
+        return multipliers
+    try:
+        at_nodes = _ordered_multipliers(osc, cycle, monodromy_at_nodes(osc, cycle))
+    except ConvergenceError:
+        return multipliers
+    change = _size_change(multipliers, at_nodes)
     multipliers = _with_least_error(multipliers, OTHER_SERIES_SAFETY_FACTOR * change)
-    if multipliers.stable is None and other.harmonics > cycle.harmonics:
-        return _with_least_error(of_other, FINER_SERIES_SHARE * change)
+    if multipliers.stable is None:
+        error = max(FINER_SERIES_SHARE * change, abs(at_nodes.trivial - 1.0))
+        return _with_least_error(at_nodes, error)
     return multipliers
 
 

@@ -1,0 +1,57 @@
+"""Multipliers of cycles that stick for a hundredth of a period are within their errors.
+
+Series of 7 to 60 harmonics do not see what the contact does there, and agree with each other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from event_reference import design, run
+
+import squealstudy as sq
+from squealstudy.cycles.floquet import floquet
+from squealstudy.cycles.time_nodes import has_corners, monodromy_at_nodes
+from squealstudy.cycles.trials import state_of
+
+VALUES = {
+    "sliding_speed": -0.127985,
+    "friction": 1.0129,
+    "friction_law.static_ratio": 1.3,
+    "contact.regularisation_speed": 0.001013,
+}
+PERIODS, DEVIATION = 120, 1e-5  # until only the cycle is left; of its size
+
+
+def judged_sizes(damping_ratio, osc, motion):
+    """Sizes of the multipliers of the judge's own cycle: deviations a period later."""
+    d = design("hoffmann", "unilateral", **VALUES, damping_ratio=damping_ratio)
+    normal, tangential, _ = osc.B[0]
+    q, v = state_of(motion)
+    start = np.array([tangential @ q, normal @ q, tangential @ v, normal @ v])
+    record = run(d, PERIODS * 2.0 * np.pi / motion.omega, start=start, tolerance=1e-10)
+    period, end = record.cycle().period, record.end
+    size = np.ptp(record.rows[-1000:, :4], axis=0)
+
+    def later(change):
+        return run(d, period, start=end + change, sample=period / 64, tolerance=1e-11).end
+
+    steps = DEVIATION * np.diag(size)
+    columns = [(later(s) - later(-s)) / (2.0 * s.sum()) for s in steps]
+    return np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))
+
+
+@pytest.mark.parametrize("damping_ratio", [0.0243775, 0.0248048])
+def test_multipliers_where_series_do_not_see_that_the_contact_sticks(damping_ratio):
+    values = VALUES | {"damping_ratio": damping_ratio}
+    system = sq.model("hoffmann", contact_law="unilateral", **values).at()
+    few, more = (system.limit_cycles(h, reach=4.0) for h in (7, 16))
+    (cycle,), (finer,) = ([c for _, c in f.cycles if c.attracts] for f in (few, more))
+    osc = few.contact.oscillator
+    told = floquet(osc, cycle.motion, finer.motion)
+    sizes = judged_sizes(damping_ratio, osc, cycle.motion)
+    assert sizes[-1] == pytest.approx(1.0, abs=1e-4)  # the trivial one
+    assert abs(told.modulus - sizes[-2]) < told.error < 0.06
+    assert has_corners(osc, cycle.motion)
+    at_nodes = np.sort(np.abs(np.linalg.eigvals(monodromy_at_nodes(osc, cycle.motion))))
+    assert at_nodes == pytest.approx(sizes, abs=2e-3)
