@@ -1,4 +1,4 @@
-"""Order of roots, one of each conjugate pair, and pairs of two solutions of one problem."""
+"""Bands and order of roots, one of each conjugate pair, and pairs of solutions of a problem."""
 
 from __future__ import annotations
 
@@ -12,10 +12,21 @@ MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which a full-order root
 # partner may be outside; in any case relative
 EDGE_TO_DISTANCE, MOST_EDGE_REL_DISTANCE = 3.0, 1e-3
 MIN_DISTANCE_TO_ERROR = 100.0  # errors of the full-order root above which a distance says something
-
-
+BAND_END_REL_TOLERANCE = 1e-9
+RIGID_SHARE = 1e-5  # start of a band over its top, where it is to begin at zero
 # relative distance of moduli that count as one: roots of two modes that locked in
 EQUAL_MODULUS_REL_DISTANCE = 1e-9
+
+
+def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
+    """The band in rad/s, its ends in it.
+
+    One from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes.
+    """
+    low, high = band_hz
+    return 2 * np.pi * (low or RIGID_SHARE * high) * (
+        1 - BAND_END_REL_TOLERANCE
+    ), 2 * np.pi * high * (1 + BAND_END_REL_TOLERANCE)
 
 
 def by_modulus(lam: np.ndarray, late: np.ndarray) -> np.ndarray:

@@ -24,11 +24,11 @@ from squealstudy.machine.resources import memory_returned
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.models.components.definition import FileDefinition
 from squealstudy.models.matrices.family import FamilyDefinition
-from squealstudy.modes.point import angular_band
 from squealstudy.reduction.prepared import (
     PreparedFamily,
     prepare_family,
 )
+from squealstudy.root_pairs import angular_band
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.family import read_family
 from squealstudy.study.source import SourceText

@@ -14,8 +14,8 @@ from squealstudy.mechanics.values import Values
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.model_point import ModelPoint
 from squealstudy.modes.full_order.modes import FULL, family_matrices, family_roots
-from squealstudy.modes.point import angular_band
 from squealstudy.reduction.prepared import prepare_family
+from squealstudy.root_pairs import angular_band
 
 ResultT = TypeVar("ResultT")
 

@@ -16,7 +16,7 @@ from squealstudy.mechanics.failures import FAILURES
 from squealstudy.mechanics.motions import set_up
 from squealstudy.mechanics.stacked_rows import messages, statuses
 from squealstudy.mechanics.structures import Structures
-from squealstudy.modes.point import angular_band
+from squealstudy.root_pairs import angular_band
 
 if TYPE_CHECKING:
     import pandas as pd

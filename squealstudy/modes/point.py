@@ -18,13 +18,11 @@ from squealstudy.reduction.working_point import (
     known_working_point,
     working_point,
 )
-from squealstudy.root_pairs import by_modulus
+from squealstudy.root_pairs import angular_band, by_modulus
 from squealstudy.system.energies import reduced_energy_shares
 from squealstudy.system.linearise import LinearisedModel, linearise, reduced_structure
 
 # relative: modes on an end of the band are in it, whatever round-off says
-BAND_END_REL_TOLERANCE = 1e-9
-RIGID_SHARE = 1e-5  # start of a band over its top, where it is to begin at zero
 DENSE = "dense"
 EIGENVALUE_REL_ROUND_OFF = 1e-13  # round-off of a dense eigenvalue over its modulus
 
@@ -69,17 +67,6 @@ class PointModes:
 def oscillating_first(lam: np.ndarray) -> np.ndarray:
     """Order (m,) of roots as tables have them: see `root_pairs.by_modulus`; real ones last."""
     return by_modulus(lam, lam.imag == 0)
-
-
-def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
-    """The band in rad/s, its ends in it.
-
-    One from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes.
-    """
-    low, high = band_hz
-    return 2 * np.pi * (low or RIGID_SHARE * high) * (
-        1 - BAND_END_REL_TOLERANCE
-    ), 2 * np.pi * high * (1 + BAND_END_REL_TOLERANCE)
 
 
 def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ import scipy.linalg as la
 
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.root_error import RIGID_BELOW
-from squealstudy.modes.point import angular_band
+from squealstudy.root_pairs import angular_band
 
 MAX_FOLLOWED_MODES = 6  # complex modes followed in a run, fastest growth first
 INVERSE_ITERATIONS = 3

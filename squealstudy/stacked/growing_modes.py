@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from squealstudy.linalg.root_error import RIGID_BELOW
-from squealstudy.modes.point import angular_band
 from squealstudy.motion.growing_modes import (
     DEGENERATE_AXIS_RATIO,
     INVERSE_ITERATIONS,
     MAX_FOLLOWED_MODES,
     GrowingModes,
 )
+from squealstudy.root_pairs import angular_band
 from squealstudy.stacked.roots import companion_pairs
 
 # shift over the largest entry: at an exact root the matrix is singular

@@ -16,7 +16,6 @@ from squealstudy.models.model_point import ModelPoint
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.models.stacked_assembly import StackedAssembly
-from squealstudy.modes.point import angular_band
 from squealstudy.reduction.free_motions import FREE_MOTION
 from squealstudy.reduction.working_point import (
     PRESSES_OPEN,
@@ -25,6 +24,7 @@ from squealstudy.reduction.working_point import (
     no_sliding_text,
     working_point_result,
 )
+from squealstudy.root_pairs import angular_band
 from squealstudy.stacked.linear import StackedDamping, StackedLinear, computable, linearised
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.roots import StackedRoots, stacked_roots

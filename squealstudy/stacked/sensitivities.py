@@ -14,10 +14,10 @@ import numpy as np
 
 from squealstudy.errors import SquealstudyError
 from squealstudy.models.parameter import ModelDefinition
-from squealstudy.modes.point import angular_band
 from squealstudy.modes.sensitivity.mode_sensitivities import CONDITION_LIMIT, QUARTER, UNSEEN
 from squealstudy.modes.sensitivity.reduced import ModeChoice
 from squealstudy.modes.sensitivity.state_derivatives import StateParameter
+from squealstudy.root_pairs import angular_band
 from squealstudy.stacked.linear_slopes import MatrixSlope
 from squealstudy.stacked.modes import Columns, StackedSystem, stacked_system
 from squealstudy.stacked.state_slopes import StackedStep, StateSlopes

@@ -44,7 +44,7 @@ from squealstudy.engine.plan import Plan
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.kinds.design.in_time import ELSEWHERE, TODAY, runs_in_time
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, request
-from squealstudy.modes.point import angular_band
+from squealstudy.root_pairs import angular_band
 from squealstudy.study.definition import parse_study
 from squealstudy.study.design import DesignPoint
 from squealstudy.wording import SQUEALS, VERDICTS

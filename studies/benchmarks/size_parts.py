@@ -35,10 +35,10 @@ from squealstudy.machine.resources import peak_memory_mb
 from squealstudy.models.assembly import Assembly
 from squealstudy.modes.full_order.contact_factor import HeldStiffness
 from squealstudy.modes.full_order.modes import full_order_roots, full_order_system
-from squealstudy.modes.point import angular_band
 from squealstudy.reduction import working_point as solver
 from squealstudy.reduction.contact_space import contact_space
 from squealstudy.reduction.prepared import mean_contact_stiffness
+from squealstudy.root_pairs import angular_band
 from squealstudy.study.definition import load_study
 
 NARROW = (  # many points of a part of the range: patches serve many points each

@@ -1,15 +1,17 @@
 """What small models cost in batches, in studies and in the library.
 
     python studies/benchmarks/small_batches.py [--samples 128 16384] [--points 100001]
-        [--sensitivities 10000] [--cycles 200] [--runs 10000] [--then COMMIT]
+        [--sensitivities 10000] [--cycles 200] [--runs 10000] [--family 10000] [--then COMMIT]
 
 Studies are run by the command in a process of its own, without pictures, from an empty cache. For
 each number of Sobol samples complex modes over the scatter of friction and of two parameters of the
 structure: of Hulten's model, and of Hoffmann's with the exponential law. Then so many frictions:
 sensitivities of Hoffmann's model, limit cycles of Hulten's with a contact that hardens, runs of a
-mass on a belt. Processor seconds, those beyond a study of two points of the same sort, the same a
-point, peak memory, and files in the cache afterwards; kernels are compiled before. Last modes of a
-batch of frictions by the library, without a study.
+mass on a belt, and all modes of a family of 60 x 60 matrices, a point of which is also held against
+`scipy.linalg.eig` of its companion matrix with both vectors. Processor seconds, those beyond a
+study of two points of the same sort, the same a point, peak memory, and files in the cache
+afterwards; kernels are compiled before. Last modes of a batch of frictions by the library, without
+a study.
 
 With `--then` each study is solved by an earlier state of the project, too, right before: a commit,
 of which a git worktree is made and removed, or its folder. Its seconds, and the ratio, follow.
@@ -31,6 +33,8 @@ import one_thread  # noqa: F401
 # isort: split
 
 import numpy as np
+import scipy.io
+import scipy.linalg
 from other_state import ROOT, tree_of
 
 import squealstudy as sq
@@ -76,6 +80,41 @@ MODELS = {
         "others": (("k1", 1.786e5, 5e3), ("mass", 1.0, 0.02)),
     },
 }
+FAMILY = """
+[study]
+name = "family"
+kind = "complex_modes"
+[model]
+name = "matrices"
+folder = "{folder}"
+[[model.term]]
+matrix = "M"
+file = "M.mtx"
+[[model.term]]
+matrix = "C"
+file = "C.mtx"
+[[model.term]]
+matrix = "K"
+file = "K.mtx"
+[[model.term]]
+matrix = "K"
+file = "coupling.mtx"
+coefficient = "friction"
+[parameters]
+friction = 0.1
+[[sweep]]
+parameter = "friction"
+start = 0.0
+stop = 1.0
+num = {num}
+[design]
+limit = 1_000_000
+[modes]
+band = [1.0, 20000.0]
+track = false
+"""
+FAMILY_SIZE = 60  # coordinates
+REFERENCE_POINTS = 60  # roots by LAPACK that are timed
 LINES = {  # kind of study: model, options, parameters, ends of the frictions
     "sensitivity": ("hoffmann", "", "", (0.8, 1.2)),
     "limit_cycles": (
@@ -140,8 +179,11 @@ def run(folder: Path, text: str, tree: Path = ROOT) -> tuple[float, float, int, 
     return seconds, usage.ru_maxrss / 1024, points, files
 
 
-def rows(name: str, texts: list[str], then: Path | None) -> None:
-    """Print a row a study: what others take beyond the first, and took by the code in `then`."""
+def rows(name: str, texts: list[str], then: Path | None) -> float:
+    """Print a row a study: what others take beyond the first, and took by the code in `then`.
+
+    Gives the processor seconds of the last one beyond the first, by today's code.
+    """
     trees = [ROOT] if then is None else [then, ROOT]
     with tempfile.TemporaryDirectory() as folder:
         for tree in trees:
@@ -161,6 +203,7 @@ def rows(name: str, texts: list[str], then: Path | None) -> None:
             else:
                 earlier = f" {runs[0][0]:.2f} in all | {seconds / runs[0][0]:.3f} |"
             print(f"{row}| {memory:.0f} | {files} |{earlier}", flush=True)
+    return beyond[-1]
 
 
 def studies(asked: argparse.Namespace, then: Path | None) -> None:
@@ -178,6 +221,34 @@ def studies(asked: argparse.Namespace, then: Path | None) -> None:
             rows(f"{kind} of {LINES[kind][0]}", [line(kind, n) for n in (0, count)], then)
 
 
+def family(count: int, then: Path | None) -> None:
+    """Print the rows of a family of matrices, and what a point costs beside LAPACK's roots."""
+    rng = np.random.default_rng(1)
+    omega = 2 * np.pi * np.sort(rng.uniform(200.0, 5000.0, FAMILY_SIZE))
+    Q = np.linalg.qr(rng.normal(size=(FAMILY_SIZE, FAMILY_SIZE)))[0]
+    skew = rng.normal(size=(FAMILY_SIZE, FAMILY_SIZE))
+    C, K = 2e-3 * (Q * omega) @ Q.T, (Q * omega**2) @ Q.T
+    coupling = 1e-3 * omega.mean() ** 2 * (skew - skew.T)
+    with tempfile.TemporaryDirectory() as folder:
+        matrices = {"M": np.eye(FAMILY_SIZE), "C": C, "K": (K + K.T) / 2, "coupling": coupling}
+        for name, matrix in matrices.items():
+            scipy.io.mmwrite(Path(folder) / f"{name}.mtx", matrix, precision=17)
+        texts = [FAMILY.format(folder=folder, num=num) for num in (2, count)]
+        beyond = rows(f"modes of {FAMILY_SIZE} x {FAMILY_SIZE}", texts, then)
+    started = time.process_time()
+    for friction in np.linspace(0.0, 1.0, REFERENCE_POINTS):
+        A = np.block(
+            [[np.zeros_like(K), np.eye(FAMILY_SIZE)], [-K - friction * coupling, -C]],
+        )
+        scipy.linalg.eig(A, left=True, right=True)
+    reference = (time.process_time() - started) / REFERENCE_POINTS
+    point = beyond / (count - 2)
+    print(
+        f"\na point: {1e3 * point:.2f} ms; scipy.linalg.eig: {1e3 * reference:.2f} ms; "
+        f"ratio {point / reference:.2f}"
+    )
+
+
 def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -186,10 +257,13 @@ def main() -> None:
     parser.add_argument("--sensitivities", type=int, default=10_000)
     parser.add_argument("--cycles", type=int, default=200)
     parser.add_argument("--runs", type=int, default=10_000)
+    parser.add_argument("--family", type=int, default=10_000)
     parser.add_argument("--then", metavar="COMMIT")
     asked = parser.parse_args()
     with nullcontext() if asked.then is None else tree_of(asked.then) as then:
         studies(asked, then)
+        if asked.family > 2:
+            family(asked.family, then)
     model = sq.model("hulten")
     model.at(friction=np.linspace(0.0, 1.0, 3)).modes()  # imports
     started = time.process_time()

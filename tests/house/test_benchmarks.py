@@ -86,8 +86,8 @@ RUNS = [
     Run("mode_columns", "--number 1", "CPU-seconds"),
     Run(
         "small_batches",
-        "--samples 8 --points 11 --sensitivities 3 --cycles 3 --runs 3",
-        "transient of belt | 3",
+        "--samples 8 --points 11 --sensitivities 3 --cycles 3 --runs 3 --family 3",
+        "scipy.linalg.eig",
     ),
     Run("squeal_judge", "blocks coarse", "ours took"),
     Run("tracking", "--fine 0.35 --steps 0.7 --top 1500 --jobs 1", "step 0.7"),

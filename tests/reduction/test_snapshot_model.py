@@ -15,7 +15,7 @@ from squealstudy.engine.runner import run_study
 from squealstudy.kinds.complex_modes import inserted_points
 from squealstudy.kinds.complex_modes.inserted_points import MAX_UNLIKENESS, Bases, far_apart
 from squealstudy.models.operating import DesignState
-from squealstudy.modes.point import angular_band, linearised_point, solve_point
+from squealstudy.modes.point import linearised_point, solve_point
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.modes.tracking.snapshot_model import (
     SnapshotModel,
@@ -23,6 +23,7 @@ from squealstudy.modes.tracking.snapshot_model import (
     snapshots,
     unlikeness,
 )
+from squealstudy.root_pairs import angular_band
 from squealstudy.system.linearise import linearise, reduced_structure
 
 BAND_HZ = (300.0, 3000.0)

@@ -26,8 +26,9 @@ from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.full_order.modes import solve_family_point
 from squealstudy.modes.judged_roots import damping_ratios, settled
-from squealstudy.modes.point import RIGID_SHARE, PointModes, solve_point
+from squealstudy.modes.point import PointModes, solve_point
 from squealstudy.reduction.prepared import PreparedFamily
+from squealstudy.root_pairs import RIGID_SHARE
 from squealstudy.study.design import DesignPoint
 
 SEARCHED_BAND_FACTOR = 1.5  # top of the searched range over the band's top

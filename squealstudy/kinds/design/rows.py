@@ -41,12 +41,13 @@ from squealstudy.mechanics.sensitivity_parameters import (
     state_parameters,
     structural_names,
 )
-from squealstudy.modes.point import angular_band, band_modes, linearised_point
+from squealstudy.modes.point import band_modes, linearised_point
 from squealstudy.modes.sensitivity.mode_family import known_mode
 from squealstudy.modes.sensitivity.mode_sensitivities import figure_slopes, figures
 from squealstudy.modes.sensitivity.reduced import ChosenModes, point_sensitivities
 from squealstudy.modes.sensitivity.structural import structural_sensitivities
 from squealstudy.reduction.cmt import ReductionSettings
+from squealstudy.root_pairs import angular_band
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.coupled_pair import coupled_pair
 from squealstudy.system.energies import reduced_energy_shares

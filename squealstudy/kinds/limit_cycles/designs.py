@@ -17,9 +17,9 @@ from squealstudy.kinds.transient.batch import ALL_MODES, mode_keys, shared_refer
 from squealstudy.kinds.transient.starts import steady_motion
 from squealstudy.mechanics.motion_points import motion_at
 from squealstudy.models.operating import ModeKey, OperatingPoint
-from squealstudy.modes.point import angular_band
 from squealstudy.motion.shared_modes import SharedModes
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.root_pairs import angular_band
 from squealstudy.study.design import DesignPoint
 
 MAX_COORDINATES = 2000  # coordinates: matrices of this size are factorised for every harmonic

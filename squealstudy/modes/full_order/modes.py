@@ -31,7 +31,7 @@ from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.models.operating import DesignState
 from squealstudy.modes.full_order.contact_factor import ContactFactor, HeldStiffness
-from squealstudy.modes.point import PointModes, angular_band, oscillating_first, state_working_point
+from squealstudy.modes.point import PointModes, oscillating_first, state_working_point
 from squealstudy.reduction.cmt import ComponentModes
 from squealstudy.reduction.orthonormal import new_directions
 from squealstudy.reduction.prepared import (
@@ -40,6 +40,7 @@ from squealstudy.reduction.prepared import (
     unit_shapes,
 )
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.root_pairs import angular_band
 from squealstudy.system.energies import energy_shares
 from squealstudy.system.linearise import (
     SYMMETRIC_STIFFNESS_FIELDS,

@@ -20,7 +20,7 @@ from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.linalg.dense_qep import pairs_inside
 from squealstudy.models.contact_points import ContactPoints
 from squealstudy.models.operating import DesignState
-from squealstudy.modes.point import angular_band, state_working_point
+from squealstudy.modes.point import state_working_point
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.reanalysis.polynomials import Interpolation, interpolation
 from squealstudy.modes.reanalysis.problem import (
@@ -34,6 +34,7 @@ from squealstudy.modes.reanalysis.sweep_basis import corners
 from squealstudy.reduction.prepared import PreparedModel, shape_column
 from squealstudy.reduction.working_point import WorkingPoint, expect_consistent_laws
 from squealstudy.reduction.working_point_field import Cardinals, WorkingPointField, anchor_at
+from squealstudy.root_pairs import angular_band
 from squealstudy.system.linearise import (
     ContactStructure,
     StructureWeights,

@@ -19,9 +19,8 @@ from squealstudy.linalg.factor import SparseCholesky
 from squealstudy.models.matrices.expression import ExpressionError
 from squealstudy.models.matrices.family import MatrixFamily
 from squealstudy.modes.full_order.modes import UNDEFINED, family_system
-from squealstudy.modes.point import angular_band
 from squealstudy.modes.reanalysis.problem import SweptProblem, in_band, in_or_below
-from squealstudy.root_pairs import partners
+from squealstudy.root_pairs import angular_band, partners
 from squealstudy.system.parametric import MASS, STIFFNESS, ParametricSystem, Weights
 
 # left roots are sought a little beyond the right ones: none is cut off at the edge

@@ -17,7 +17,7 @@ import numpy as np
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil
 from squealstudy.models.operating import DAMPING, DesignState, ModeKey
-from squealstudy.modes.point import angular_band, linearised_point
+from squealstudy.modes.point import linearised_point
 from squealstudy.modes.sensitivity.mode_family import (
     ModeNeighbourhood,
     biorthogonality,
@@ -34,6 +34,7 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
 from squealstudy.modes.sensitivity.state_derivatives import StateDerivatives, StateParameter
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.reduction.working_point import WorkingPoint
+from squealstudy.root_pairs import angular_band
 from squealstudy.system.energies import reduced_energy_shares
 from squealstudy.system.linearise import LinearisedModel, component_frequencies
 
