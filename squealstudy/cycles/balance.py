@@ -8,8 +8,8 @@ direction between samples it is nearly exact (`kernels/turns.py`).
 The added damping xi of `C + xi I` is an unknown: with it every amplitude is periodic (extended
 periodic motion concept, Krack 2015, doi 10.1016/j.compstruc.2015.03.008), and xi = 0 is a cycle.
 
-Each harmonic may be balanced in vectors of its own: the coordinates z of a motion are those of its
-mean, of its cosines 1 to H, and of its sines.
+Each harmonic may be balanced in vectors of its own. The coordinates z of a motion are then its
+components in these vectors: first those of the mean, then of the cosines 1 to H, then of the sines.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ class Balanced(NamedTuple):
     Attributes
     ----------
     R : ndarray (m,)
+        The imbalance (`Balance.imbalance`).
     J : ndarray (m, m)
-        By the coordinates.
+        Its derivatives by the coordinates.
     by_omega, by_xi : ndarray (m,)
+        Its derivatives by the angular frequency and by the added damping.
     """
 
     R: np.ndarray
@@ -52,9 +54,9 @@ class Balance:
     ----------
     osc : Oscillator
     harmonics : int
-        H.
+        Number H of the highest harmonic.
     vectors : sequence of ndarray (n, r_h), or None
-        Orthonormal vectors of each harmonic 0 to H; None for all coordinates.
+        Orthonormal vectors of each harmonic 0 to H; None to balance in all coordinates.
     """
 
     def __init__(
@@ -75,7 +77,7 @@ class Balance:
         sizes = np.array([len(K) for K in self.K])
         starts = np.concatenate([[0], np.cumsum([*sizes, *sizes[1:]])]).tolist()
         blocks = [slice(a, b) for a, b in itertools.pairwise(starts)]
-        # of each harmonic the blocks of cosines and of sines; the mean has no sines
+        # slices of z with the cosines and with the sines of each harmonic; the mean has no sines
         self.parts = [blocks[:1], *zip(blocks[1:count], blocks[count:], strict=True)]
         self.size = int(starts[-1])
         self._orders = np.repeat(self.rule.order, [p.stop - p.start for p in blocks])
@@ -86,7 +88,7 @@ class Balance:
 
     # -- coordinates -----------------------------------------------------------------------------
     def lowered(self, Q: np.ndarray) -> np.ndarray:
-        """Coordinates (m,) of a series (2 H + 1, n)."""
+        """Project a series Q (2 H + 1, n) on the vectors: its coordinates (m,)."""
         if self.vectors is None:
             return Q.ravel()
         H, z = self.harmonics, np.zeros(self.size)
@@ -96,7 +98,7 @@ class Balance:
         return z
 
     def lifted(self, z: np.ndarray) -> np.ndarray:
-        """Series (2 H + 1, n) of coordinates."""
+        """Assemble the series (2 H + 1, n) from its coordinates z (m,)."""
         if self.vectors is None:
             return z.reshape(2 * self.harmonics + 1, -1)
         H, Q = self.harmonics, np.zeros((2 * self.harmonics + 1, self.osc.n))
@@ -122,7 +124,7 @@ class Balance:
         return _forces(self.osc, self.rule, self._local_series(z), omega)
 
     def _spread(self, f: np.ndarray) -> np.ndarray:
-        """Harmonics (m,) of generalised forces, of samples (S, g, b) of local ones."""
+        """Harmonics (m,) of the generalised forces that samples f (S, g, b) of local ones make."""
         local = self.rule.analysis @ f.reshape(len(f), -1)
         if self.vectors is None:
             harmonics: np.ndarray = (local @ self._rows[0]).ravel()
@@ -135,16 +137,19 @@ class Balance:
 
     # -- equations -------------------------------------------------------------------------------
     def turned(self, z: np.ndarray) -> np.ndarray:
-        """Coordinates of d/dtheta: sines in place of cosines, minus cosines in place of sines."""
+        """Coordinates (m,) of the derivative by theta.
+
+        The cosine of harmonic h becomes h times the sine, the sine minus h times the cosine.
+        """
         turned: np.ndarray = self._turns * z[self._turned_from]
         return turned
 
     def imbalance(
         self, z: np.ndarray, omega: float, xi: float, local: LocalForces | None = None
     ) -> np.ndarray:
-        """R (m,): what is missing to q'' + (C + xi I) q' + K q = forces, by harmonics.
+        """Imbalance R (m,) of each harmonic: q'' + (C + xi I) q' + K q less the forces.
 
-        `local` are the forces `sampled` at this motion, where they are known.
+        `local` are the forces `sampled` at this motion, if the caller has them already.
         """
         local = self.sampled(z, omega) if local is None else local
         if self._few:
@@ -170,9 +175,9 @@ class Balance:
         local: LocalForces | None = None,
         precision: type = np.float64,
     ) -> Balanced:
-        """`imbalance` of coordinates (m,) at omega [rad/s], xi [1/s], with derivatives.
+        """`imbalance` of coordinates z (m,) at omega [rad/s], xi [1/s], with its derivatives.
 
-        `precision` is the type of those by the coordinates.
+        `precision` is the floating-point type of the derivatives by the coordinates.
         """
         local = self.sampled(z, omega) if local is None else local
         if self._few:
@@ -239,7 +244,7 @@ def sampled(osc: Oscillator, rule: Sampling, Q: np.ndarray, omega: float) -> Loc
 
 
 def _forces(osc: Oscillator, rule: Sampling, local_series: np.ndarray, omega: float) -> LocalForces:
-    """Forces at samples, of the series (2 H + 1, g b) of the displacements that they depend on."""
+    """Forces at samples; `local_series` (2 H + 1, g b) are the displacements they depend on."""
     shape = (len(rule.synthesis), *osc.B.shape[:2])
     return (osc.turning or osc.forces)(
         (rule.synthesis @ local_series).reshape(shape),

@@ -19,9 +19,9 @@ MAX_FLOAT32_STIFFNESS = 1e30  # 1/s2: a stiffness that single precision still ho
 def mean_tangents(
     osc: Oscillator, local: LocalForces, xi: float, precision: type = np.float64
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping (n, n), means over the period, with added damping xi [1/s].
+    """Mean stiffness and damping (n, n) over the period, with added damping xi [1/s].
 
-    `local` are sampled forces; their tangents are projected in `precision`.
+    `local` are the sampled forces; their tangents are averaged and projected in `precision`.
     """
     by_displacement, by_velocity = (
         osc.projected(D.mean(axis=0).astype(precision)) for D in local[1:]
@@ -36,16 +36,16 @@ class Blocks:
     ----------
     osc : Oscillator
     motion : PeriodicMotion
-        Of all coordinates.
+        The motion in all coordinates.
     local : LocalForces
         Its sampled forces.
     weight : ndarray (n,)
-        Roots of stiffnesses by which coordinates are scaled, 1/s.
+        Scale of each coordinate, 1/s: the root of a stiffness.
 
     Raises
     ------
     ConvergenceError
-        Where contact is absurdly stiff; by `step` where a block is singular.
+        Where contact is absurdly stiff. `step` raises it where a block is singular.
     """
 
     def __init__(
@@ -76,10 +76,10 @@ class Blocks:
         return len(self._factors) - 1
 
     def step(self, R: np.ndarray, motion: PeriodicMotion) -> PeriodicMotion:
-        """The change of a motion of imbalance R (2 H + 1, n), to first order.
+        """The change that balances a motion with imbalance R (2 H + 1, n), to first order.
 
-        The first harmonic keeps its size and phase; the complex shift of its block that achieves
-        this gives the changes of frequency and added damping.
+        The first harmonic keeps its size and phase. Its equation is solved by a complex shift of
+        its block instead, which gives the changes of frequency and added damping.
         """
         H, weight = motion.harmonics, self._weight
         largest = float(np.abs(R).max()) or 1.0
@@ -95,14 +95,17 @@ class Blocks:
         if not np.isfinite(change).all():
             raise ConvergenceError("singular_jacobian", "the balance of a harmonic is singular")
         shift *= largest
-        # A q = (-omega^2 + i omega (C + xi)) q + ..: d omega = -Re / 2 omega, d xi = Im / omega
-        omega = float(-shift.real / (2.0 * motion.omega))
-        return PeriodicMotion(-largest * change / weight, -omega, -float(shift.imag / motion.omega))
+        # A = -omega^2 + i omega (C + xi) + ..: where A changes by s, omega changes by
+        # -Re s / 2 omega and xi by Im s / omega; the step takes the imbalance away, hence the minus
+        d_omega = float(-shift.real / (2.0 * motion.omega))
+        return PeriodicMotion(
+            -largest * change / weight, -d_omega, -float(shift.imag / motion.omega)
+        )
 
     def _bordered_solution(self, r: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, complex]:
-        """The x and s of A x + s q = r with x orthogonal to q, both weighted.
+        """Solve A x + s q = r for x (n,) and s, where x is orthogonal to q (both weighted).
 
-        Solved by the bordered block, whose border is the q of the motion it was factorised at.
+        The factorised block has the q of another motion, nearby, as its border.
         """
         weighted, unit = self._weight * q, la.norm(self._weight * q)
         sides = np.zeros((len(q) + 1, 3), np.complex64)

@@ -1,8 +1,9 @@
 """Folds and onsets of branches continued over a second parameter.
 
-At one value of the second parameter a fold is found from a motion nearby: the balance at a held
-size is regular there, and along it the first parameter has an extremum. The curve is followed in
-the second parameter, through given values of it exactly, until it turns back in it or is lost.
+At one value of the second parameter a fold is found from a motion nearby: the balance at a fixed
+size is regular there, and as a function of size the first parameter has an extremum. The border is
+then followed along the second parameter. It has a point at each value that is asked for, and ends
+where it turns back or is lost.
 """
 
 from __future__ import annotations
@@ -25,14 +26,16 @@ ANOTHER = "another"  # another border is all that was found
 MET = "hopf"  # a fold whose cycle shrinks to nothing: it meets the border of Hopf points
 FOLD_FIRST_STEP = 1e-3  # step of log size between the first two places where a fold is sought
 FOLD_TOLERANCE = 1e-6  # tolerance of log size; the parameter is known to its square
-FOLD_MAX_ITERATIONS = 12  # places looked at
+FOLD_MAX_ITERATIONS = 12  # most sizes at which the slope is computed
 FOLD_MAX_STEP = 0.2  # largest step of log size
-FIRST_STEP, MIN_STEP, MAX_STEP = 0.05, 1e-4, 0.25  # steps, of the range of the second parameter
-# of a step: how far from its end, as it was foreseen, the border may be
+FIRST_STEP, MIN_STEP, MAX_STEP = 0.05, 1e-4, 0.25  # over the range of the second parameter
+# distance of a point from the predicted one over the predicted move: steps grow below the first
+# number and are halved above the second
 PREDICTION_ERROR_GROW, PREDICTION_ERROR_HALVE = 0.1, 0.4
-MIN_PREDICTED_MOVE = 0.02  # and how far at least
-MAX_EXTRAPOLATION_STEPS = 4.0  # last steps within which a border that cannot be followed turns back
-VANISHING_REL_SIZE = 0.2  # size over the one at that place: smaller cycles shrink to nothing
+MIN_PREDICTED_MOVE = 0.02  # relative distance to the predicted point that is always accepted
+# a border that cannot be followed is said to turn back if a parabola has its turn so many steps on
+MAX_EXTRAPOLATION_STEPS = 4.0
+VANISHING_REL_SIZE = 0.2  # size at that turn over the last: smaller cycles shrink to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +47,11 @@ class BorderPoint:
     over : float
         Value of the second parameter.
     motion : PeriodicMotion
-        Its `parameter` is the value of the first; of a Hopf point without size.
+        Its `parameter` is the value of the first parameter. At a Hopf point it has no size.
     residual : float
-        Of the balance.
+        Residual of the balance.
     criticality : str
-        Of a Hopf point, as of `onset.criticality`.
+        What `onset.criticality` says of a Hopf point; empty at a fold.
     """
 
     over: float
@@ -57,7 +60,8 @@ class BorderPoint:
     criticality: str = ""
 
 
-Locate = Callable[[float, PeriodicMotion], BorderPoint]  # at a value, from a motion nearby
+# the point at a value of the second parameter, found from a motion nearby
+Locate = Callable[[float, PeriodicMotion], BorderPoint]
 
 
 def fold_near(
@@ -65,21 +69,22 @@ def fold_near(
 ) -> tuple[PeriodicMotion, float]:
     """The fold near a cycle, in all coordinates, and the residual of its balance.
 
-    Where the parameter does not change with the size of the cycle: by secants in log size.
+    At a fold the parameter does not change with the size of the cycle. The zero of its slope over
+    log size is found by secants.
 
     Parameters
     ----------
     oscillators : callable
-        Oscillator of a value of the parameter.
+        Returns the oscillator at a value of the parameter.
     guess : PeriodicMotion
-        Its `parameter` is a value of the parameter.
+        A cycle nearby; its `parameter` is the value of the parameter.
     bounds : (low, high)
         Range of the parameter.
 
     Raises
     ------
     ConvergenceError
-        Where there is none.
+        Where no fold is found.
     """
     equations = BranchEquations(oscillators, guess.harmonics, guess.omega, bounds)
     u = equations.pack(guess)
@@ -107,17 +112,17 @@ def fold_near(
 def follow_border(
     locate: Locate, start: BorderPoint, values: Sequence[float], direction: float, width: float
 ) -> tuple[list[BorderPoint], str]:
-    """A border from one of its points on, over the second parameter.
+    """Follow a border along the second parameter, from one of its points in one direction.
 
     Parameters
     ----------
     locate : callable
-        Its point at a value of the second parameter; ConvergenceError where there is none.
+        Returns the border's point at a value of the second parameter, or raises ConvergenceError.
     start : BorderPoint
     values : sequence of float
-        Ascending; all of them on the way, from the least to the largest, are points.
+        Values of the second parameter at which the border has a point, ascending.
     direction : float
-        1 towards larger ones, -1.
+        1 towards larger values, -1 towards smaller ones.
     width : float
         Range of the first parameter, in which steps are measured.
 
@@ -145,12 +150,12 @@ def follow_border(
             _largest_rel_difference(last.motion, foreseen, width),
             MIN_PREDICTED_MOVE / PREDICTION_ERROR_HALVE,
         )
-        away = (
+        rel_prediction_error = (
             np.inf
             if reason
             else _largest_rel_difference(border_point.motion, foreseen, width) / predicted_distance
         )
-        if away > PREDICTION_ERROR_HALVE:
+        if rel_prediction_error > PREDICTION_ERROR_HALVE:
             reason, h = reason or ANOTHER, 0.5 * step
             if h < MIN_STEP * span:
                 return points, _why(points, width, reason)
@@ -158,12 +163,12 @@ def follow_border(
         points.append(border_point)
         if over == goals[0]:
             del goals[0]
-        h = min(h * (1.5 if away < PREDICTION_ERROR_GROW else 1.0), MAX_STEP * span)
+        h = min(h * (1.5 if rel_prediction_error < PREDICTION_ERROR_GROW else 1.0), MAX_STEP * span)
     return points, RANGE
 
 
 def _foreseen(points: list[BorderPoint], over: float) -> PeriodicMotion:
-    """The motion at a value of the second parameter, straight on."""
+    """Predict the motion at a value of the second parameter, linearly from the last two points."""
     last_point = points[-1]
     if len(points) < 2:
         return last_point.motion
@@ -178,7 +183,7 @@ def _border_coordinates(motion: PeriodicMotion, width: float) -> np.ndarray:
 
 
 def _largest_rel_difference(motion: PeriodicMotion, other: PeriodicMotion, width: float) -> float:
-    """Largest of the differences in parameter, size and frequency, relative."""
+    """Largest relative difference of two motions in parameter, size and frequency."""
     scale = np.array([1.0, max(motion.size, 1e-300), motion.omega])
     return float(
         np.abs(
@@ -188,9 +193,10 @@ def _largest_rel_difference(motion: PeriodicMotion, other: PeriodicMotion, width
 
 
 def _why(points: list[BorderPoint], width: float, reason: str) -> str:
-    """Why a border cannot be followed: it turns back just ahead, as a square root, or was lost.
+    """Why a border ends: `TURNED` or `MET` where it turns back just ahead, else `reason`.
 
-    Of the unknowns the one that changes most tells, by a parabola through the last three points.
+    Near the turn the unknowns change as a square root of the second parameter. So the parameter is
+    fitted, over the unknown that changes most, by a parabola through the last three points.
     """
     if len(points) < 3 or reason == RANGE:
         return reason

@@ -1,11 +1,13 @@
 """Branches of cycles along a parameter, through folds, with their stability.
 
 Events carry the names of bifurcation tools: H, the cycle shrinks to steady sliding (Hopf); F, the
-parameter turns back (fold); NS, PD, a pair of multipliers or one at -1 leaves the unit circle; BP,
-one passes 1 though the parameter does not turn back. Where forces are linear up to a size, as of a
-contact that has not lifted off yet, cycles of all sizes lie at one value of the parameter: there,
-neither the round-off of that value nor a multiplier that stays 1 is an event. All multipliers stay
-there: beside the cycle's own one more is 1, and which of both is which round-off decides.
+parameter turns back (fold); NS, a pair of multipliers leaves the unit circle, or PD, one at -1;
+BP, one passes 1 though the parameter does not turn back.
+
+Where forces are linear up to a size, as those of a contact that has not lifted off yet, cycles of
+all sizes lie at one value of the parameter. There neither the round-off of that value nor a
+multiplier that stays 1 is an event. Two multipliers are 1 there, the trivial one and another, and
+round-off decides which of them is taken for the trivial one.
 """
 
 from __future__ import annotations
@@ -29,18 +31,19 @@ from squealstudy.errors import ConvergenceError
 
 HOPF, FOLD, NS, PD, BP = "H", "F", "NS", "PD", "BP"
 RANGE, SHRUNK, CLOSED = "range", "hopf", "closed"  # why branches end, beside what `stop` says
-# of a step: how far on, and aside of it, the start of a loop may be
+# a step may pass the start of a loop if that lies within so many of its lengths along and beside it
 MAX_STEPS_PAST_START, MAX_STEPS_BESIDE_START = 1.2, 0.5
-# of log size, frequency and range: a branch is at its start again
+# largest difference in log size, relative frequency and share of the range at a loop's start
 CLOSURE_TOLERANCE, PROJECTED_CLOSURE_TOLERANCE = 1e-6, 1e-3
 PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
 BIFURCATION_REL_TOLERANCE = 1e-6  # tolerance of NS, PD and BP over the range of the parameter
-FOLD_NEIGHBOURS = 2, 5  # between which points of a branch, on either side, a fold is looked for
-HOPF_STEPS = 2.0  # last steps of a branch within which cycles that fall by the square of it vanish
-# of the range of the parameter: cycles beside each other that differ less lie at one value
+FOLD_NEIGHBOURS = 2, 5  # how many points away, on either side, a fold is looked for
+# error of a Hopf point over the last step: sizes fall as a root, and a cycle may be left there
+HOPF_STEPS = 2.0
+# neighbours that differ by less than this share of the range lie at one value of the parameter
 ONE_VALUE_REL_WIDTH = 1e-7
-MIN_IMAGINARY = 1e-6  # of a multiplier that is one of a pair
-NEAR_ONE = 1e-4  # two multipliers at 1 are apart by the root of what either errs by
+MIN_IMAGINARY = 1e-6  # least imaginary part of a multiplier that is one of a pair
+NEAR_ONE = 1e-4  # a double multiplier 1 is split by the square root of the matrix's error
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,18 +53,19 @@ class BranchPoint:
     Attributes
     ----------
     motion : PeriodicMotion
-        Of all coordinates; its `parameter` is the value of the parameter.
+        The cycle in all coordinates; its `parameter` is the value of the parameter.
     multipliers : Floquet
     residual : float
-        Of the balance in the basis.
+        Residual of the balance in the basis.
     error : float
-        Of the basis, as of `CurveMotion`.
+        Error of the basis (`CurveMotion.error`).
     event : str
-        H, F, NS, PD, BP or nothing.
+        H, F, NS, PD, BP or empty.
     apart : float
-        The value of an event is known to so much: what multipliers err by, and beside that the
-        step in which it is unless it was located there; of a fold what the series errs by, NaN
-        where that is not known (`folds.fold_error`); of a Hopf point twice the last step.
+        Error of the parameter's value at an event, 0 at other points. At NS, PD and BP it follows
+        from the errors of the multipliers; a whole step is added where the event was not located
+        within its step. At a fold it is the error of the series, NaN where that is not known
+        (`folds.fold_error`). At a Hopf point it is twice the last step.
     """
 
     motion: PeriodicMotion
@@ -73,11 +77,12 @@ class BranchPoint:
 
 
 class Loop:
-    """Tells whether a branch has come back to the cycle that it was begun with.
+    """Tells whether a branch has come back to the cycle that it began with.
 
-    A step that passes near it in frequency, log size and parameter, in the direction of the first
-    step, is looked at: with one of the three held, the balance beside the step leads to the start
-    itself or to another cycle. Phases, which may turn on the way round, do not count.
+    A step may have come back if it passes near the start in frequency, log size and parameter, in
+    the direction of the first step. Then the balance is solved from the nearest place on the step,
+    with the log size or the parameter as at the start: it leads to the start itself or to another
+    cycle. Phases, which may turn on the way round, are not compared.
     """
 
     def __init__(self, moving: Moving, start: PeriodicMotion) -> None:
@@ -87,13 +92,13 @@ class Loop:
         self._last: PeriodicMotion | None = None
 
     def back(self, coordinates: np.ndarray, motion: PeriodicMotion) -> bool:
-        """Whether the step to this motion, whose last unknowns are `coordinates`, passes the start.
+        """Whether the step to this motion passes the start; to be called for every step.
 
-        Told of every step.
+        `coordinates` (3,) are the last unknowns: scaled frequency, log size, scaled parameter.
         """
         last, self._last = self._last, motion
         if last is None:
-            with contextlib.suppress(ConvergenceError):  # it stays as it was given
+            with contextlib.suppress(ConvergenceError):  # then the start is used as it is
                 self._start = self._near(self._start, DAMPING_HELD)
             self._at = self._place(self._start)
             self._first, self._from = coordinates - self._at, coordinates
@@ -117,7 +122,7 @@ class Loop:
         return bool(along > self._share * (self._chord @ self._chord))
 
     def _place(self, motion: PeriodicMotion) -> np.ndarray:
-        """Frequency, log size and parameter (3,), scaled."""
+        """Scaled frequency, log size and scaled parameter (3,) of a motion."""
         scaled_place: np.ndarray = self._moving.equations(motion.harmonics).pack(motion)[-3:]
         return scaled_place
 
@@ -141,7 +146,7 @@ class Loop:
     def _near(
         self, motion: PeriodicMotion, held_unknown: int, value: float | None = None
     ) -> PeriodicMotion:
-        """The cycle near a motion, with one unknown as it is or at a value."""
+        """The cycle near a motion, with one unknown fixed: at `value`, or as the motion has it."""
         equations = self._moving.equations(motion.harmonics)
         u = equations.pack(motion)
         equations.accepted(u)
@@ -159,7 +164,7 @@ def cycles_along(
     stop: Callable[[PeriodicMotion], str],
     steps: Steps | None = None,
 ) -> tuple[Moving, list[CurveMotion], str]:
-    """The curve of `branch` without multipliers: its basis, its cycles, why it ended."""
+    """Follow the curve of `branch` without multipliers; its basis, its cycles, why it ended."""
     moving = Moving(oscillators, bounds, start)
     loop = Loop(moving, start)
 
@@ -177,7 +182,7 @@ def cycles_along(
         tests={FOLD: lambda _, t: float(t[-1])},
     )
     curve, end = path.from_motion(start, DAMPING_HELD)
-    if end == CLOSED:  # an event beyond the start is one of the first step's
+    if end == CLOSED:  # events beyond the start were found once already, in the first step
         while curve[-2].event and loop.passed(curve[-2].motion):
             del curve[-2]
         curve[-1] = curve[0]
@@ -186,12 +191,13 @@ def cycles_along(
 
 
 def _folds_alone(curve: list[CurveMotion], one_value: float) -> list[CurveMotion]:
-    """The curve without events of round-off where its cycles lie at one value of the parameter.
+    """The curve without folds of round-off where its cycles lie at one value of the parameter.
 
-    Of the turns of such a part one is a fold if the parameter comes and leaves on the same side.
+    Where many neighbours lie at one value the first turn among them stays a fold if the parameter
+    arrives and leaves on the same side; the others are round-off.
     """
     values = np.array([point.motion.parameter for point in curve])
-    folds, counted = list(curve), -1  # last point of the part whose turns are judged
+    folds, counted = list(curve), -1  # index of the last neighbour of a fold that stays
     for k, point in enumerate(curve):
         if point.event != FOLD:
             continue
@@ -214,26 +220,28 @@ def branch(
     steps: Steps | None = None,
     highest: float = np.inf,
 ) -> tuple[list[BranchPoint], str]:
-    """Cycles along a parameter, from one of them on, to the end of the range or to a Hopf point.
+    """Follow cycles along a parameter from one of them, to the end of the range or a Hopf point.
 
     A closed branch, between two folds without a Hopf point, ends where it began.
 
     Parameters
     ----------
     oscillators : callable
-        Oscillator of a value of the parameter.
+        Returns the oscillator at a value of the parameter.
     start : PeriodicMotion
-        Its `parameter` is the value.
+        The first cycle; its `parameter` is the value of the parameter.
     bounds : (low, high)
         Range of the parameter.
     direction : float
         1 towards higher values first, -1 towards lower ones.
     stop : callable
-        Why it ends at a motion, ``hopf`` where that has shrunk to steady sliding; empty where it
-        goes on.
+        Returns why the branch ends at a motion, ``hopf`` where that has shrunk to steady sliding;
+        an empty text where it goes on.
     steps : Steps or None
+        Arc lengths; None for those of the model's size.
     highest : float
-        rad/s: complex modes up to it are in what stability is judged on.
+        Angular frequency [rad/s] up to which complex modes span the deviations that stability is
+        judged by.
 
     Returns
     -------
@@ -267,7 +275,7 @@ def branch(
 
 def _fold_apart(moving: Moving, curve: list[CurveMotion], k: int) -> float:
     """Error of the value of the fold at index `k`; NaN where it is not known."""
-    for reach in FOLD_NEIGHBOURS:  # with more harmonics it may be beyond the nearest ones
+    for reach in FOLD_NEIGHBOURS:  # with more harmonics the fold may be beyond the nearest points
         before, after = (
             list(itertools.takewhile(lambda p: not p.event, side))
             for side in (curve[max(k - reach, 0) : k][::-1], curve[k + 1 : k + 1 + reach])
@@ -283,7 +291,7 @@ def _fold_apart(moving: Moving, curve: list[CurveMotion], k: int) -> float:
 def _cut(
     moving: Moving, curve: list[CurveMotion], bounds: tuple[float, float]
 ) -> list[CurveMotion]:
-    """The curve to the end of the range, which its last point has passed."""
+    """Replace the last point, which has passed the end of the range, by the cycle at that end."""
     last, before = curve[-1].motion, curve[-2].motion
     low, high = bounds
     end = high if (last.parameter - low) / (high - low) > 1.0 else low
@@ -298,15 +306,15 @@ def _cut(
 def _with_changes(
     moving: Moving, points: list[BranchPoint], highest: float, width: float
 ) -> list[BranchPoint]:
-    """The points with those between them at which multipliers pass the unit circle."""
+    """The points, and between them those at which multipliers pass the unit circle."""
     steps = np.abs(np.diff([point.motion.parameter for point in points]))
     at_one_value = np.concatenate(([False], steps < ONE_VALUE_REL_WIDTH * width, [False]))
     with_changes = points[:1]
     for k, (start_point, end_point) in enumerate(itertools.pairwise(points)):
-        # of linear motion multipliers stay; folds and Hopf points are events already
-        is_told = {FOLD, HOPF} & {start_point.event, end_point.event} or at_one_value[k + 1]
-        leaves_one_value = at_one_value[k : k + 3].any()  # where a multiplier is 1
-        if not is_told and not (
+        # multipliers of linear motion do not change; folds and Hopf points are events already
+        has_no_change = {FOLD, HOPF} & {start_point.event, end_point.event} or at_one_value[k + 1]
+        leaves_one_value = at_one_value[k : k + 3].any()  # a second multiplier is 1 at an end
+        if not has_no_change and not (
             leaves_one_value and _outside_apart(start_point) == _outside_apart(end_point)
         ):
             changes = _changes(moving, start_point, end_point, highest, width)
@@ -320,9 +328,9 @@ def _outside(multipliers: Floquet) -> int:
 
 
 def _outside_apart(point: BranchPoint) -> int:
-    """Multipliers outside the unit circle that are neither near 1 nor have left it along the axis.
+    """Number of multipliers outside the unit circle but for those near 1 and real positive ones.
 
-    Of all: where two are 1 the cycle's own may have been taken for another.
+    All are counted, the last too: where two are 1 either may have been taken for the trivial one.
     """
     multipliers = point.multipliers.multipliers
     is_apart = (np.abs(multipliers.imag) > MIN_IMAGINARY) | (multipliers.real < 0.0)
@@ -333,7 +341,7 @@ def _outside_apart(point: BranchPoint) -> int:
 def _changes(
     moving: Moving, before: BranchPoint, after: BranchPoint, highest: float, width: float
 ) -> list[BranchPoint]:
-    """Where multipliers pass the unit circle between two points: a pair, or one after the other."""
+    """The points between two at which multipliers pass the unit circle, single or as a pair."""
     counts = sorted((_outside(before.multipliers), _outside(after.multipliers)))
     passing, events = counts[0], []
     while passing < counts[1]:
@@ -352,17 +360,17 @@ def _passing(
     highest: float,
     width: float,
 ) -> BranchPoint:
-    """Where the multiplier of a number by size passes the unit circle."""
-    ends = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (before, after)]
-    share = ends[0] / (ends[0] - ends[1])
+    """The point at which the multiplier with index `number`, by size, passes the unit circle."""
+    logs = [float(np.log(np.abs(p.multipliers.multipliers[number]))) for p in (before, after)]
+    share = logs[0] / (logs[0] - logs[1])
     interval = abs(after.motion.parameter - before.motion.parameter)
-    nearest = min((before, after), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
-    # sizes near the circle: what they err by moves the passing by so many steps
-    wrong = max(float(p.multipliers.errors[number]) for p in (before, after))
-    rel_error = wrong / abs(ends[0] - ends[1]) if interval else 0.0
+    inside = min((before, after), key=lambda p: abs(p.multipliers.multipliers[number]) - 1.0)
+    # near the circle the error of a size is that of its log, which is linear over the step
+    size_error = max(float(p.multipliers.errors[number]) for p in (before, after))
+    rel_error = size_error / abs(logs[0] - logs[1]) if interval else 0.0
     motion = between(before.motion, after.motion, share)
-    point = replace(nearest, motion=motion, apart=interval * (1.0 + rel_error))
-    if moving.complete:  # small: each try costs little
+    point = replace(inside, motion=motion, apart=interval * (1.0 + rel_error))
+    if moving.complete:  # a small model: each evaluation costs little
 
         def at(share: float) -> BranchPoint:
             motion, residual = moving.at_value(between(before.motion, after.motion, share))
@@ -376,7 +384,7 @@ def _passing(
             point = at(float(brentq(size, 0.0, 1.0, xtol=precision)))
             judged = moving.stability(point.motion, highest)
             point = replace(point, multipliers=judged, apart=interval * rel_error)
-        except (ConvergenceError, ValueError):  # it stays known to the step
+        except (ConvergenceError, ValueError):  # the point stays the one interpolated in the step
             pass
     passing = complex(point.multipliers.multipliers[number])
     if abs(passing.imag) > MIN_IMAGINARY:

@@ -19,8 +19,8 @@ from squealstudy.kernels.harmonic_balance import sampled_forces, sampled_rows
 from squealstudy.kernels.turns import resolve_turns
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-LEVEL_SAMPLES = 512  # a period, of levels and shares
-FEWER_SAMPLES = 32  # of the forces of large models
+LEVEL_SAMPLES = 512  # samples of a period from which levels and shares are computed
+FEWER_SAMPLES = 32  # least number of samples of a period for the forces of large models
 
 
 @dataclass(frozen=True)
@@ -30,23 +30,23 @@ class ContactForces:
     Attributes
     ----------
     points : ndarray (N_POINT_ROWS, nc)
-        `MotionPoint.points`.
+        Numbers of the contact points (`MotionPoint.points`).
     law : ndarray (N_LAW or more,)
-        `MotionPoint.laws`.
+        Numbers of the contact and friction laws (`MotionPoint.laws`).
     """
 
     points: np.ndarray
     law: np.ndarray
 
     def __call__(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
-        """Forces of displacements and velocities (S, nc, 3)."""
+        """Forces at displacements y and velocities w (S, nc, 3)."""
         f = np.zeros(y.shape)
         by_y, by_w = np.zeros((*y.shape, 3)), np.zeros((*y.shape, 3))
         sampled_forces(self.points, self.law, y, w, f, by_y, by_w)
         return LocalForces(f, by_y, by_w)
 
     def turning(self, y: np.ndarray, w: np.ndarray) -> LocalForces:
-        """Forces at even samples of a period; friction turns are taken between samples too."""
+        """Forces at even samples of a period, with those reversals of friction between samples."""
         forces = self(y, w)
         resolve_turns(self.points, self.law, y, w, (forces.f, forces.by_y, forces.by_w))
         return forces
@@ -60,7 +60,7 @@ class ContactOscillator:
     ----------
     system : ModalSystem
     point : MotionPoint
-        About its own steady sliding: without loads beyond those of its base state.
+        A design point about its own steady sliding, without loads beyond those of its base state.
 
     Raises
     ------
@@ -108,13 +108,13 @@ class ContactOscillator:
         return 0.5 * (np.pi / LEVEL_SAMPLES) ** 2 * float(largest)
 
     def slip_apart(self, motion: PeriodicMotion, other: PeriodicMotion) -> float:
-        """Largest difference of two motions in the sliding velocity of a point, m/s."""
+        """Largest difference between two motions in the sliding velocity of a point, m/s."""
         touching = self.system.touching
         a, b = (self._observed(m, LEVEL_SAMPLES)[1][:, touching, 1] for m in (motion, other))
         return float(np.abs(a - b).max(initial=0.0))
 
     def energy(self, motion: PeriodicMotion) -> float:
-        """Mean of kinetic energy and energy in the reference stiffness over the period, J."""
+        """Mean over the period of kinetic energy and elastic energy in the diagonal of K, J."""
         weights = np.full(len(motion.Q), 0.25)
         weights[0] = 0.5
         h = motion.omega * np.concatenate([[0], *[np.arange(1, motion.harmonics + 1)] * 2])
@@ -122,7 +122,7 @@ class ContactOscillator:
         return float(weights @ energies.sum(axis=1))
 
     def levels(self, motion: PeriodicMotion, samples: int = LEVEL_SAMPLES) -> dict[str, float]:
-        """Torque, contact and powers of the motion, from `samples` of the period.
+        """Torque, contact shares and powers of the motion, from `samples` of the period.
 
         Returns
         -------
@@ -131,8 +131,9 @@ class ContactOscillator:
             the mean), N m; ``contact_velocity`` m/s; ``stick_share``, ``open_share``: means over
             the period; ``stick_share_max``, ``open_share_max``; ``normal_force_rms`` N;
             ``friction_power``, ``damping_power``, ``belt_power`` W: means; ``power_imbalance``:
-            power of the belt less all dissipated, relative to the larger of damping power and the
-            change of belt power against steady sliding; ``energy`` J.
+            power of the belt and of the loads that balance the base state, less that of friction
+            and damping; relative to the larger of the damping power and the change of the first
+            two against steady sliding; ``energy`` J.
         """
         y, w = self._observed(motion, samples)
         touching = self.system.touching
@@ -163,7 +164,7 @@ class ContactOscillator:
         }
 
     def torque(self, motion: PeriodicMotion, slip: float = 0.0) -> np.ndarray:
-        """Torque (S,) [N m] over the period, of sliding that is faster by `slip` [m/s]."""
+        """Torque (LEVEL_SAMPLES,) [N m] over the period, sliding faster by `slip` [m/s]."""
         y, w = self._observed(motion, LEVEL_SAMPLES)
         forces = self.oscillator.forces
         assert isinstance(forces, ContactForces)
@@ -174,7 +175,7 @@ class ContactOscillator:
         return torque
 
     def torque_harmonics(self, motion: PeriodicMotion) -> np.ndarray:
-        """Amplitudes (H,) of the torque's harmonics from the first on, N m."""
+        """Amplitudes (H,) [N m] of the torque's harmonics 1 to H."""
         spectrum = np.abs(np.fft.rfft(self.torque(motion))) * 2.0 / LEVEL_SAMPLES
         amplitudes: np.ndarray = spectrum[1 : motion.harmonics + 1]
         return amplitudes

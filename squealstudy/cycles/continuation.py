@@ -17,32 +17,32 @@ from scipy.optimize import brentq
 
 from squealstudy.errors import ConvergenceError
 
-TOLERANCE = 1e-9  # of the equations, and of the square of the last Newton step; scaled to one
-MAX_NEWTON_STEPS = 20  # steps at most
-# steps in which the equations shall be better by that, or are lost
+TOLERANCE = 1e-9  # bound of the scaled residual and of the square of the last Newton step
+MAX_NEWTON_STEPS = 20
+# Newton's method fails if so many steps have not reduced the residual to this share
 STALL_STEPS, STALL_RATIO = 5, 0.5
 MAX_NEWTON_STEP_LENGTH = 10.0  # a longer one leads nowhere: unknowns are scaled to one
-MIN_NEWTON_SHARE = 0.1  # share of a Newton step
-# share of the equations that a step leaves, below which the next has the same Jacobian
+MIN_NEWTON_SHARE = 0.1  # a line search ends at this share of a Newton step
+# a rough Jacobian is used again after a step that reduced the residual to less than this share
 JACOBIAN_REUSE_RATIO = 0.1
-MIN_DECREASE_SHARE = 0.1  # by what share of a Newton step the equations shall be better after it
+MIN_DECREASE_SHARE = 0.1  # share s of a Newton step has to reduce the residual by 0.1 s (Armijo)
 GROW_NEWTON_STEPS, SHRINK_NEWTON_STEPS = 2, 5  # Newton steps at which the arc-length grows, shrinks
 MIN_TANGENT_COSINE = 0.9  # cosine between tangents below which a step was too long
-MAX_TURN_RAD = 0.3  # rad: what the next step may turn if the curve goes on to bend
+MAX_TURN_RAD = 0.3  # rad: angle that the next step may turn by if the curve goes on to bend
 FAR_OFF = 0.4  # correction over the step: a longer one may have met another curve
-# arc-length of steps that may turn: friction that reverses bends curves sharply
+# arc-length of steps that may turn by more: friction that reverses bends curves sharply
 CORNER_ARC_LENGTH = 0.03
-EVENT_REL_TOLERANCE = 1e-10  # tolerance of an event over the step in which it is
-# share of the lesser end to which an unknown may fall between two points, as a cubic
+EVENT_REL_TOLERANCE = 1e-10  # error of an event over the step in which it is
+# an unknown may fall between two points, as a cubic, to this share of its smaller end
 MIN_DIP_SHARE = 0.5
-DIP_TEST_MIN_ARC_LENGTH = 0.02  # arc-length down to which steps are halved where it falls further
+DIP_TEST_MIN_ARC_LENGTH = 0.02  # steps are halved down to this arc-length where it falls further
 
 
 class Equations(Protocol):
     """Equations that a curve solves, and their tolerance.
 
-    Where it is `rough` a Jacobian serves again after a step that left less than
-    `JACOBIAN_REUSE_RATIO` of them.
+    Where they are `rough` a Jacobian is used again after a Newton step that has reduced the
+    residual to less than `JACOBIAN_REUSE_RATIO` of what it was.
     """
 
     tolerance: float
@@ -57,11 +57,11 @@ class Equations(Protocol):
         ...
 
     def accepted(self, u: np.ndarray) -> None:
-        """Told of every solution of the curve."""
+        """Note a solution of the curve; called for every one."""
         ...
 
 
-Test = Callable[[np.ndarray, np.ndarray], float]  # of a solution and the tangent there
+Test = Callable[[np.ndarray, np.ndarray], float]  # (solution, tangent there) -> number, 0 at events
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,9 @@ class CurvePoint:
     Attributes
     ----------
     u, tangent : ndarray (m + 1,)
+        The solution, and the unit tangent of the curve there.
     residual : float
-        Largest of the equations.
+        Largest magnitude in F(u).
     events : tuple of str
         Names of the tests that are zero here; empty for a plain point.
     """
@@ -92,7 +93,8 @@ class Curve:
     points : list of CurvePoint
         In order; events stand among them, where they were located.
     end : str
-        What the caller's rule said, ``steps`` (as many as allowed), or ``not_converged``.
+        The reason that the caller's `stop` gave, ``steps`` (after as many as allowed), or
+        ``not_converged``.
     """
 
     points: list[CurvePoint] = field(default_factory=list)
@@ -105,7 +107,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Steps:
-    """Arc-lengths: the first, the least, the largest; and how many steps."""
+    """The first, least and largest arc-length of a step, and the number of steps."""
 
     first: float = 0.1
     least: float = 1e-5
@@ -115,7 +117,7 @@ class Steps:
 
 @cache
 def _lapack(precision: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Routines that factorise and solve in a precision; looked up once, which costs their time."""
+    """LAPACK's routines that factorise and solve in a precision; looking them up takes time."""
     factorise, solve = get_lapack_funcs(("getrf", "getrs"), dtype=np.dtype(precision))
     return factorise, solve
 
@@ -123,7 +125,7 @@ def _lapack(precision: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
 class Bordered:
     """A Jacobian J (m, m + 1) with a row below it, factorised once and only if it is needed.
 
-    In the precision that J has: equations solved roughly have derivatives in single precision.
+    It is factorised in the precision of J: rough equations have derivatives in single precision.
     """
 
     def __init__(self, J: np.ndarray, normal: np.ndarray) -> None:
@@ -147,29 +149,26 @@ class Bordered:
 
     @cached_property
     def tangent(self) -> np.ndarray:
-        """Unit tangent of the curve of J, on the side of the normal."""
+        """Unit tangent t (m + 1,) of the curve, J t = 0, on the side of the normal."""
         t = self.solve(np.zeros(len(self._J)), 1.0)
         unit: np.ndarray = t / np.linalg.norm(t)
         return unit
 
     def towards(self, along: np.ndarray) -> np.ndarray:
-        """The tangent on the side of a direction."""
+        """The tangent, with the sign that has it point to the side of `along`."""
         return self.tangent if self.tangent @ along >= 0.0 else -self.tangent
 
 
 def newton(
     equations: Equations, u: np.ndarray, normal: np.ndarray, offset: float | None = 0.0
 ) -> tuple[np.ndarray, float, int, Bordered]:
-    """Solution on the plane normal . u = offset; its residual, Newton steps, and Jacobian.
+    """Solve the equations on the plane normal . u = offset, from `u` on.
 
     Without an offset the plane turns with the curve: steps are the shortest that solve the
     linearised equations (Moore & Penrose), and find the curve where the first plane misses it.
-    Steps are counted by Jacobians; of rough equations the last may be that of a point nearby.
 
-    Raises
-    ------
-    ConvergenceError
-        Not converged, or not finite.
+    Returns the solution (m + 1,), its residual, the number of Jacobians computed and the last of
+    these, for rough equations of a point nearby. Raises ConvergenceError.
     """
     left_over, tolerance = np.inf, equations.tolerance
     before = [np.inf] * STALL_STEPS
@@ -212,10 +211,9 @@ def _searched(
     F: np.ndarray,
     plane: float,
 ) -> tuple[np.ndarray, float]:
-    """The unknowns after a Newton step, shortened while that does not bring them nearer.
+    """The unknowns after a Newton step, halved until it reduces the residual; the share of it left.
 
-    And the share of the equations that is left. Where contact points switch between sticking and
-    sliding full steps can go round in circles.
+    Where contact points switch between sticking and sliding full steps can go round in circles.
     """
     before = float(np.hypot(np.linalg.norm(F), plane))
     share = 1.0
@@ -243,12 +241,12 @@ def follow(
     located: float = EVENT_REL_TOLERANCE,
     watched: int | None = None,
 ) -> Curve:
-    """The curve through a solution near `u`, to the side of `along` (m + 1,).
+    """Follow the curve through a solution near `u`, to the side of `along` (m + 1,).
 
-    Every change of sign of a test is located on the curve and is a point of it. The first point of
-    which `stop` says why the curve ends is the last. `located` is how exactly, of a step. Of the
-    unknown `watched` two zeros within a step are not passed over: where the cubic through its ends
-    and slopes falls below `MIN_DIP_SHARE` of the lesser end the step is halved, down to
+    Every change of sign of a test is located on the curve, to `located` times the step, and is a
+    point of it. The curve ends at the first point for which `stop` returns a reason. A step must
+    not pass over two zeros of the unknown with index `watched`: where the cubic through its ends
+    and slopes falls below `MIN_DIP_SHARE` of the smaller end, the step is halved, down to
     `DIP_TEST_MIN_ARC_LENGTH`.
 
     Raises
@@ -278,7 +276,11 @@ def follow(
 
 
 def grown(taken: float, iterations: int, steps: Steps, turn: float) -> float:
-    """Arc-length of the next step after one of so many Newton steps, that turned by a cosine."""
+    """Arc-length of the next step.
+
+    `taken` is that of the last one, which took so many Newton `iterations`; `turn` is the cosine
+    between the tangents at its ends.
+    """
     factor = (
         1.5
         if iterations <= GROW_NEWTON_STEPS
@@ -301,10 +303,10 @@ def next_point(
     located: float = EVENT_REL_TOLERANCE,
     watched: int | None = None,
 ) -> tuple[CurvePoint, list[CurvePoint], float, int] | None:
-    """The next point, events before it, arc-length and Newton steps; None where there is none.
+    """The next point, the events before it, the arc-length and Newton steps; None if none is found.
 
-    A step that ends on another curve is halved: the tangent turns, the correction is long, or a
-    test changes its sign without a zero between.
+    A step is halved where it may end on another curve: where the tangent turns, the correction is
+    long, or a test changes its sign without a zero between.
     """
     while h >= min_step:
         try:
@@ -337,7 +339,7 @@ def next_point(
 
 
 def _dips(current: CurvePoint, following: CurvePoint, k: int, h: float) -> bool:
-    """Whether an unknown may have two more zeros between two points than its signs there tell."""
+    """Whether unknown `k` may have two zeros more between two points than its signs there show."""
     y0, y1 = float(current.u[k]), float(following.u[k])
     s = np.linspace(0.0, 1.0, 17)
     slopes = h * float(current.tangent[k]), h * float(following.tangent[k])
@@ -385,11 +387,11 @@ def _events(
         if not before * after < 0:
             continue
 
-        def value(s: float, test: Test = test) -> float:
+        def test_at(s: float, test: Test = test) -> float:
             return test(at(s).u, at(s).tangent)
 
         try:
-            s = float(brentq(value, 0.0, h, xtol=located * h, rtol=1e-12))
+            s = float(brentq(test_at, 0.0, h, xtol=located * h, rtol=1e-12))
         except ValueError:  # the end of the step is on another curve than the way there
             raise ConvergenceError("not_converged", "a change of sign without a zero") from None
         event_points.append((s, replace(at(s), events=(name,))))

@@ -1,8 +1,8 @@
 """A curve of periodic motions on a basis that grows with them.
 
 A small model is followed in all coordinates. In a projected one each point is corrected in all
-coordinates, by blocks. Where that correction is too large, it joins the basis and the step is made
-again; the motion before it is balanced in the larger basis after a Newton step or two.
+coordinates, harmonic by harmonic (`blocks`). Where that correction is too large it joins the basis
+and the step is made again, from the previous motion balanced in the larger basis.
 """
 
 from __future__ import annotations
@@ -150,7 +150,8 @@ class Path:
         Returns
         -------
         motions : list of CurveMotion
-            Events are among them; on a projected model they are located to a part of a step.
+            The points of the curve and its events; on a projected model an event is located to
+            `ROUGH_EVENT_TOLERANCE` of its step.
         end : str
             The reason that `ended` gave; ``basis`` where too many vectors would be needed;
             ``steps`` or ``not_converged``.
@@ -217,7 +218,7 @@ class Path:
                 ROUGH_EVENT_TOLERANCE,
                 watched=self.watched,
             )
-            if step is None:  # the next motion may need what the basis lacks of the last one
+            if step is None:  # the next motion may need directions that the basis lacks here
                 motions_of_step = (
                     None if tries else self._grown(equations, current, motions[-1].motion)
                 )
@@ -256,8 +257,8 @@ class Path:
     ) -> tuple[CycleEquations, CurvePoint]:
         """Equations and point at the last motion of the curve, to continue it.
 
-        After a loss that motion gets a new basis: in the one that has grown along the curve it may
-        lead to another curve.
+        Where the curve was lost, that motion gets a new basis: the one that has grown along the
+        curve may lead to another curve.
         """
         if len(motions) == 1:
             return self._here(motions[0].motion)

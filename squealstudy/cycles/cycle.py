@@ -1,11 +1,11 @@
-"""One limit cycle of a design: as many harmonics as its level asks for, errors, stability.
+"""One limit cycle of a design: as many harmonics as its level needs, errors, stability.
 
-A cycle errs since its series is cut off, its forces are sampled, and its basis is small. Friction
-with corners has harmonics that fall by a power of their order, and two numbers of harmonics may
-agree by chance: the last change alone is no bound, and shows nothing of what all owe to the same
-samples. A small model is therefore solved once more with so many harmonics and samples that what is
-left is small beside the change. Where that costs more than the cycle itself, and on projected
-models, the last two changes are looked at.
+A cycle has errors since its series is cut off, its forces are sampled, and its basis is small. The
+harmonics of friction with corners fall only by a power of their order, and two numbers of harmonics
+may agree by chance. So the last change alone is no bound, and it does not show an error of the
+samples that all series share. A small model is therefore solved once more with so many harmonics
+and samples that the error left is small beside the change. Where that would cost more than the
+cycle itself, and on projected models, the error is estimated from the last two changes.
 """
 
 from __future__ import annotations
@@ -28,25 +28,26 @@ from squealstudy.errors import ConvergenceError
 OK, INACCURATE = "ok", "inaccurate"
 HARMONIC_COUNTS = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
 PROJECTED_LADDER = HARMONIC_COUNTS[:3]  # on projected models, where more cost seconds each
-# times the tolerance: an error that half as many harmonics again do not mend
+# error over the tolerance above which half as many harmonics again would not be enough
 GIVE_UP_ERROR_RATIO = 2.5
-MAX_ERROR_FOR_STABILITY = 0.1  # error of a level up to which the stability of a cycle is told
-LEVELS = ("torque_rms", "contact_velocity")  # by which cycles are told apart
-# relative difference of frequencies and levels of one cycle found twice, beside errors
+MAX_ERROR_FOR_STABILITY = 0.1  # error of a level below which the stability of a cycle is judged
+LEVELS = ("torque_rms", "contact_velocity")  # levels by which cycles are compared
+# relative difference of frequency and levels, beside their errors, up to which cycles are the same
 SAME_CYCLE_REL_TOLERANCE = 1e-5
-SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # and the most of it, however large the errors are
+SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # its sum with the errors, at most
 # error over the last change: series that converge like 1/H are bounded too
 SERIES_SAFETY_FACTOR = 2.0
-# the same of a finer series, which errs by up to a part of the cycle's error
+# error over the change to a finer series, which has a part of the cycle's error itself
 FINER_SERIES_SAFETY_FACTOR = 2.5
-# a change is taken to be at least that before it over this: two cycles may agree by chance
+# a change counts as at least the one before it over this: two cycles may agree by chance
 MAX_CHANGE_RATIO = 4.0
-# times the harmonics of a cycle: of those that it is held against
+# numbers of harmonics of the finer series over that of the cycle
 FINER_HARMONIC_FACTORS = (2.25, 4.0)
-LEAST_FINER = 1.5  # the same where that would be more than `most_finer`
-# times the samples: Hulten's contact that opens errs by 3.5e-5 in frequency, twice show 1.3e-5
+LEAST_FINER = 1.5  # least such factor where `most_finer` limits the number
+# samples of the finer series over those of the cycle: the samples of Hulten's contact that opens
+# cause an error of 3.5e-5 in frequency, of which twice as many show 1.3e-5
 FINER_SAMPLES = 4
-SOLVED = 1e-8  # relative: to which balances are solved
+SOLVED = 1e-8  # relative error of a cycle's numbers by the tolerance of its balance
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,14 @@ class Search:
     Attributes
     ----------
     harmonics : int or None
-        None: as many as the tolerance asks for.
+        Number of harmonics; None for as many as the tolerance needs.
     tolerance : float
-        Of levels, relative.
+        Relative error of levels.
     reach : float
         Contact velocity [m/s] up to which curves are followed.
     highest : float
-        rad/s: complex modes up to it are in what the stability of cycles is judged on.
+        Angular frequency [rad/s] up to which complex modes span the deviations that the stability
+        of cycles is judged by.
     """
 
     harmonics: int | None
@@ -82,15 +84,16 @@ class Cycle:
     levels : mapping
         `ContactOscillator.levels`.
     torque_harmonics : ndarray (H,)
-        N m.
+        Amplitudes of the torque's harmonics 1 to H, N m.
     level_error, velocity_error, peak_error, frequency_error : float
-        Bounds, relative: of the series (`errors_by_changes`), and of the basis. The level is the
-        RMS of the torque, or the contact velocity where friction has none; the velocity is a peak,
-        to which harmonics converge more slowly, as to that of the torque (NaN where it has none).
+        Estimated relative errors, by the series and by the basis. The level is the RMS of the
+        torque, or the contact velocity where friction has no torque. The contact velocity and the
+        peak of the torque (NaN without torque) are peaks, which converge more slowly.
     basis_error : float
-        The basis's share of the level's error: by how much it was corrected in all coordinates.
+        The basis's part of the level's error: the level's change by the correction in all
+        coordinates.
     n_vectors : int
-        Size of the basis.
+        Number of vectors in the basis.
     residual : float
     status : str
         ``ok`` or ``inaccurate``: the level's error is beyond the tolerance.
@@ -116,14 +119,20 @@ class Cycle:
 
     @property
     def attracts(self) -> bool | None:
-        """Whether it is stable; None where that cannot be said, or the cycle is too inexact."""
+        """Whether the cycle is stable; None where that is open, or its level is too inexact."""
         return self.multipliers.stable if self.level_error < MAX_ERROR_FOR_STABILITY else None
 
 
 def cycle_near(
     contact: ContactOscillator, projection: Projection, motion: PeriodicMotion, search: Search
 ) -> Cycle:
-    """The cycle near a motion, with as many harmonics as asked for; ConvergenceError."""
+    """The cycle near a motion, with as many harmonics as `search` needs.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is none.
+    """
     slowest = MIN_REL_FREQUENCY * motion.omega
     tried: tuple[int, ...] = HARMONIC_COUNTS if projection.complete else PROJECTED_LADDER
     if search.harmonics is not None:
@@ -137,8 +146,8 @@ def cycle_near(
             if len(rungs) < 2:
                 raise
             if projection.complete:
-                continue  # one number of harmonics may miss a kink that the next ones find
-            break  # more harmonics are lost: what is known of the last ones is the error
+                continue  # one number of harmonics may fail at a corner of forces, more may not
+            break  # the last cycle stands, with the error that its changes show
         if motion.omega < slowest:
             raise ConvergenceError(STANDSTILL, "a motion that comes to a standstill is no cycle")
         rougher = rungs[-1].motion if rungs else rougher
@@ -178,7 +187,7 @@ def cycle_near(
 
 
 def _pair(harmonics: int) -> tuple[int, int]:
-    """The number asked for, after two thirds of it to tell its error."""
+    """The number asked for, and before it two thirds of it, whose change estimates the error."""
     return max(1, min(harmonics - 1, round(harmonics / 1.5))), harmonics
 
 
@@ -189,7 +198,7 @@ def same_cycle(cycle: Cycle, other: Cycle) -> bool:
 
 
 def are_one_cycle(numbers: Sequence[float], other_numbers: Sequence[float], errors: float) -> bool:
-    """Whether frequencies and `LEVELS` are those of one cycle, by the relative errors of both."""
+    """Whether a frequency and `LEVELS` are those of one cycle; `errors` is the sum of both's."""
     tolerance = min(SAME_CYCLE_REL_TOLERANCE + errors, SAME_CYCLE_MAX_REL_TOLERANCE)
     return all(
         abs(a - b) <= tolerance * abs(b) for a, b in zip(numbers, other_numbers, strict=True)
@@ -203,8 +212,8 @@ class SeriesErrors:
     Attributes
     ----------
     level, velocity, peak, frequency : float
-        Of the torque's RMS (of the contact velocity where friction has no torque), of the contact
-        velocity, of the torque's peak (NaN without torque) and of the frequency.
+        Errors of the torque's RMS (or of the contact velocity where friction has no torque), of the
+        contact velocity, of the torque's peak (NaN without torque) and of the frequency.
     """
 
     level: float = np.inf
@@ -220,7 +229,7 @@ class SeriesErrors:
 
     @property
     def all(self) -> tuple[float, float, float, float]:
-        """The four."""
+        """All four errors."""
         return self.level, self.velocity, self.peak, self.frequency
 
     def larger(self, other: SeriesErrors) -> SeriesErrors:
@@ -251,7 +260,7 @@ def _rel_change(before: float, now: float) -> float:
 
 
 def errors_by_changes(cycle_levels: Sequence[CycleLevels]) -> SeriesErrors:
-    """Errors of the last of some cycles with ever more harmonics, by the last two changes."""
+    """Errors of the last of several cycles with ever more harmonics, by the last two changes."""
     changes = [change(a, b) for a, b in itertools.pairwise(cycle_levels[-3:])]
     last = (
         changes[-1]
@@ -267,10 +276,12 @@ def errors_by_finer_series(
     cycle_levels: CycleLevels,
     by_changes: SeriesErrors,
 ) -> tuple[SeriesErrors, PeriodicMotion] | None:
-    """Errors by the same cycle with more harmonics and samples, and that motion.
+    """Errors by the same cycle with more harmonics and samples, and the motion with the most.
 
-    The largest change of two such cycles, of which one may agree by chance; of one alone not less
-    than a part of `errors_by_changes`. None where not known.
+    The error follows from the larger change to two such cycles, as one may agree by chance. Where
+    there is one only, the error is not less than a part of `by_changes` (`errors_by_changes`).
+    None on a projected model, where more harmonics would cost too much, and where they do not
+    converge.
     """
     H, motion = cycle_levels.motion.harmonics, cycle_levels.motion
     max_harmonics = most_finer(contact.oscillator.n)
@@ -300,23 +311,25 @@ def with_peak_and_tolerance(
     errors: SeriesErrors,
     other: PeriodicMotion,
 ) -> SeriesErrors:
-    """Errors with those of the balances' tolerance; of peaks also those of samples and corners.
+    """Add the errors of the balances' tolerance, and to those of peaks errors of samples and laws.
 
-    Between the samples of levels a peak, of velocity too, is missed by at most its curvature times
-    the square of half a sample, over two. Where sliding comes to rest or turns, its own error leads
-    up and down the steep slope of the law, and all motions that overshoot there have the law's
-    peak: sliding is moved by what it differs by from an `other` finding of the cycle.
+    Samples miss a peak by at most its curvature times the square of half a sample, over two. Where
+    sliding nearly comes to rest friction is steep over speed, and a small error of sliding changes
+    the peak of the torque much. So the torque is computed again with sliding moved, both ways, by
+    the largest difference to an `other` solution of the cycle.
     """
     torque, velocity = contact.torque(cycle_levels.motion), cycle_levels.levels["contact_velocity"]
     between = contact.velocity_between_samples(cycle_levels.motion)
-    of_velocity = SOLVED + (between / velocity if velocity > 0.0 else 0.0)
+    rel_velocity_error = SOLVED + (between / velocity if velocity > 0.0 else 0.0)
     peak = float(np.abs(torque - torque.mean()).max())
     if not peak > 0.0:
-        return errors + SeriesErrors(SOLVED, of_velocity, np.nan, SOLVED)
+        return errors + SeriesErrors(SOLVED, rel_velocity_error, np.nan, SOLVED)
     spectrum = np.abs(np.fft.rfft(torque))[1:] * 2.0 / len(torque)
     h = np.arange(1, cycle_levels.motion.harmonics + 1)
-    missed = 0.5 * (np.pi / len(torque)) ** 2 * float(h**2 @ spectrum[: len(h)])
+    between_samples = 0.5 * (np.pi / len(torque)) ** 2 * float(h**2 @ spectrum[: len(h)])
     slip = contact.slip_apart(cycle_levels.motion, other)
     shifted_torques = (contact.torque(cycle_levels.motion, side * slip) for side in (-1.0, 1.0))
-    led = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in shifted_torques)
-    return errors + SeriesErrors(SOLVED, of_velocity, (missed + led) / peak + SOLVED, SOLVED)
+    by_slip = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in shifted_torques)
+    return errors + SeriesErrors(
+        SOLVED, rel_velocity_error, (between_samples + by_slip) / peak + SOLVED, SOLVED
+    )

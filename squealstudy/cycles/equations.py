@@ -2,10 +2,13 @@
 
     u = (Z, omega / omega_0, log a, scaled parameter),    series of the coordinates q = a Z / s,
 
-with the first harmonic of Z of unit norm, so that a is its size: sqrt(2 a^2 / 2) of an energy in J.
-Equations are the balance over a, which has the complex mode as its limit for a -> 0; that norm;
-and the phase, <dZ_ref/dtheta, Z - Z_ref> = 0 with the last accepted motion. The scaled parameter is
-the added damping xi / omega_0, or a parameter of the design from 0 to 1 over its range.
+where s_i^2 = |K_ii| + omega_0^2 and the first harmonic of Z has unit norm. So a is the size of the
+motion: near omega_0 its first harmonic has a mean energy of a^2 / 4 in J, kinetic and elastic.
+
+The equations are the balance over a, which has the complex mode as its limit for a -> 0; that norm;
+and a phase, <dZ_ref/dtheta, Z - Z_ref> = 0 with the last accepted motion Z_ref. The scaled
+parameter is the added damping xi / omega_0, or a parameter of the design, from 0 to 1 over its
+range.
 """
 
 from __future__ import annotations
@@ -22,9 +25,10 @@ from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.harmonic_balance import scaled_jacobian, scaled_residual
 
-PARAMETER_STEP = 1e-6  # difference over the range: tangents turn by as much as it errs by
-OSCILLATOR_CACHE_SIZE = 4  # oscillators
-LOG_SIZE, FREQUENCY = 0.05, 1e-3  # by what motions in nearly one place differ at most; relative
+# step of the difference by the parameter, over its range: its error turns the curve's tangent
+PARAMETER_STEP = 1e-6
+OSCILLATOR_CACHE_SIZE = 4  # values of the parameter whose balances are kept
+LOG_SIZE, FREQUENCY = 0.05, 1e-3  # differences in log size and relative frequency of near motions
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +38,11 @@ class PeriodicMotion:
     Attributes
     ----------
     Q : ndarray (2 H + 1, n)
-        Its series about the steady state.
+        Fourier series of its coordinates about the steady state.
     omega : float
-        rad/s.
+        Angular frequency, rad/s.
     parameter : float
-        Along which motions are followed: the added damping [1/s], or a parameter of the design.
+        What motions are followed along: the added damping [1/s], or a parameter of the design.
     """
 
     Q: np.ndarray
@@ -56,18 +60,18 @@ class PeriodicMotion:
         return float(np.linalg.norm(self.Q[[1, self.harmonics + 1]]))
 
     def changed(self, change: PeriodicMotion) -> PeriodicMotion:
-        """The motion with a change of all that it is."""
+        """The motion with a change added to its series, frequency and parameter."""
         Q, omega = self.Q + change.Q, self.omega + change.omega
         return PeriodicMotion(Q, omega, self.parameter + change.parameter)
 
     def near(self, other: PeriodicMotion) -> bool:
-        """Whether two motions are nearly of one size and frequency."""
+        """Whether size and frequency of two motions are nearly the same."""
         distance = abs(np.log(self.size / other.size)) / LOG_SIZE
         return bool(max(distance, abs(self.omega / other.omega - 1.0) / FREQUENCY) < 1.0)
 
     @property
     def tail(self) -> float:
-        """Share of the highest harmonic in the norm of all beyond the mean."""
+        """Norm of the highest harmonic over that of all harmonics but the mean."""
         H = self.harmonics
         norm = float(np.linalg.norm(self.Q[1:]))
         return float(np.linalg.norm(self.Q[[H, 2 * H]])) / norm
@@ -81,10 +85,10 @@ class CycleEquations:
     osc : Oscillator
     harmonics : int
     omega : float
-        omega_0 [rad/s], of the mode that the curve begins with.
+        Frequency omega_0 [rad/s] of the mode that the curve begins with.
     tolerance : float
-        Of the scaled equations. Where it is that of a basis, which errs by more, derivatives are of
-        single precision.
+        Largest scaled residual. Where it is more than `TOLERANCE`, as in a basis with a larger
+        error, derivatives are in single precision.
     vectors : sequence of ndarray (n, r_h), or None
         The basis of each harmonic; None for all coordinates.
     """
@@ -105,7 +109,7 @@ class CycleEquations:
         for K, parts in zip(self._start.K, self._parts, strict=True):
             for part in parts:
                 self.scale[part] = np.sqrt(np.abs(np.diag(K)) + omega**2)
-        self._in_first = np.zeros(size)  # 1 of the first harmonic
+        self._in_first = np.zeros(size)  # 1 at coordinates of the first harmonic
         for part in self._parts[1]:
             self._in_first[part] = 1.0
         self._phase, self._reference = np.zeros(size), np.zeros(size)
@@ -140,25 +144,25 @@ class CycleEquations:
         return a * u[:-3] / self.scale, float(u[-3]) * self.omega0, a
 
     def pack(self, motion: PeriodicMotion) -> np.ndarray:
-        """Unknowns of a motion of all coordinates, with as many harmonics as the equations have."""
+        """Unknowns (m + 3,) of a motion in all coordinates, with the equations' harmonics."""
         Z = self._start.lowered(with_harmonics(motion.Q, self.harmonics)) * self.scale
         a = float(np.linalg.norm(np.concatenate([Z[part] for part in self._parts[1]])))
         rest = [motion.omega / self.omega0, np.log(a), self.scaled(motion.parameter)]
         return np.concatenate([Z / a, rest])
 
     def motion(self, u: np.ndarray) -> PeriodicMotion:
-        """The motion of u, of all coordinates."""
+        """The motion of u, in all coordinates."""
         z, omega, _ = self.unpack(u)
         return PeriodicMotion(self._start.lifted(z), omega, self.value(float(u[-1])))
 
     def accepted(self, u: np.ndarray) -> None:
-        """Count phases from the motion of u on."""
+        """Make the motion of u the reference of the phase equation."""
         turn = self._start.turned(u[:-3])
         self._phase, self._reference = turn / np.linalg.norm(turn), u[:-3].copy()
 
     # -- equations -------------------------------------------------------------------------------
     def forces(self, u: np.ndarray) -> LocalForces:
-        """Samples of forces at u, kept: the next Jacobian begins where a line search ended."""
+        """Samples of forces at u; the last ones are stored for the Jacobian after a line search."""
         if (at := u.tobytes()) != self._at_u:
             z, omega, _ = self.unpack(u)
             self._at_u, self._local = at, self.balance(u).sampled(z, omega)
@@ -170,7 +174,7 @@ class CycleEquations:
         R = self.balance(u).imbalance(z, omega, self.added(u), self.forces(u))
         return scaled_residual(u, R, *self._closing)
 
-    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is found by Newton's method
+    @np.errstate(over="ignore", invalid="ignore")  # `newton` refuses numbers that are not finite
     def jacobian(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The residual and its derivatives (m + 2, m + 3)."""
         z, omega, _ = self.unpack(u)
@@ -181,7 +185,7 @@ class CycleEquations:
 
     @property
     def _closing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Scale of the coordinates, then what the equations of size and phase are made of."""
+        """The scale of the coordinates and the vectors in the equations of size and phase, (m,)."""
         return self.scale, self._in_first, self._phase, self._reference
 
 
@@ -191,10 +195,10 @@ class BranchEquations(CycleEquations):
     Parameters
     ----------
     oscillators : callable
-        Oscillator of a value of the parameter, about the steady state there.
+        Returns the oscillator at a value of the parameter, about the steady state there.
     harmonics : int
     omega : float
-        rad/s, of a cycle on the branch.
+        Frequency of a cycle on the branch, rad/s.
     bounds : (low, high)
         Range of the parameter; scaled 0 to 1.
     """
@@ -211,7 +215,7 @@ class BranchEquations(CycleEquations):
         self._oscillators, self._bounds, self._vectors = oscillators, bounds, vectors
         self._balances: dict[float, Balance] = {}
         super().__init__(oscillators(bounds[0]), harmonics, omega, tolerance, vectors)
-        self.rough = False  # folds are where the tangent turns
+        self.rough = False  # the tangents that show a fold need an exact Jacobian
 
     def balance(self, u: np.ndarray) -> Balance:
         """The balance at the parameter's value."""
@@ -238,7 +242,7 @@ class BranchEquations(CycleEquations):
         return slope
 
     def _at(self, scaled: float) -> Balance:
-        """Balance at a scaled value; the last ones are kept."""
+        """Balance at a scaled value of the parameter; the last few are stored."""
         if scaled not in self._balances:
             while len(self._balances) >= OSCILLATOR_CACHE_SIZE:
                 del self._balances[next(iter(self._balances))]

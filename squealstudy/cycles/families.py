@@ -1,4 +1,4 @@
-"""The limit cycles of a design: growth over amplitude of its mode families, and their cycles."""
+"""The limit cycles of a design: its mode families, their growth over amplitude, their cycles."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.overflow import OVERFLOW
 from squealstudy.wording import NO_CYCLE
 
-N_LARGER_HARMONIC_COUNTS = 2  # numbers of harmonics with which they are looked at again
-CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # of curves: of small models, of projected ones
-# MAC of modes of two designs that are one, and with all others
+N_LARGER_HARMONIC_COUNTS = 2  # larger numbers of harmonics with which a curve is checked
+CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # harmonics of curves: small models, projected ones
+# modes of two designs are the same if their MAC is above the first, with others below the second
 SAME_MODE_MIN_MAC, OTHER_MODE_MAX_MAC = 0.95, 0.8
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
-EIGENVALUE_REL_ROUND_OFF = 1e-13  # of the largest root: what all of a dense matrix may be wrong by
+EIGENVALUE_REL_ROUND_OFF = 1e-13  # round-off of every root of a dense matrix, over the largest one
 LOST_ROOT = (
     "roots of the model lie too far apart: whether steady sliding diverges is less than the "
     "round-off of the largest"
 )
-ROUNDED = 1e-10  # damping ratio: less is round-off of a balance
+ROUNDED = 1e-10  # damping ratio below which it is round-off of a balance
 CURVE_STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=1e-4, largest=1.0, count=130)
 
@@ -72,25 +72,25 @@ def families(
     ----------
     contact : ContactOscillator
     band : (low, high)
-        rad/s.
+        Angular frequencies, rad/s.
     mode_numbers : sequence of int or None
         Numbers of modes, from 1 by frequency in the band; None for all.
     tolerance : float
-        A mode is unstable where its damping ratio is below minus this.
+        A mode is unstable where the real part of its root is more than this times its modulus.
     search : Search
     screen : float
-        1/s: where no modes are named, those that decay faster are left out.
+        Rate of decay [1/s]: where `mode_numbers` is None, modes that decay faster are left out.
     near : Followed or None
-        What was followed of a design nearby, in the same coordinates. Its silent curves serve
-        those of this design's modes that are the same, for a large model; but not where fewer
-        families grow than there.
+        The families of a design nearby, in the same coordinates. In a large model its silent curves
+        are used for those of this design's modes that are the same, but not where fewer families
+        grow here than there.
 
     Raises
     ------
     ConvergenceError
         Steady sliding that diverges without oscillation (``diverges``), or whose growth is within
-        the round-off of the largest root (``overflow``); a wanted mode that the
-        band does not have (``no_mode``).
+        the round-off of the largest root (``overflow``); a mode number that the band does not have
+        (``no_mode``).
     """
     lam, psi = contact.oscillator.steady_modes(band[1])
     unstable = lam.real > tolerance * np.abs(lam)
@@ -101,17 +101,17 @@ def families(
         raise ConvergenceError("diverges", "steady sliding diverges without oscillation")
     any_unstable = bool(unstable.any()) or contact.point.growing.n_outside > 0
     inside = (lam.imag > 0) & (np.abs(lam) >= band[0]) & (np.abs(lam) <= band[1])
-    unstable_rows = np.flatnonzero(inside)
-    slow = 1 + np.flatnonzero(lam[unstable_rows].real > -screen)
-    numbers = slow.tolist() if mode_numbers is None else list(mode_numbers)
-    if max(numbers, default=0) > len(unstable_rows):
-        count = len(unstable_rows)
+    band_rows = np.flatnonzero(inside)
+    slow_numbers = 1 + np.flatnonzero(lam[band_rows].real > -screen)
+    numbers = slow_numbers.tolist() if mode_numbers is None else list(mode_numbers)
+    if max(numbers, default=0) > len(band_rows):
+        count = len(band_rows)
         text = f"mode {max(numbers)} of {count} modes in the band: 'families' names them by number"
         raise ConvergenceError("no_mode", text)
 
-    silent = _silent(near, contact, psi[:, unstable_rows], unstable[unstable_rows])
+    silent = _silent(near, contact, psi[:, band_rows], unstable[band_rows])
     followed_families: dict[int, Family] = {}
-    modes = {n: (complex(lam[k]), psi[:, k]) for n, k in enumerate(unstable_rows, start=1)}
+    modes = {n: (complex(lam[k]), psi[:, k]) for n, k in enumerate(band_rows, start=1)}
     for number in numbers:
         silent_family = silent.get(number)
         served = silent_family and _silent_nearby(contact, *modes[number], search, silent_family)
@@ -122,23 +122,26 @@ def families(
         ]:  # what grew there may go on in it
             followed_families[number] = _family(contact, *modes[number], search, tolerance)
     judged_families = []
-    for number, k in enumerate(unstable_rows, start=1):
+    for number, k in enumerate(band_rows, start=1):
         family = followed_families.get(number, Family(complex(lam[k]), (), 0, [], NOT_FOLLOWED))
         if number in followed_families or unstable[k]:
             judged_families.append((number, judged(family, bool(unstable[k]), any_unstable)))
-    last = [(number, alone(number, family, judged_families)) for number, family in judged_families]
-    outside = any_unstable and not unstable[unstable_rows].any()
+    families_alone = [
+        (number, alone(number, family, judged_families)) for number, family in judged_families
+    ]
+    outside = any_unstable and not unstable[band_rows].any()
     return Followed(
-        last, len(unstable_rows) - len(followed_families), outside, psi[:, unstable_rows]
+        families_alone, len(band_rows) - len(followed_families), outside, psi[:, band_rows]
     )
 
 
 def _silent(
     near: Followed | None, contact: ContactOscillator, psi: np.ndarray, unstable: np.ndarray
 ) -> dict[int, Family]:
-    """Silent families of a design nearby, by the numbers of the stable modes (n, m) here.
+    """Silent families of a design nearby, by the numbers of the same stable modes here.
 
-    A mode is the same where it is like that one there, and neither is much like any other.
+    `psi` (n, m) are the modes here, `unstable` (m,) tells which are unstable. Two modes are the
+    same where they are much alike, and neither is much like any other.
     """
     if near is None or not near.modes.size or contact.oscillator.n <= MAX_UNPROJECTED_COORDINATES:
         return {}
@@ -159,10 +162,10 @@ def _silent(
 def _silent_nearby(
     contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search, near: Family
 ) -> Family | None:
-    """The family of a mode by the silent curve of a design nearby; None where that tells nothing.
+    """The family of a mode by the silent curve of a design nearby; None where that is not enough.
 
-    The curve's likeliest motions are balanced at this design with more harmonics, and the rest is
-    clear of growth by what these change, as in a curve that is looked at again.
+    The curve's motions that are nearest to growing are balanced at this design with more harmonics.
+    The others do not grow if they lack much more damping than these change by (`looked_again`).
     """
     first = near.path[0].motion
     if near.end == FAR and near.reached < search.reach:
@@ -256,7 +259,7 @@ def _family(
 
 
 def _larger_harmonic_counts(harmonics: int) -> list[int]:
-    """Numbers of harmonics with which a curve is looked at again."""
+    """Numbers of harmonics with which a curve is checked, ascending."""
     return [h for h in HARMONIC_COUNTS if h > harmonics][:N_LARGER_HARMONIC_COUNTS] or [
         harmonics + harmonics // 2
     ]
@@ -265,7 +268,7 @@ def _larger_harmonic_counts(harmonics: int) -> list[int]:
 def _confirmed(
     contact: ContactOscillator, curve: Iterable[CurveMotion], search: Search, cycles: list[Cycle]
 ) -> int:
-    """The cycles at the zeros of a curve join those known; how many zeros lead to no new one."""
+    """Add the cycles at the zeros of a curve to `cycles`; the number of zeros without a new one."""
     lost = 0
     for point in curve:
         if point.event == ZERO:
@@ -277,7 +280,7 @@ def _confirmed(
 
 
 def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search) -> list[Cycle]:
-    """The cycle at a zero of a curve; where more harmonics move it away, those next to it."""
+    """The cycle at a zero of a curve; where more harmonics have none there, those next to it."""
     osc, cycles = contact.oscillator, list[Cycle]()
     try:
         return [cycle_near(contact, Projection.on_harmonics_of(osc, zero), zero, search)]
@@ -293,7 +296,7 @@ def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search)
 
 
 def _curve_rows(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:
-    """The curve as rows."""
+    """Rows of the curve, one for each motion: `Family.curve`."""
     return [
         {
             "contact_velocity": contact.contact_velocity(point.motion),

@@ -2,8 +2,8 @@
 
 The monodromy matrix is the product of steps of the linearised equation, each the diagonal [3/3]
 Pade approximant of the exponential of the fourth-order Magnus term: deviations that only turn keep
-their size, however fast (Iserles & Norsett 1999). Its error is judged by three smaller numbers of
-steps, and by the multiplier that must be one.
+their size, however fast (Iserles & Norsett 1999). Its error is estimated from three smaller numbers
+of steps, and from the multiplier that must be one.
 """
 
 from __future__ import annotations
@@ -23,27 +23,26 @@ from squealstudy.cycles.time_nodes import has_corners, monodromy_at_nodes
 from squealstudy.errors import ConvergenceError
 from squealstudy.root_pairs import least_assignment
 
-MIN_STEPS_PER_PERIOD = 256  # fewest steps of a period
-# the same up to so many coordinates, where they cost little: contact that opens within a step
-# errs by a part of its length
+MIN_STEPS_PER_PERIOD = 256
+# the same up to so many coordinates, where steps cost little: contact that opens within a step
+# causes an error in proportion to its length
 MIN_STEPS_SMALL, SMALL_MAX_COORDINATES = 1024, 12
 STEPS_A_HARMONIC = 16
-# times the steps: where contact opens one may agree by chance (of 393 cycles 32 by half the steps)
+# smaller numbers of steps over the full one, and the error over the largest change to them: where
+# contact opens one number may agree by chance (half the steps did so in 32 of 393 cycles)
 COARSER_STEPS, STEPS_SAFETY_FACTOR = (0.45, 0.55, 0.7), 1.5
-TRAPEZOIDAL_MIN_COORDINATES = 60  # coordinates above which the trapezoidal rule takes over
-TRAPEZOIDAL_STEPS = 192
-ERROR_MIN_MULTIPLIER = 0.97  # size of multipliers of which the trapezoidal rule's error is told
-LEAST_MULTIPLIER = 0.5  # size of multipliers that are not small
-# Hulten's model on a cubic contact that opens: 11 harmonics err by .038, the change to 25 is .034
+TRAPEZOIDAL_MIN_COORDINATES = 60  # with more coordinates the trapezoidal rule is used
+TRAPEZOIDAL_STEPS = 192  # steps of a period
+ERROR_MIN_MULTIPLIER = 0.97  # larger multipliers have an error of their own by that rule
+LEAST_MULTIPLIER = 0.5  # smaller multipliers do not count in errors
+# error over the change to another number of harmonics: in Hulten's model on a cubic contact that
+# opens the error of 11 harmonics is .038, and the change to 25 is .034
 OTHER_SERIES_SAFETY_FACTOR = 1.5
-FINER_SERIES_SHARE = 0.5  # error of a finer series over the change that it made: there .12
-SAMPLES_PER_STEP = 4  # samples a step, of the tangents of contact points
+FINER_SERIES_SHARE = 0.5  # error of the finer series over that change: in that model .12
+SAMPLES_PER_STEP = 4  # samples of the contact points' tangents in each step
 CHUNK_BYTES = 64_000_000
-FLIP, FOLD, TORUS = (
-    "flip",
-    "fold",
-    "torus",
-)  # a multiplier beyond -1, 1, or a pair beyond the circle
+# a multiplier is beyond -1, beyond 1, or a pair is beyond the circle
+FLIP, FOLD, TORUS = "flip", "fold", "torus"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +52,16 @@ class Floquet:
     Attributes
     ----------
     multipliers : ndarray (2 n,) complex
-        Largest first, the trivial one left to the end.
+        By size, largest first, but the trivial one last.
     vectors : ndarray (2 n, 2 n) complex
-        Deviations (q, q') at theta = 0 that they belong to, unit norms.
+        Deviations (q, q') of unit norm at theta = 0 that belong to them, in columns.
     errors : ndarray (2 n,)
-        Of their sizes: difference to fewer steps, and of a projection to a smaller one with fewer
-        harmonics; in a whole basis one for all, not less than that of the trivial one, nor
-        than `OTHER_SERIES_SAFETY_FACTOR` times what another number of harmonics changes.
+        Estimated errors of their sizes. In all coordinates one number for all multipliers: from
+        fewer steps, but not less than the error of the trivial one, nor than
+        `OTHER_SERIES_SAFETY_FACTOR` times the change by another number of harmonics. In a basis one
+        number each, from fewer steps and harmonics in a smaller basis.
     period : float
-        s.
+        Period of the cycle, s.
     """
 
     multipliers: np.ndarray
@@ -76,7 +76,7 @@ class Floquet:
 
     @property
     def deciding(self) -> int:
-        """Place of the multiplier by which the cycle is unstable for certain, or most nearly so."""
+        """Index of the multiplier by which the cycle is unstable for certain, or most nearly so."""
         sizes = np.abs(self.multipliers[:-1])
         beyond = sizes - 1.0 - self.errors[:-1]
         if not len(beyond) or beyond.max() > 0:
@@ -90,7 +90,7 @@ class Floquet:
 
     @property
     def n_unstable(self) -> int:
-        """Multipliers that are beyond the unit circle by more than their error."""
+        """Number of multipliers outside the unit circle by more than their error."""
         return int((np.abs(self.multipliers[:-1]) > 1.0 + self.errors[:-1]).sum())
 
     @property
@@ -103,7 +103,7 @@ class Floquet:
 
     @property
     def saddle(self) -> bool:
-        """Whether one multiplier is outside the circle for certain, and every other one inside."""
+        """Whether one multiplier is certainly outside the unit circle and all others inside."""
         inside = np.abs(self.multipliers[:-1]) < 1.0 - self.errors[:-1]
         return self.n_unstable == 1 and int(inside.sum()) == len(inside) - 1
 
@@ -130,8 +130,8 @@ class Floquet:
     def at_fold(self) -> Floquet:
         """The multipliers of a fold, where the one nearest to 1 is 1 by definition.
 
-        Beside the trivial one it is a double root, which errs by the square root of what other
-        multipliers err by: twice what is seen is told.
+        With the trivial one it is a double root, whose error is the square root of that of others.
+        The error of both is at least twice their distance from 1.
         """
         distance_from_1 = np.abs(self.multipliers - 1.0)
         nearest = np.argsort(distance_from_1)[:2]  # the trivial one and that of the fold
@@ -141,10 +141,11 @@ class Floquet:
 
 
 def floquet(osc: Oscillator, cycle: PeriodicMotion, other: PeriodicMotion | None = None) -> Floquet:
-    """Multipliers of a cycle of an oscillator; errors also by an `other` finding of it, if any.
+    """Multipliers of a cycle; their errors also by an `other` solution of it, if there is one.
 
-    Where these do not let stability be said and the other has more harmonics, they are the other's.
-    Of few coordinates with corners in the period both are held against the cycle at its nodes, too.
+    Where these errors leave the stability open, and the other has more harmonics, the multipliers
+    of the other are returned. In a small model with corners of forces in the period, errors also
+    include the change to the multipliers at nodes (`_held_against_nodes`).
     """
     multipliers = _in_all_coordinates(osc, cycle)
     if other is None:
@@ -159,7 +160,7 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion, other: PeriodicMotion | None
 
 
 def _held_against_nodes(osc: Oscillator, cycle: PeriodicMotion, multipliers: Floquet) -> Floquet:
-    """The multipliers with errors by those at nodes; these where stability is not known else."""
+    """The multipliers, with errors by those at nodes; those at nodes if stability was open."""
     if osc.n > SMALL_MAX_COORDINATES or not has_corners(osc, cycle):
         return multipliers
     try:
@@ -205,14 +206,15 @@ def floquet_on(
     osc : Oscillator
     V : ndarray (n, r)
     few : int
-        The first columns, of which a smaller basis consists.
+        Number of the first columns of V, which are a smaller basis.
     cycle : PeriodicMotion
     rougher : PeriodicMotion
-        The same with fewer harmonics.
+        The same cycle with fewer harmonics.
     precision : type
-        As of `trapezoidal`.
+        Floating-point type of `trapezoidal`.
 
-    Errors are what half as many steps for the rougher cycle in the smaller basis change of sizes.
+    Errors are the changes of sizes by half as many steps for the rougher cycle in the smaller
+    basis.
     """
     small = osc.on(V)
     cycle_on_basis, rough = (replace(c, Q=c.Q @ V) for c in (cycle, rougher))
@@ -230,11 +232,12 @@ def floquet_on(
 def _ordered_multipliers(osc: Oscillator, cycle: PeriodicMotion, whole: np.ndarray) -> Floquet:
     """Multipliers of a monodromy matrix, in order, without an error."""
     multipliers, vectors = la.eig(whole)
-    q, v = cycle.Q, cycle.omega
+    Q, omega = cycle.Q, cycle.omega
     synthesis, slope = series_at(np.zeros(1), cycle.harmonics)
-    velocity = v * (slope @ q)[0]
-    force = osc.spread(osc.evaluate(synthesis @ q, velocity[None]).f)[0]
-    acceleration = force - osc.C @ velocity - osc.K @ (synthesis @ q)[0]
+    velocity = omega * (slope @ Q)[0]
+    force = osc.spread(osc.evaluate(synthesis @ Q, velocity[None]).f)[0]
+    acceleration = force - osc.C @ velocity - osc.K @ (synthesis @ Q)[0]
+    # the deviation along the motion belongs to the trivial multiplier
     flow = np.concatenate([cycle.omega * velocity, acceleration])
     along = np.abs(flow @ vectors.conj()) * (np.abs(multipliers - 1.0) < 0.5)
     trivial_index = (
@@ -256,7 +259,7 @@ def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
 
 
 def _size_change(floquet: Floquet, other: Floquet) -> float:
-    """Largest difference of sizes of multipliers that count, each beside its like."""
+    """Largest difference of sizes of the multipliers that count, each paired with its nearest."""
     fine, coarse = floquet.multipliers[:-1], other.multipliers[:-1]
     mine, pairs = least_assignment(np.abs(fine[:, None] - coarse))
     change = np.abs(np.abs(fine[mine]) - np.abs(coarse[pairs]))
@@ -264,7 +267,7 @@ def _size_change(floquet: Floquet, other: Floquet) -> float:
 
 
 def _counts(multipliers: np.ndarray) -> np.ndarray:
-    """Which multipliers have an error: the first, which is the largest, and all not small."""
+    """Mask of the multipliers that count in errors: the first, which is largest, and large ones."""
     size = np.abs(multipliers)
     return np.asarray(size >= min([LEAST_MULTIPLIER, *size[:1]]))
 
@@ -272,9 +275,9 @@ def _counts(multipliers: np.ndarray) -> np.ndarray:
 def _changes(floquet: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Change (2 n,) of the sizes of the fine multipliers against the coarse ones.
 
-    Those near the unit circle whose deviations lie `inside` the smaller basis, and the trivial one,
-    are paired with the coarse ones; others have the largest change of these. One that would leave
-    through 1 is as uncertain as the one that must be 1.
+    Multipliers near the unit circle or beyond it whose deviations lie `inside` the smaller basis,
+    and the trivial one, are paired with the coarse ones; all others get the largest of these
+    changes. One that is real and positive is at least as uncertain as the one that must be 1.
     """
     fine = floquet.multipliers
     mine = np.flatnonzero((np.abs(fine) > ERROR_MIN_MULTIPLIER) & inside)
@@ -291,13 +294,14 @@ def _changes(floquet: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.nda
 def trapezoidal(
     osc: Oscillator, cycle: PeriodicMotion, steps: int, precision: type = np.float64
 ) -> np.ndarray:
-    """The matrix of `monodromy` by the trapezoidal rule, which costs a solve of n a step.
+    """The matrix of `monodromy` by the trapezoidal rule: n linear equations in each step.
 
-    It turns fast deviations too slowly, but neither feeds nor damps them: sizes of multipliers are
-    kept. In single precision, whose round-off is far below the errors of a basis, it costs less.
+    The rule turns fast deviations too slowly, but neither feeds nor damps them: it preserves the
+    sizes of multipliers. In single precision, whose round-off is far below the errors of a basis,
+    it costs less.
     """
     n, h = osc.n, precision(2 * np.pi / steps)
-    Q: np.ndarray = np.eye(2 * n, n, dtype=precision)  # rows are deviations: as LAPACK has columns
+    Q: np.ndarray = np.eye(2 * n, n, dtype=precision)  # deviations in rows: LAPACK's memory order
     P = np.roll(Q, n, axis=0)
     identity: np.ndarray = np.eye(n, dtype=precision)
     (solve,) = get_lapack_funcs(("gesv",), (Q,))
@@ -322,10 +326,10 @@ Matrices = Callable[[int], np.ndarray]
 def _averaged(
     osc: Oscillator, cycle: PeriodicMotion, steps: int, precision: type
 ) -> tuple[Matrices, Matrices]:
-    """Damping over omega and stiffness over omega^2 (n, n) of a step, by its number.
+    """Functions that return damping / omega and stiffness / omega^2 (n, n) at a step's number.
 
-    Of contact points they are means about the step, with weights that fall to the steps beside it:
-    where points open and close within a step, or stick, no share of that is left out.
+    Tangents of contact points are averaged about the step with weights that fall linearly to zero
+    at its neighbours: where points open, close or stick within a step, all of that counts.
     """
     local = sampled(osc, sampling(cycle.harmonics, SAMPLES_PER_STEP * steps), cycle.Q, cycle.omega)
     finer, omega = len(local.f) // steps, cycle.omega
@@ -345,7 +349,7 @@ def _averaged(
 def _stiffness(
     osc: Oscillator, cycle: PeriodicMotion, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Damping over omega and stiffness over omega^2 (S, n, n) at angles."""
+    """Damping / omega and stiffness / omega^2 (S, n, n) at angles theta (S,)."""
     synthesis, slope = series_at(theta, cycle.harmonics)
     C, K = osc.tangent(synthesis @ cycle.Q, cycle.omega * (slope @ cycle.Q))
     return C / cycle.omega, K / cycle.omega**2
@@ -371,7 +375,7 @@ def _product(steps: np.ndarray) -> np.ndarray:
 
 
 def _steps(osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last: int) -> np.ndarray:
-    """Propagators (last - first, 2 n, 2 n) of steps of a period that has `count`."""
+    """Propagators (last - first, 2 n, 2 n) of steps first to last - 1 of `count` in a period."""
     h = 2 * np.pi / count
     middle = h * (np.arange(first, last) + 0.5)
     offset = h * np.sqrt(3.0) / 6.0

@@ -1,7 +1,8 @@
-"""Error of the value of a fold on a branch, from series that are cut off.
+"""Error of the parameter's value at a fold of a branch, by the series that are cut off.
 
-At a held size a balance is regular there, and along sizes the parameter has an extremum: so with
-any number of harmonics, also where forces have corners and its slope jumps.
+At a fixed size the balance is regular at a fold, and as a function of size the parameter has an
+extremum there. This holds for any number of harmonics, also where forces have corners and the slope
+of the parameter jumps.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ from squealstudy.cycles.moving import Moving
 from squealstudy.cycles.projection import SIZE_HELD
 from squealstudy.errors import ConvergenceError
 
-FOLD_SERIES_SAFETY_FACTOR = 2.0  # error over what more harmonics change
-# times the harmonics of a fold: of those that it is held against, of which one may agree by chance;
-# where one of the first two is not found the next one is tried
+FOLD_SERIES_SAFETY_FACTOR = 2.0  # error over the change by more harmonics
+# numbers of harmonics of other series over that of the fold, and how many of them are compared with
+# it, as one may agree by chance; where one of them fails the next is tried
 HARMONIC_FACTORS, N_SERIES = (2.25, 4.0, 3.0, 5.0), 2
 MAX_HARMONICS = 59
-SIZE_REL_TOLERANCE = 1e-4  # of the way between the motions beside a fold, in log size
-MAX_SIZES = 40  # tried
+SIZE_REL_TOLERANCE = 1e-4  # error of log size over the distance of the motions beside a fold
+MAX_SIZES = 40  # most sizes at which the balance is solved
 
 
 def fold_error(
     moving: Moving, before: PeriodicMotion, fold: PeriodicMotion, after: PeriodicMotion
 ) -> float:
-    """Of the value of a fold between two motions of its branch; NaN where it is not known.
+    """Error of the parameter's value at a fold between two motions of its branch.
 
-    That is on a basis that is not whole, and where more harmonics do not lead to the fold.
+    NaN on a projected model, and where more harmonics do not lead to the fold.
     """
     if not moving.complete:
         return np.nan
@@ -56,7 +57,10 @@ def _extremum(
     fold: PeriodicMotion,
     after: PeriodicMotion,
 ) -> float:
-    """Value of the fold with a number of harmonics, and twice the samples; ConvergenceError."""
+    """Value of the parameter at the fold with more harmonics and twice the samples.
+
+    Raises ConvergenceError where there is no extremum between the two motions.
+    """
     equations = moving.finer_equations(fold, harmonics)
     balanced = [
         equations.pack(replace(m, Q=with_harmonics(m.Q, harmonics))) for m in (before, fold, after)
@@ -75,7 +79,7 @@ def _extremum(
         tried.append((size, equations.motion(u).parameter))
         return turned * tried[-1][1]
 
-    with suppress(ConvergenceError):  # a corner of forces may bar one size: others tell enough
+    with suppress(ConvergenceError):  # one size may fail at a corner of forces; others are enough
         minimize_scalar(
             to_be_least,
             bounds=(low, high),

@@ -1,7 +1,8 @@
-"""Steps of runs in time that meet the fall of friction where slip begins.
+"""Steps of runs in time that are short enough for the fall of friction where slip begins.
 
-A point that breaks loose is driven by what friction falls by. Where that takes it through the fall
-within a part of a period of its modes, steps of such periods jump over it, and the cycle with it.
+A contact point that breaks loose is driven by the force that friction loses. It may slide through
+the speeds over which friction falls within a small part of its modes' periods. Steps that are made
+for these periods jump over the fall, and miss the cycle.
 """
 
 from __future__ import annotations
@@ -14,40 +15,40 @@ from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
 STEPS_PER_FALL = 5  # steps in the time in which friction falls
 # sliding speeds over the imposed one, at which the curve is evaluated
 SPEEDS = np.geomspace(1e-6, 1.0, 61)
-# of the speed over which friction falls: a corner so wide takes from the fall
+# width of the corner at zero sliding, over the speed in which friction falls, that changes the fall
 MAX_CORNER_SHARE = 0.01
 
 
 def longest_step(contact: ContactOscillator) -> float:
-    """Step [s] that meets the fall of friction; infinite where it does not fall.
+    """Longest step [s] for the fall of friction; infinite where friction does not fall.
 
-    Of models of few coordinates: a point of a mesh has little of the force, and modes that no
-    study is about.
+    It is infinite for models of many coordinates, too: a point of a mesh has little of the force,
+    and is moved by modes far above those of a study.
     """
     fall, speed = _falls(contact)
-    falls = fall > 0.0
-    if not falls.any():
+    has_fall = fall > 0.0
+    if not has_fall.any():
         return np.inf
     system = contact.system
     force = np.abs(contact.point.base(system)[1][:, 0])
     acceleration = fall * force * (system.T1**2).sum(axis=1)  # m/s2
-    moves = falls & (acceleration > 0.0)
+    moves = has_fall & (acceleration > 0.0)
     return float((speed[moves] / acceleration[moves]).min(initial=np.inf)) / STEPS_PER_FALL
 
 
 def rounds_off(contact: ContactOscillator) -> bool:
-    """Whether the corner of friction at zero sliding is so wide that it takes from its fall."""
+    """Whether the rounded corner of friction at zero sliding is wide enough to change its fall."""
     fall, speed = _falls(contact)
     friction, system = contact.point.friction, contact.system
     pressure = np.abs(contact.point.base(system)[1][:, 0]) / system.area
-    sticks = friction.friction * pressure / friction.k_t  # m/s, below which a point sticks
-    return bool(((fall > 0.0) & (sticks > MAX_CORNER_SHARE * speed)).any())
+    max_stick_speed = friction.friction * pressure / friction.k_t  # m/s, below which a point sticks
+    return bool(((fall > 0.0) & (max_stick_speed > MAX_CORNER_SHARE * speed)).any())
 
 
 def _falls(contact: ContactOscillator) -> tuple[np.ndarray, np.ndarray]:
-    """Fall of friction of each point up to the imposed speed, and over which speed [m/s].
+    """Fall (nc,) of the friction coefficient up to the imposed speed, and the speed [m/s] it takes.
 
-    Zeros for models of many coordinates.
+    The speed is the fall over the steepest slope. Both are zeros for models of many coordinates.
     """
     system, point = contact.system, contact.point
     none = np.zeros(len(system.area))

@@ -22,27 +22,29 @@ ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER_RESONANCE = "far", "other_resonance"  # why curves end
 DAMPED, OUTSIDE = "damped", "outside"
 SHRUNK, STANDSTILL, RETRACED = "shrunk", "standstill", "retraced"
-# of the mode's frequency: below it motions are on their way to another equilibrium
+# frequency over the mode's, below which a motion is on its way to another equilibrium
 MIN_REL_FREQUENCY = 0.05
-# of the size at which a curve began: where it comes back to that there is no more on it
+# a curve ends where its size falls to this share of its first one, and is looked at for having
+# turned back where it falls to this share of its largest one
 END_SIZE_RATIO = 0.5
-# relative frequency, share of the largest damping, MAC: of one motion
+# two motions are the same if they differ less in frequency (relative) and in added damping (over
+# the largest of the curve), and the MAC of their first harmonics is more
 SAME_MOTION_TOLERANCES = 1e-3, 2e-2, 0.99
-MOST_OTHERS = 10.0  # norm of all harmonics over that of the first
-N_SIZE_OCTAVES = 5  # of sizes, down from the largest, in each of which a curve is looked at again
-MIN_CHECKS = 3  # at least, where motions with more harmonics are found
-HARMONIC_SAFETY_FACTOR = 2.0  # factor on the change by more harmonics, to bound that by still more
-# of its size, of a motion from that of a design nearby, beyond which it is another
+MOST_OTHERS = 10.0  # norm of all harmonics over that of the first, beyond which a curve ends
+N_SIZE_OCTAVES = 5  # octaves of size, down from the largest, in each of which a motion is checked
+MIN_CHECKS = 3  # least number of motions that are balanced with more harmonics
+HARMONIC_SAFETY_FACTOR = 2.0  # change by still more harmonics, at most, over that by more
+# distance over size beyond which a motion is not that of a design nearby
 MAX_REL_DISTANCE = 0.1
 N_FIRST_ORDER_POINTS = 12  # points of such a curve that are corrected to first order
-ON_ZERO = 1  # motions on a curve without damping to add: more are a range, no cycle
-# damping ratio by which more harmonics are thought to change a motion at least
+ON_ZERO = 1  # most neighbouring motions without added damping: more are a range, no cycle
+# damping ratio by which more harmonics are assumed to change a motion at least
 MIN_DAMPING_CHANGE = 0.0025
-PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # with more harmonics, each way
+PIECE_STEPS = Steps(first=0.2, least=2e-3, largest=0.5, count=25)  # each way, with more harmonics
 
 
 def linear_motion(phi: np.ndarray, lam: complex, scale: np.ndarray, size: float) -> PeriodicMotion:
-    """The motion along a complex mode phi (n,) at a size a, with the damping that it needs."""
+    """The motion along a complex mode phi (n,) at size a, with the added damping it needs."""
     phi = phi * size / np.linalg.norm(phi * scale)
     Q = np.vstack([np.zeros(len(phi)), phi.real, -phi.imag])
     return PeriodicMotion(Q, abs(lam.imag), 2.0 * lam.real)
@@ -54,17 +56,19 @@ def family_curve(
     stop: Callable[[PeriodicMotion], str],
     steps: Steps,
 ) -> tuple[list[CurveMotion], str]:
-    """Added damping over amplitude from a small motion along a complex mode on.
+    """Follow the added damping over amplitude from a small motion along a complex mode.
 
     Returns
     -------
     motions : list of CurveMotion
-        Zeros (event C) stand among them; on a projected model to a part of a step.
+        Motions along the curve. Its zeros (event C) are among them; on a projected model they are
+        located to a part of a step.
     end : str
-        What `stop` said; ``other_resonance`` where the first harmonic is no more than a part of
-        the motion; ``shrunk`` where it came back to no amplitude, ``standstill`` to no frequency,
-        ``retraced`` where it turned by mistake and came back along its own path;
-        ``basis`` where too many vectors would be needed; ``steps`` or ``not_converged``.
+        The reason that `stop` gave; ``other_resonance`` where the first harmonic is less than a
+        tenth of the motion (`MOST_OTHERS`); ``shrunk`` where the amplitude went back to zero,
+        ``standstill`` where the frequency did; ``retraced`` where the curve turned by mistake and
+        came back along its own path; ``basis`` where too many vectors would be needed; ``steps``
+        or ``not_converged``.
 
     Raises
     ------
@@ -96,7 +100,7 @@ def family_curve(
 def without_noise(curve: Sequence[CurveMotion], noise: float) -> list[CurveMotion]:
     """A curve without the zeros at which added damping does not change sign beyond `noise` [1/s].
 
-    Motions of a mode without damping have none over a range of sizes, and any sign of round-off.
+    A mode without damping needs none over a range of sizes; there its sign is round-off.
     """
     sign = [
         0 if abs(p.motion.parameter) <= noise else 1 if p.motion.parameter > 0 else -1
@@ -136,20 +140,20 @@ def _retraced(passed: Sequence[PeriodicMotion]) -> bool:
 
 @dataclass
 class SecondLook:
-    """A curve without missing damping, judged again with more harmonics.
+    """A curve on which no motion grows, checked with more harmonics.
 
     Attributes
     ----------
     harmonics : int
-        Most of those with which motions of the curve were balanced.
+        Largest number of harmonics with which motions of the curve were balanced.
     checked : int
-        Motions of the curve that were balanced with more.
+        Number of motions of the curve that were balanced with more harmonics.
     pieces : list of list of CurveMotion
-        Curves with more harmonics through those that might grow.
+        Curves with more harmonics through the motions that might grow.
     open : list of PeriodicMotion
-        Motions of which more harmonics leave open whether they grow.
+        Motions that may grow or not: more harmonics do not decide it.
     motions : list of CurveMotion
-        Those that were balanced with more.
+        The motions with more harmonics.
     """
 
     harmonics: int
@@ -160,11 +164,11 @@ class SecondLook:
 
     @property
     def grows(self) -> bool:
-        """Whether a motion with more harmonics does."""
+        """Whether a motion of the pieces grows."""
         return any(p.motion.parameter > 0.0 for piece in self.pieces for p in piece)
 
     def holds(self, motion: PeriodicMotion) -> bool:
-        """Whether a piece passes a motion."""
+        """Whether a piece has a motion near this one."""
         return any(motion.near(p.motion) for piece in self.pieces for p in piece)
 
 
@@ -174,34 +178,35 @@ def looked_again(
     ladder: Sequence[int],
     shift: float | None = None,
 ) -> SecondLook:
-    """A curve whose motions all lack damping, at its likeliest motions with more harmonics.
+    """Check a curve on which no motion grows, with more harmonics where growth is nearest.
 
-    Few harmonics miss resonances of higher ones, which feed a motion or damp it. So the motions
-    that lack least in each octave of sizes, and all that lack less than their neighbours, are
-    balanced with more, until the rest is clear by `HARMONIC_SAFETY_FACTOR` times the largest change
-    seen, and `MIN_DAMPING_CHANGE` at least: small motions change little, and tell nothing of larger
-    ones. From those that might grow the curve is followed with more harmonics.
+    Few harmonics miss resonances of higher ones, which feed a motion or damp it. So the motion with
+    the largest (least negative) added damping in each octave of size, and every local maximum, are
+    balanced with more harmonics. This goes on until the others are below zero by
+    `HARMONIC_SAFETY_FACTOR` times the largest change seen, which is taken as `MIN_DAMPING_CHANGE`
+    at least: small motions change little, and say nothing of larger ones. Through those that might
+    grow the curve is followed with more harmonics.
 
     Parameters
     ----------
     osc : Oscillator
     curve : sequence of CurveMotion
-        Without a zero, all of negative added damping.
+        A curve without a zero; all added damping is negative.
     ladder : sequence of int
-        Numbers of harmonics to go on with, ascending.
+        Larger numbers of harmonics, ascending.
     shift : float or None
-        Where the curve is that of a design nearby: what added damping [1/s] is known to change by.
-        A motion that is lost, `MAX_REL_DISTANCE` from that of the curve, or that may grow is left
-        open: the design needs a curve of its own.
+        Given where the curve is that of a design nearby: by how much added damping [1/s] is known
+        to change. Then a motion is left open where it is not found, is `MAX_REL_DISTANCE` from that
+        of the curve, or may grow: the design needs a curve of its own.
     """
     look = SecondLook(curve[0].motion.harmonics)
-    largest = max(2.0 * MIN_DAMPING_CHANGE * curve[0].motion.omega, shift or 0.0)
+    max_change = max(2.0 * MIN_DAMPING_CHANGE * curve[0].motion.omega, shift or 0.0)
     failed: list[PeriodicMotion] = []
     span = float(np.ptp([p.motion.parameter for p in curve]))
     for motion, rise in _likeliest(curve):
         if (
             look.checked >= MIN_CHECKS
-            and motion.parameter + HARMONIC_SAFETY_FACTOR * (rise + largest) < 0.0
+            and motion.parameter + HARMONIC_SAFETY_FACTOR * (rise + max_change) < 0.0
         ):
             break
         if look.holds(motion):
@@ -216,12 +221,14 @@ def looked_again(
         look.motions.append(balanced)
         better, elsewhere = balanced.motion, 0.0
         if shift is not None:
-            off = _rel_distance(projection.weight, motion, better)
-            if off > MAX_REL_DISTANCE:
+            rel_distance = _rel_distance(projection.weight, motion, better)
+            if rel_distance > MAX_REL_DISTANCE:
                 look.open.append(better)
                 break
-            elsewhere = off * span  # a top that moved aside is higher there
-        largest = max(largest, change := abs(better.parameter - motion.parameter) + elsewhere)
+            elsewhere = (
+                rel_distance * span
+            )  # a maximum that has moved aside is higher than the value here
+        max_change = max(max_change, change := abs(better.parameter - motion.parameter) + elsewhere)
         margin = HARMONIC_SAFETY_FACTOR * (rise + change)
         if better.parameter + margin < 0.0 or look.holds(better):
             continue
@@ -240,7 +247,7 @@ def looked_again(
     look.open += [
         m
         for m in failed
-        if m.parameter + HARMONIC_SAFETY_FACTOR * largest >= 0.0 and not look.holds(m)
+        if m.parameter + HARMONIC_SAFETY_FACTOR * max_change >= 0.0 and not look.holds(m)
     ]
     if not look.checked or shift is not None:
         look.open += [m for m in failed if m not in look.open]
@@ -250,8 +257,8 @@ def looked_again(
 def holds_here(osc: Oscillator, curve: Sequence[CurveMotion]) -> bool:
     """Whether the curve of a design nearby is everywhere near to one of this design.
 
-    Its motions, corrected to first order, are nowhere `MAX_REL_DISTANCE` from what they were. Where
-    curves of two designs go different ways, as where one of them has met another branch, they are.
+    It is if the first-order correction of its motions is everywhere less than `MAX_REL_DISTANCE`.
+    It is not where the curves of the two designs part, as where one has met another branch.
     """
     path = [p.motion for p in curve if not p.event]
     checked = np.unique(np.linspace(0, len(path) - 1, N_FIRST_ORDER_POINTS).round().astype(int))
@@ -274,12 +281,12 @@ def _rel_distance(weight: np.ndarray, motion: PeriodicMotion, other: PeriodicMot
     a, b = (with_harmonics(m.Q, H) * weight for m in (motion, other))
     a, b = (Q / np.linalg.norm(Q[[1, H + 1]]) for Q in (a, b))
     turn = derivative(a)
-    off = b - a - turn * (turn * (b - a)).sum() / (turn**2).sum()
-    return float(np.linalg.norm(off))
+    difference = b - a - turn * (turn * (b - a)).sum() / (turn**2).sum()
+    return float(np.linalg.norm(difference))
 
 
 def _likeliest(curve: Sequence[CurveMotion]) -> list[tuple[PeriodicMotion, float]]:
-    """Motions of a curve that may grow if any does, those that lack least damping first.
+    """Motions of a curve that may grow if any does, those with the largest added damping first.
 
     With each, how much less [1/s] is lacking beside it, by the parabola through three points.
     """
@@ -317,7 +324,7 @@ def _with_more(
 def _settle(
     osc: Oscillator, top: PeriodicMotion, ladder: Sequence[int], second_look: SecondLook
 ) -> None:
-    """A top below zero with still more harmonics, until it is clear; else it is left open."""
+    """Balance a maximum below zero with still more harmonics; left open if that is not enough."""
     for harmonics in ladder:
         try:
             better = _with_more(osc, top, harmonics)[1].motion
@@ -334,7 +341,7 @@ def _settle(
 
 
 def found_again(osc: Oscillator, zero: PeriodicMotion, harmonics: int) -> list[PeriodicMotion]:
-    """Zeros next to one of a curve, with more harmonics, which have none at its place.
+    """Zeros with more harmonics next to the zero of a curve, where there is none at its size.
 
     Raises
     ------

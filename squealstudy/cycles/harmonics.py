@@ -10,10 +10,12 @@ from functools import lru_cache
 
 import numpy as np
 
-LEAST_SAMPLES = 256  # a period
-SAMPLES_A_HARMONIC = 10  # at least: forces of the fourth power are exact up to H, and beyond
-MOST_FINER = 39  # harmonics: of more the cost is that of the whole cycle
-# the same of few coordinates, whose equations are as many: a contact that opens needs them
+LEAST_SAMPLES = 256  # samples of a period
+# least number of samples for each harmonic: exact up to H, and beyond, for forces of fourth power
+SAMPLES_A_HARMONIC = 10
+MOST_FINER = 39  # most harmonics of a finer series: more cost as much as the whole cycle
+# the same for few coordinates, and the number of equations it is limited by: a contact that opens
+# needs more harmonics
 MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS = 100, 420
 
 
@@ -26,11 +28,11 @@ class Sampling:
     order : ndarray (2 H + 1,)
         Harmonic of each row.
     synthesis, slope : ndarray (S, 2 H + 1)
-        States and their derivatives by theta from a series.
+        Matrices from a series to its samples, and to those of its derivative by theta.
     analysis : ndarray (2 H + 1, S)
-        Series from samples.
+        Matrix from samples to the series.
     cosines, sines : ndarray (2 H + 1, S)
-        Mean over the samples of products with the harmonics 0 to 2 H.
+        Matrices from samples to their mean products with cosines and sines of orders 0 to 2 H.
     """
 
     order: np.ndarray
@@ -43,7 +45,7 @@ class Sampling:
 
 @lru_cache(maxsize=32)
 def sampling(harmonics: int, min_samples: int = LEAST_SAMPLES) -> Sampling:
-    """`min_samples` doubled until the highest harmonic has ten samples a period."""
+    """Sampling with `min_samples`, doubled until there are ten for each harmonic."""
     count = min_samples
     while count < SAMPLES_A_HARMONIC * harmonics:
         count *= 2
@@ -63,7 +65,7 @@ def sampling(harmonics: int, min_samples: int = LEAST_SAMPLES) -> Sampling:
 
 
 def orders(harmonics: int) -> np.ndarray:
-    """Harmonic of each row of a series (2 H + 1,)."""
+    """Order (2 H + 1,) of the harmonic in each row of a series."""
     h = np.arange(1, harmonics + 1)
     return np.concatenate([[0], h, h])
 
@@ -78,7 +80,7 @@ def series_at(theta: np.ndarray, harmonics: int) -> tuple[np.ndarray, np.ndarray
 
 @lru_cache(maxsize=32)
 def period_at(count: int, harmonics: int) -> tuple[np.ndarray, np.ndarray]:
-    """`series_at` of `count` even samples of a period; read-only."""
+    """`series_at` for `count` even samples of a period; the matrices are read-only."""
     matrices = series_at(2 * np.pi * np.arange(count) / count, harmonics)
     for matrix in matrices:
         matrix.flags.writeable = False
@@ -86,7 +88,7 @@ def period_at(count: int, harmonics: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def derivative(series: np.ndarray) -> np.ndarray:
-    """Series of the derivative by theta."""
+    """Series of the derivative by theta of a series; both (2 H + 1, ..)."""
     H = (len(series) - 1) // 2
     h = np.arange(1, H + 1)[:, None]
     c, s = series[1 : H + 1], series[H + 1 :]
@@ -104,5 +106,5 @@ def with_harmonics(series: np.ndarray, harmonics: int) -> np.ndarray:
 
 
 def most_finer(coordinates: int) -> int:
-    """Most harmonics of the cycle that another of so many coordinates is held against."""
+    """Most harmonics of the finer series that a cycle of so many coordinates is compared with."""
     return max(MOST_FINER, min(MOST_FINER_OF_FEW, MOST_FINER_EQUATIONS // (2 * coordinates)))

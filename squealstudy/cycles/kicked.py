@@ -1,4 +1,4 @@
-"""The least kick along a mode that starts squeal; what runs in time decide of designs."""
+"""Runs in time that decide what cycles leave open, and the least kick that starts squeal."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from squealstudy.cycles.trials import (
 from squealstudy.cycles.verdicts import NOT_FOLLOWED, SEARCHED_ENDS, Family, Followed
 from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
-N_PHASES = 8
-MIN_REL_KICK = 1e-3  # of the largest kick tried: smaller ones are not looked for
+N_PHASES = 8  # phases of a kick
+MIN_REL_KICK = 1e-3  # smallest kick that is tried over the first one
 KICK_REL_TOLERANCE = 0.02  # relative width of the bracket at which a search ends
-START_SIZES = 1.0, 1.5  # of `reach`: how large motions of lost curves are made, whose runs decide
-START_ANGLES_RAD = 0.0, 0.5 * np.pi  # at which of their angles
-CYCLE = "the cycle"  # where a run goes on with it
-START_OF_LOST = "the curve's largest motion"  # where runs of a lost curve begin
-MADE_AS_LARGE = "scaled to"  # whatever the curve itself has come to
-ABOVE = 1.1  # times an unstable cycle: where a run begins that shall tell what is beyond it
+START_SIZES = 1.0, 1.5  # contact velocities over `reach` with which runs of a lost curve begin
+START_ANGLES_RAD = 0.0, 0.5 * np.pi  # angles of the motion at which these runs begin
+CYCLE = "the cycle"  # start of a run that continues a cycle, in words
+START_OF_LOST = "the curve's largest motion"  # start of runs of a lost curve, in words
+MADE_AS_LARGE = "scaled to"
+ABOVE = 1.1  # size over an unstable cycle's with which a run begins that shows what is beyond it
 # status of a search
 KICK_FOUND, NO_KICK, KICK_UNDECIDED, KICK_WITHOUT_CYCLE = "ok", "none", "undecided", "no_cycle"
 
-LEVEL = "torque_rms"  # by which cycles of a design that squeals are compared
-DISTINCT_LEVEL_RATIO = 1.02  # times the loudest stable one: another that is no other reading of it
-MAX_LEVEL_RUNS = 2  # runs for its level at most
-FREQUENCY_MARGIN = 1.01  # of the frequency of a mode that is looked for
+LEVEL = "torque_rms"  # level by which cycles of a design that squeals are compared
+DISTINCT_LEVEL_RATIO = 1.02  # a level above another by this ratio is that of another motion
+MAX_LEVEL_RUNS = 2  # most runs for the level of a design that squeals
+FREQUENCY_MARGIN = 1.01  # modes are computed up to this factor times the frequency of the mode
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,19 @@ class Kick:
     Attributes
     ----------
     velocity : float
-        Largest velocity at a contact point of the mode's motion so large, m/s; NaN without one.
+        Size of the kick: the largest velocity [m/s] of a contact point in the mode's harmonic
+        motion of that size. NaN where the status is not ``ok``.
     phase : float
-        Of the mode's motion at the start, rad.
+        Phase of the mode's motion at the start, rad.
     energy : float
-        Of the start, kinetic and in the reference stiffness, J.
+        Kinetic energy and energy in the reference stiffness of the start, J.
     error : float
-        Width of the bracket, relative.
+        Relative width of the bracket.
     status : str
         ``ok``; ``none`` where no phase of any kick tried, up to the largest, leads to the cycle;
-        ``undecided`` where a run that decides came to nothing that can be named; ``no_cycle`` where
-        a run lasts beside steady sliding, but no stable cycle is known that runs could come to.
+        ``undecided`` where the runs that would decide neither decay nor come to the cycle;
+        ``no_cycle`` where a run lasts beside steady sliding, but no stable cycle is known that runs
+        could come to.
     """
 
     velocity: float
@@ -76,19 +78,19 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
     """Bisect the size of a kick along a complex mode, all phases at once.
 
     A kick is a state Re(phi exp(i phase)) of displacements with the velocities that the mode has
-    there. From twice the stable cycle's contact velocity, but `largest` at most, the size is halved
-    until no phase leads to the cycle; where none of the first size does it is doubled up to
-    `largest`. The last pair is bisected. Larger kicks may decay again: what is found is an edge
-    next to silence. From the largest ones contact that softens may run away: then half of them is
-    tried.
+    there. The first size is twice the stable cycle's contact velocity, but `largest` at most. It is
+    halved until no phase leads to the cycle; where no phase of the first size does, it is doubled
+    up to `largest`. The last two sizes are bisected. Still larger kicks may decay again: the size
+    that is returned is an edge next to silence. From large kicks contact that softens may run away:
+    then half the size is tried.
 
     Parameters
     ----------
     trials : Trials
     lam : complex
-        Root, rad/s.
+        Root of the mode, rad/s.
     phi : ndarray (n,) complex
-        Right vector.
+        Its right vector.
     largest : float
         Contact velocity of the largest kick, m/s.
     """
@@ -101,53 +103,56 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
         x = size * phi * np.exp(1j * phase)
         return x.real, (lam * x).real
 
-    def tried(size: float) -> list[str]:
+    def outcomes_at(size: float) -> list[str]:
         return trials.outcomes([start(size, phase) for phase in phases])
 
     high = min(2.0 * contact.contact_velocity(trials.cycle), largest)
-    top, worst, low, too_large = high, -1, 0.0, False
+    first_size, growing_phase, low, too_large = high, -1, 0.0, False
     while True:
-        size = high if worst < 0 else 0.5 * high if low == 0.0 else 0.5 * (low + high)
-        outcomes = tried(size)
+        size = high if growing_phase < 0 else 0.5 * high if low == 0.0 else 0.5 * (low + high)
+        outcomes = outcomes_at(size)
         if GROWS in outcomes:
-            high, worst = size, outcomes.index(GROWS)
-        elif OPEN in outcomes and worst < 0 and low == 0.0:
+            high, growing_phase = size, outcomes.index(GROWS)
+        elif OPEN in outcomes and growing_phase < 0 and low == 0.0:
             high, too_large = 0.5 * size, True
-        elif OPEN in outcomes or (too_large and worst < 0):
+        elif OPEN in outcomes or (too_large and growing_phase < 0):
             return Kick(np.nan, np.nan, np.nan, np.nan, KICK_UNDECIDED)
-        elif worst < 0 and size < largest:
+        elif growing_phase < 0 and size < largest:
             low, high = size, min(2.0 * size, largest)
-        elif worst < 0:
+        elif growing_phase < 0:
             return Kick(np.nan, np.nan, np.nan, np.nan, NO_KICK)
         else:
             low = size
-        if worst >= 0 and high - low < KICK_REL_TOLERANCE * high:
+        if growing_phase >= 0 and high - low < KICK_REL_TOLERANCE * high:
             break
-        if high < MIN_REL_KICK * top:  # no size was seen to decay
+        if high < MIN_REL_KICK * first_size:  # no size was seen to decay
             return Kick(np.nan, np.nan, np.nan, np.nan, KICK_UNDECIDED)
-    q, v = start(high, phases[worst])
+    q, v = start(high, phases[growing_phase])
     energy = 0.5 * float(v @ v + contact.system.omega2 @ q**2)
-    return Kick(high, float(phases[worst]), energy, (high - low) / high, KICK_FOUND)
+    return Kick(high, float(phases[growing_phase]), energy, (high - low) / high, KICK_FOUND)
 
 
 def decided_in_time(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """A design that cycles leave open, after runs in time.
+    """A design whose verdict or level its cycles leave open, after runs in time.
 
-    One that squeals has the level of a run where no stable cycle is the loudest (`_with_level`), or
-    where one to larger motion lasts (`_with_larger`). Of one whose modes are all stable runs begin
-    with what was found of families that are undecided: the loudest cycle, above it where it is
-    unstable; without any the motion that lacks least damping, and the largest of the curve, made as
-    large as `reach` [m/s] and larger: on the brake a motion of that size along a mode may lose what
-    a cycle of half of it needs. Where one lasts the design squeals if kicked, and no more are run.
-    Where all of a family decay there is no cycle found if nothing but the curve's end was missing;
-    else that is told, and the verdict stays open.
+    A design that squeals gets the level of a run where no stable cycle is the loudest
+    (`_with_level`), or where a run to a larger motion lasts (`_with_larger`).
+
+    In a design whose modes are all stable, runs are made for the families that are undecided. They
+    begin with the loudest cycle, or above it where that is unstable. Without a cycle they begin
+    with the motion that is nearest to growing, and with the largest of the curve, scaled to `reach`
+    [m/s] and to more: on the brake a motion along a mode may decay from `reach` although there is a
+    cycle of half that size. Where one run lasts the design squeals if kicked, and no more are made.
+    Where all runs of a family decay the verdict is that no cycle was found, if only the end of the
+    curve was missing; else it stays open, and the reason names the runs.
+
     `band` [rad/s] is that of `run_on`.
     """
     families = [family for _, family in followed.families]
     if any(family.verdict == NEUTRAL for family in families):
-        return followed  # every run keeps what it begins with of that mode
+        return followed  # in every run such a mode stays as large as it begins
     if any(family.verdict == SQUEALS for family in families):
         return _with_larger(contact, _with_level(contact, followed, band, reach), band, reach)
     if followed.unstable_outside or contact.point.growing.n_outside > 0:
@@ -190,10 +195,10 @@ def _with_level(
 ) -> Followed:
     """A design that squeals, with the level of a run where no stable cycle is known to be loudest.
 
-    It begins with the loudest cycle, above it where that is unstable; then with the largest motion
-    of the curve of the mode without a stable cycle that grows fastest, also where another has one.
-    Where it does not last the next is tried. Where a mode outside the band grows the level is that
-    of the torque within it.
+    Runs are made for families whose loudest cycle is louder than every stable one, and for unstable
+    modes without a stable cycle: first the louder one, then the one that grows faster. They begin
+    as `_starts` says. Where a run does not last the next is made, `MAX_LEVEL_RUNS` at most. Where a
+    mode outside the band grows the level is that of the torque within the band.
     """
     families = dict(followed.families)
     levels = [
@@ -232,10 +237,10 @@ def _with_level(
 def _with_larger(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """A design that squeals, with the level of a larger motion where one run to it lasts.
+    """A design that squeals, with the level of a larger motion where a run to it lasts.
 
-    Of the loudest family that squeals whose curve was not followed to its end: beyond it there may
-    be another motion, which a kick leads to.
+    The run is made for the loudest family that squeals and whose curve was not followed to its end:
+    there may be another motion beyond, which a kick leads to.
     """
     levels = {
         mode: _level(family)
@@ -244,7 +249,7 @@ def _with_larger(
         and family.largest is not None
         and family.end not in (*SEARCHED_ENDS, NOT_FOLLOWED)
         and _level(family) > 0.0
-        and (family.run is None or family.run.start == CYCLE)  # else it began above all cycles
+        and (family.run is None or family.run.start == CYCLE)  # others began above all cycles
     }
     if not levels or contact.point.growing.n_outside > 0:
         return followed
@@ -282,7 +287,7 @@ def _lasting(runs: Iterable[Ended]) -> list[Ended]:
 def _starts(
     contact: ContactOscillator, family: Family, reach: float
 ) -> Iterator[tuple[str, State]]:
-    """Where runs of a family that cycles leave open begin, in words and as states."""
+    """Starts of runs for a family that is undecided or squeals, in words and as states."""
     if family.verdict not in (UNDECIDED, SQUEALS):
         return
     if family.cycles:
@@ -335,9 +340,9 @@ def _decided(family: Family, ends: Sequence[Ended]) -> Family:
 
 
 def kicks(contact: ContactOscillator, followed: Followed, largest: float) -> dict[int, Kick]:
-    """`kick_along_mode` of the families that squeal if kicked, by the numbers of their modes.
+    """`kick_along_mode` for the families that squeal if kicked, by the numbers of their modes.
 
-    None where any mode is unstable: it then squeals without a kick.
+    Empty where any mode is unstable: the design then squeals without a kick.
     """
     families = [family for _, family in followed.families]
     unstable = followed.unstable_outside or any(f.verdict == SQUEALS for f in families)

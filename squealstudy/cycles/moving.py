@@ -15,14 +15,14 @@ from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import DAMPING_HELD, PROJECTED_TOLERANCE, Projection
 from squealstudy.errors import ConvergenceError
 
-# harmonics of the cycle that judges another's multipliers, over those of that: fewer where more
-# find none, or there are `most_finer` already
+# number of harmonics over a cycle's, tried in order, with which it is solved again for the errors
+# of its multipliers: less than one where more do not converge, or it has `most_finer` already
 FINER_HARMONIC_FACTORS = (2.25, 1.5, 1 / 1.5)
-Oscillators = Callable[[float], Oscillator]  # of a value of the parameter
+Oscillators = Callable[[float], Oscillator]  # value of the parameter -> oscillator
 
 
 def with_finer_samples(osc: Oscillator, harmonics: int) -> Oscillator:
-    """The oscillator with twice the samples of a period that this number of harmonics has."""
+    """The oscillator with twice as many samples of a period as it has for so many harmonics."""
     return replace(osc, samples=2 * len(osc.sampling(harmonics).synthesis))
 
 
@@ -32,11 +32,11 @@ class Moving:
     Parameters
     ----------
     oscillators : callable
-        Oscillator of a value of the parameter.
+        Returns the oscillator at a value of the parameter.
     bounds : (low, high)
         Range of the parameter.
     start : PeriodicMotion
-        The basis begins with its harmonics.
+        The motion whose harmonics are the first vectors of the basis.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Moving:
     def correction(
         self, motion: PeriodicMotion, fresh: bool = True, local: LocalForces | None = None
     ) -> PeriodicMotion:
-        """Correction as of `Projection`, at the motion's own value of the parameter."""
+        """`Projection.correction` at the motion's own value of the parameter."""
         correction = self._at(motion.parameter).correction(
             replace(motion, parameter=0.0), fresh, local
         )
@@ -88,30 +88,31 @@ class Moving:
     def improve(
         self, motion: PeriodicMotion, target: float, held_unknown: int
     ) -> tuple[PeriodicMotion, float, float]:
-        """Improvement as of `Projection`, at the motion's own value; a cycle of about that size."""
+        """`Projection.improve` at the motion's own value of the parameter."""
         improved, error, residual = self._at(motion.parameter).improve(
             replace(motion, parameter=0.0), target, held_unknown
         )
         return replace(improved, parameter=motion.parameter), error, residual
 
     def remember(self, motion: PeriodicMotion) -> None:
-        """A basis that begins anew will hold this motion."""
+        """Note a motion that a rebuilt basis has to span."""
         self.fixed.remember(motion)
 
     def compact(self, motion: PeriodicMotion) -> None:
-        """A large basis begins anew."""
+        """Rebuild a basis that is too large."""
         self.fixed.compact(motion)
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """Extension of the basis as of `Projection`, at the motion's own value of the parameter."""
+        """`Projection.grow` at the motion's own value of the parameter."""
         self._at(motion.parameter).grow(replace(motion, parameter=0.0), change)
 
     def stability(
         self, motion: PeriodicMotion, highest: float, series_errors: bool = True
     ) -> Floquet:
-        """Multipliers of a cycle; their errors hold those of the series where the basis is whole.
+        """Multipliers of a cycle, judged on modes up to `highest` [rad/s].
 
-        These cost the same cycle with more harmonics.
+        In all coordinates their errors include those of the series, if `series_errors`: for these
+        the cycle is solved again with another number of harmonics.
         """
         projection, cycle = self._at(motion.parameter), replace(motion, parameter=0.0)
         other = self._finer(projection, cycle) if series_errors and self.complete else None
@@ -133,7 +134,7 @@ class Moving:
         return None
 
     def at_value(self, motion: PeriodicMotion) -> tuple[PeriodicMotion, float]:
-        """The cycle near a motion at its own value in the basis, and the residual."""
+        """The cycle near a motion in the basis at the motion's own value, and its residual."""
         cycle, residual = self._at(motion.parameter).solve(
             replace(motion, parameter=0.0), DAMPING_HELD
         )

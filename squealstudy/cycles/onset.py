@@ -13,26 +13,26 @@ from squealstudy.errors import ConvergenceError
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
 HARMONICS = 3
-VELOCITIES = (0.01, 0.02, 0.04)  # of contact points, over the sliding speed
-SMALLER = (1.0, 0.1, 0.01)  # times these, where larger ones do not agree
-MIN_REL_DAMPING_CHANGE = 1e-9  # change of added damping over omega that is told from none
+VELOCITIES = (0.01, 0.02, 0.04)  # contact velocities over the sliding speed
+SMALLER = (1.0, 0.1, 0.01)  # factors on these: smaller ones are tried where the signs disagree
+MIN_REL_DAMPING_CHANGE = 1e-9  # least change of added damping over omega that is not round-off
 
 
 def criticality(contact: ContactOscillator, lam: complex, phi: np.ndarray) -> str:
     """How cycles begin where a mode is neutral, by the sign of d xi/d(a^2) at a -> 0.
 
-    ``subcritical`` where small motions need more added damping than none at all, ``supercritical``
-    where they need less; empty where the sizes tried do not agree or nothing changes, as with
-    forces that are linear about steady sliding.
+    ``subcritical`` where the added damping rises with the size of small motions, ``supercritical``
+    where it falls. Empty where the sizes tried do not agree or nothing changes, as with forces that
+    are linear about steady sliding.
 
     Parameters
     ----------
     contact : ContactOscillator
-        Of the design at the onset.
+        The design at the onset.
     lam : complex
         Its neutral root, rad/s.
     phi : ndarray (n,) complex
-        Right vector.
+        Right vector of that root.
     """
     projection = Projection(contact.oscillator, phi, lam.imag)
     for smaller in SMALLER:
@@ -48,7 +48,10 @@ def criticality(contact: ContactOscillator, lam: complex, phi: np.ndarray) -> st
 def _added(
     contact: ContactOscillator, projection: Projection, lam: complex, phi: np.ndarray, share: float
 ) -> float:
-    """Added damping [1/s] of a contact velocity over the sliding speed; NaN where there is none."""
+    """Added damping [1/s] of the motion with a contact velocity of `share` times the sliding speed.
+
+    NaN where no such motion is found.
+    """
     velocity = contact.contact_velocity(linear_motion(phi, lam, projection.weight, 1.0))
     size = share * abs(contact.point.speed) / velocity
     motion = linear_motion(phi, lam, projection.weight, size)

@@ -18,7 +18,7 @@ from squealstudy.cycles.harmonics import LEAST_SAMPLES, Sampling, sampling
 from squealstudy.errors import ModelError
 from squealstudy.linalg.dense_qep import dense_roots
 
-MAX_UNPROJECTED_COORDINATES = 60  # coordinates up to which models are balanced as they are
+MAX_UNPROJECTED_COORDINATES = 60  # larger models are balanced in a basis
 
 
 class LocalForces(NamedTuple):
@@ -27,8 +27,9 @@ class LocalForces(NamedTuple):
     Attributes
     ----------
     f : ndarray (S, g, b)
+        Forces.
     by_y, by_w : ndarray (S, g, b, b)
-        By displacements and by velocities of the group; the last index is what they are by.
+        Derivatives of the forces (third index) by the group's displacements and velocities (last).
     """
 
     f: np.ndarray
@@ -36,7 +37,7 @@ class LocalForces(NamedTuple):
     by_w: np.ndarray
 
 
-Forces = Callable[[np.ndarray, np.ndarray], LocalForces]  # of y, w, both (S, g, b)
+Forces = Callable[[np.ndarray, np.ndarray], LocalForces]  # (displacements, velocities), (S, g, b)
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,15 @@ class Oscillator:
     C, K : ndarray (n, n)
         Linear damping [1/s] and stiffness [1/s2].
     B : ndarray (g, b, n)
-        Coordinates of the groups.
+        Displacements of the groups by the coordinates.
     forces : callable
-        All that is not linear, `LocalForces` of (S, g, b) displacements and velocities.
+        All forces that C and K do not hold: `LocalForces` at displacements and velocities
+        (S, g, b).
     samples : int
         Least number of samples of a period.
     turning : callable or None
-        The same as `forces` at even samples of a whole period, each with its share of what is
-        between them; None where `forces` alone are smooth enough.
+        The same as `forces`, at even samples of a whole period. Each sample has its share of
+        forces that reverse between samples. None where `forces` are smooth enough.
 
     Raises
     ------
@@ -78,7 +80,7 @@ class Oscillator:
             raise ModelError("oscillator: values that are not finite")
 
     def sampling(self, harmonics: int) -> Sampling:
-        """Samples of a period for series of so many harmonics."""
+        """Samples of a period for series with so many harmonics."""
         return sampling(harmonics, self.samples)
 
     @property
@@ -88,7 +90,7 @@ class Oscillator:
 
     @property
     def rows(self) -> np.ndarray:
-        """B (g b, n) with all groups below each other."""
+        """B with all groups below each other, (g b, n)."""
         return self.B.reshape(-1, self.n)
 
     def evaluate(self, q: np.ndarray, v: np.ndarray) -> LocalForces:
@@ -111,7 +113,7 @@ class Oscillator:
         B = self.B.astype(D.dtype, copy=False)
         used = np.asarray(D.any(axis=tuple(range(D.ndim - 2))))
         rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
-        if len(columns) < len(rows):  # the product with fewer of both is the cheaper one
+        if len(columns) < len(rows):  # begin with the cheaper product
             turned: np.ndarray = np.swapaxes(self.projected(np.swapaxes(D, -1, -2)), -1, -2)
             return turned
         pushed = np.zeros((*D.shape[:-2], len(rows), self.n), D.dtype)
@@ -123,9 +125,10 @@ class Oscillator:
         return projected
 
     def steady_modes(self, highest: float) -> tuple[np.ndarray, np.ndarray]:
-        """Roots (m,) about the steady state with positive or no imaginary part, by size; rad/s.
+        """Roots (m,) [rad/s] about the steady state, by size, and right vectors (n, m).
 
-        And right vectors (n, m). All of a small model, up to `highest` [rad/s] of a large one.
+        Of a pair only the root with positive imaginary part. A small model returns all roots, a
+        large one those up to `highest` [rad/s].
         """
         zero = np.zeros((1, self.n))
         C, K = self.tangent(zero, zero)

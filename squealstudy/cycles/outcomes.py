@@ -1,7 +1,8 @@
 """Outcomes of the runs in time that limit cycles and design studies make.
 
-Classes are those of studies in time, but that of an undamped model nothing lasts by itself: any
-motion stays that a run begins with. A run ends early where it comes back, too.
+Classes are those of studies in time, with one exception: a lasting motion of an undamped model is
+undecided, since there any motion stays that a run begins with. A run also ends early where its
+motion repeats.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ def undecided_because(run: Motion) -> str:
 
 
 def known_so_far(run: Motion, duration: float, tolerance: float) -> str:
-    """`known_outcome`, or ``settled`` of a motion that repeats, in which nothing else rises.
+    """`known_outcome`, or ``settled`` where the motion repeats and nothing else in it rises.
 
-    Its level is known within the tolerance, too.
+    Its level has to be known within `tolerance` (relative), too.
     """
     outcome = known_outcome(run, duration, tolerance)
     torque = run.history["torque"]
@@ -43,7 +44,7 @@ def known_so_far(run: Motion, duration: float, tolerance: float) -> str:
     window = last_window(run.times, torque)
     levels = torque_levels(run.times[window], torque[window])
     if not 0.5 * (levels.rms_high - levels.rms_low) <= tolerance * levels.rms:
-        return ""  # before what costs more
+        return ""  # the tests below cost more
     if not comes_back(run):
         return ""
     return SETTLED if expected_rise(run, window, duration) <= 2 * tolerance else ""

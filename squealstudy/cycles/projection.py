@@ -27,17 +27,17 @@ from squealstudy.linalg.dense_qep import dense_roots
 MAX_VECTORS_PER_HARMONIC = 100
 # vectors, mean over the harmonics, above which a basis is rebuilt from the last motions
 REBUILD_BASIS_SIZE = 50
-REBUILD_BASIS_SIZE_SINGLE = 8  # the size where a single motion is corrected
+REBUILD_BASIS_SIZE_SINGLE = 8  # the same where a single motion is corrected, not a curve
 MAX_MOTIONS_KEPT = 12  # last motions from which a basis is rebuilt
-# stability of a cycle: complex modes up to this factor times the band span its deviations,
+# stability of a cycle: its deviations are spanned by complex modes up to this factor times a band,
 STABILITY_BAND_FACTOR = 1.5
-NEIGHBOUR_SIZE_RATIO = 1.02  # with the difference to the motion of this factor times its size
-MAX_MAIN_DIRECTIONS = 60  # and up to so many main directions of its basis
-# singular values over the largest, below which directions of unit-energy modes are dependent,
+NEIGHBOUR_SIZE_RATIO = 1.02  # by the difference to the motion of this size over the cycle's,
+MAX_MAIN_DIRECTIONS = 60  # and by up to so many main directions of its basis
+# singular values over the largest, below which directions count as dependent: of unit-energy modes,
 MODE_RANK_TOLERANCE = 1e-2
-MOTION_RANK_TOLERANCE = 1e-6  # and those of the last motions
-MAX_ENRICHMENTS = 12  # at one motion
-MAX_BLOCK_STEPS = 6  # enrichments of these that may follow a failure of Newton's method
+MOTION_RANK_TOLERANCE = 1e-6  # and of the last motions
+MAX_ENRICHMENTS = 12  # most extensions of the basis for one motion
+MAX_BLOCK_STEPS = 6  # of these, how many may follow a failure of Newton's method
 MIN_REL_DIRECTION = 0.1  # singular value over the largest, below which a direction does not join
 MAX_REL_SIZE_CHANGE = 0.15  # change of size by more harmonics, beyond which it is another cycle
 # relative error above which a basis is enriched: along curves, at cycles
@@ -57,15 +57,15 @@ class Projection:
     phi : ndarray (n,) complex
         Right vector of the mode that the family begins with.
     omega : float
-        Of the mode, rad/s.
+        Angular frequency of that mode, rad/s.
     """
 
     def __init__(self, osc: Oscillator, phi: np.ndarray, omega: float) -> None:
         self.oscillator, self.omega = osc, omega
         self.weight = np.sqrt(np.abs(np.diag(osc.K)) + omega**2)
-        self.vectors: list[np.ndarray] = []  # (n, r_h) of the harmonics from 0 on
+        self.vectors: list[np.ndarray] = []  # (n, r_h), one array for each harmonic from 0 on
         self._blocks: Blocks | None = None
-        self._moved = False  # since the blocks were made
+        self._moved = False  # whether the oscillator has changed since the blocks were made
         self._recent: list[PeriodicMotion] = []
         if osc.n > MAX_UNPROJECTED_COORDINATES:
             self.vectors = [np.zeros((osc.n, 0)), self._orthonormal([phi.real, phi.imag])]
@@ -113,8 +113,8 @@ class Projection:
     ) -> PeriodicMotion:
         """The correction, in all coordinates, of a motion that is balanced in the basis.
 
-        A `Blocks.step` with the blocks of an earlier motion; with `fresh` of this one unless that
-        is near. `local` are sampled forces of the motion, if computed before.
+        It is a `Blocks.step` with the blocks of an earlier motion; with `fresh` new blocks are made
+        unless that motion is near. `local` are sampled forces of the motion, if computed before.
         """
         H = motion.harmonics
         if self.complete:
@@ -133,10 +133,10 @@ class Projection:
         return blocks.step(R, motion)
 
     def corrected(self, cycle: PeriodicMotion) -> PeriodicMotion:
-        """The cycle of all coordinates near one of the basis, to first order.
+        """The cycle in all coordinates near one of the basis, to first order.
 
-        The correction keeps the size and changes the added damping; the basis then gives the size
-        at which no damping is added.
+        The correction keeps the size and changes the added damping. So the basis is solved for the
+        motion whose added damping the correction takes back to zero.
         """
         if self.complete:
             return cycle
@@ -155,10 +155,10 @@ class Projection:
     def deviations(self, motion: PeriodicMotion, highest: float) -> tuple[np.ndarray, int]:
         """Basis (n, r) of small deviations from a motion, in which its stability is judged.
 
-        It spans the motion's series, main directions of the vectors of all harmonics, complex modes
-        of its mean tangents up to `highest` [rad/s]; and then modes up to `STABILITY_BAND_FACTOR`
-        times that, and changes of the motion with its size. The number of columns of the first
-        group is returned too.
+        Its first columns, whose number is returned too, span the motion's series, main directions
+        of the vectors of all harmonics, and complex modes of its mean tangents up to `highest`
+        [rad/s]. The others add modes up to `STABILITY_BAND_FACTOR` times that, and changes of the
+        motion with its size.
         """
         local = sampled(
             self.oscillator, self.oscillator.sampling(motion.harmonics), motion.Q, motion.omega
@@ -166,11 +166,11 @@ class Projection:
         K, C = mean_tangents(self.oscillator, local, motion.parameter)
         lam, psi = dense_roots(C, K, (0.0, STABILITY_BAND_FACTOR * highest))
         low = np.abs(lam) <= highest
-        own_directions = self._directions(self._unit(np.hstack(self.vectors)))[
+        basis_directions = self._directions(self._unit(np.hstack(self.vectors)))[
             :, :MAX_MAIN_DIRECTIONS
         ]
         low_directions = self._directions(
-            np.hstack([self._unit(motion.Q.T), own_directions, self._unit(psi[:, low])])
+            np.hstack([self._unit(motion.Q.T), basis_directions, self._unit(psi[:, low])])
         )
         high_vectors = np.hstack(
             [self._unit(X) for X in (psi[:, ~low], *(Q.T for Q in self._changes_of_size(motion)))]
@@ -185,7 +185,7 @@ class Projection:
         return np.asarray(Q), low_directions.shape[1]
 
     def _changes_of_size(self, motion: PeriodicMotion) -> list[np.ndarray]:
-        """Differences (2 H + 1, n) to the motion of a larger size: slow deviations go that way."""
+        """Differences (2 H + 1, n) to a larger motion, where slow deviations go; may be empty."""
         try:
             larger, _ = self.solve(replace(motion, Q=NEIGHBOUR_SIZE_RATIO * motion.Q), SIZE_HELD)
             once_corrected = larger.changed(self.correction(larger, True))
@@ -195,7 +195,10 @@ class Projection:
         return [once_corrected.Q - motion.Q, twice_corrected.Q - motion.Q]
 
     def _unit(self, vectors: np.ndarray) -> np.ndarray:
-        """Real and imaginary parts, weighted, scaled to unit elastic energy; zero ones left out."""
+        """Real and imaginary parts of vectors (n, m), weighted and scaled to unit elastic energy.
+
+        Zero columns are left out.
+        """
         parts = np.hstack([vectors.real, vectors.imag]) * self.weight[:, None]
         sizes = la.norm(parts, axis=0)
         nonzero = sizes > 0.0  # real roots have no imaginary part
@@ -204,7 +207,7 @@ class Projection:
 
     @staticmethod
     def _directions(vectors: np.ndarray) -> np.ndarray:
-        """Main directions of weighted vectors."""
+        """Orthonormal main directions (n, r) of weighted vectors (n, m)."""
         if not vectors.shape[1]:
             return vectors
         left_vectors, values, _ = la.svd(vectors, full_matrices=False)
@@ -213,10 +216,11 @@ class Projection:
     def stability(
         self, motion: PeriodicMotion, highest: float, other: PeriodicMotion | None = None
     ) -> Floquet:
-        """Multipliers of a cycle, in the complex modes about it up to `highest` and its basis.
+        """Multipliers of a cycle; on a projected model those of `deviations`.
 
-        `other` is the same cycle with another number of harmonics (fewer in a basis), for errors of
-        the multipliers. Without it they are in double precision: branches follow them to 1.
+        `other` is the same cycle with another number of harmonics (fewer in a basis), for the
+        errors of the multipliers. With it the multipliers of a basis are computed in single
+        precision; without it in double precision, as branches follow them to 1.
         """
         if self.complete:
             return floquet(self.oscillator, motion, other)
@@ -233,13 +237,14 @@ class Projection:
         Parameters
         ----------
         fixed_unknown : int
-            `SIZE_HELD` or `DAMPING_HELD`.
+            `SIZE_HELD` or `DAMPING_HELD`: the unknown that keeps its value.
 
         Returns
         -------
         motion : PeriodicMotion
-            Of all coordinates.
+            The motion in the basis, as a series in all coordinates.
         error, residual : float
+            Error of the basis, and residual of the balance.
 
         Raises
         ------
@@ -248,7 +253,7 @@ class Projection:
         """
         if not self.complete:
             self.compact(motion, REBUILD_BASIS_SIZE_SINGLE)
-            self.join(motion, self.correction(motion, True))  # also for added harmonics
+            self.join(motion, self.correction(motion, True))  # new harmonics have no vectors yet
         fresh, last = False, np.inf
         for number in range(MAX_ENRICHMENTS):
             try:
@@ -274,7 +279,7 @@ class Projection:
         Raises
         ------
         ConvergenceError
-            Where there is none, or its size is another.
+            Where there is none, or its size differs much.
         """
         start = replace(motion, Q=with_harmonics(motion.Q, harmonics), parameter=0.0)
         try:
@@ -297,9 +302,9 @@ class Projection:
         return cycle, residual
 
     def grow(self, motion: PeriodicMotion, change: PeriodicMotion) -> None:
-        """Add a correction to the basis, and the next one after it.
+        """Add a correction to the basis, and the next correction of the motion thus corrected.
 
-        The next is left out where the correction is larger than the motion.
+        The next one is left out where the first is larger than the motion.
         """
         self.join(motion, change)
         if self.error(motion, change) < 1.0:
@@ -307,7 +312,7 @@ class Projection:
             self.join(nearer, self.correction(nearer))
 
     def _block_step(self, motion: PeriodicMotion, fixed_unknown: int) -> PeriodicMotion:
-        """The motion after one block step in all coordinates, which the basis then spans."""
+        """The motion after one block step in all coordinates, which is added to the basis."""
         change = self.correction(motion, True)
         self.join(motion, change)
         return motion.changed(
@@ -319,7 +324,7 @@ class Projection:
         self._recent = [*self._recent[1 - MAX_MOTIONS_KEPT :], motion]
 
     def solve(self, motion: PeriodicMotion, fixed_unknown: int) -> tuple[PeriodicMotion, float]:
-        """The motion of the basis near one of all coordinates, and its residual."""
+        """The motion in the basis near a motion in all coordinates, and its residual."""
         equations = self.equations(motion.harmonics)
         if fixed_unknown == DAMPING_HELD:
             equations.tolerance = min(equations.tolerance, CYCLE_PROJECTED_TOLERANCE)
@@ -377,7 +382,7 @@ class Projection:
         ]
 
     def _orthonormal(self, vectors: list[np.ndarray]) -> np.ndarray:
-        """Orthonormal vectors (n, r) of a span, turned so that stiffness is diagonal."""
+        """Orthonormal vectors (n, r) that span `vectors` and make the stiffness diagonal."""
         if not vectors:
             return np.zeros((self.oscillator.n, 0))
         X = np.array(vectors).T
@@ -388,5 +393,5 @@ class Projection:
 
 
 def _of_one_size(motion: PeriodicMotion, other: PeriodicMotion) -> bool:
-    """Whether the first harmonics of two motions are nearly of one size."""
+    """Whether the sizes of two motions are nearly the same."""
     return abs(other.size / motion.size - 1.0) < MAX_REL_SIZE_CHANGE

@@ -1,8 +1,8 @@
-"""Runs in time from periodic motions: what they come to.
+"""Runs in time from periodic motions, and what becomes of them.
 
-Whether a motion lasts, decays or is undecided is told as studies in time tell it, whatever it has
-become (`run_on`, `ended`). Beside a stable cycle it is enough to know whether a run comes to it
-(`Trials`): the means over windows of its energy have become the cycle's, or a small part of it.
+Whether a motion lasts, decays or is undecided is judged as in studies in time, whatever motion it
+has become (`run_on`, `ended`). Beside a stable cycle it is enough to know whether a run comes to
+that cycle (`Trials`): whether the mean energy of a window is that of the cycle, or nearly zero.
 """
 
 from __future__ import annotations
@@ -31,24 +31,25 @@ from squealstudy.motion.system import MotionPoint
 from squealstudy.wording import FAILED, LASTING, STABLE, SUSTAINED, UNDECIDED
 
 GROWS, DECAYS, LASTS, OPEN = "grows", "decays", "lasts", UNDECIDED
-STEPS_PER_PERIOD = 200  # steps of a period
+# runs beside a stable cycle (`Trials`)
+STEPS_PER_PERIOD = 200  # steps of a period of the cycle
 STEPS_PER_ROW = 10  # steps between rows: 20 rows a period
-STOP_TEST_PERIODS = 20  # periods between looks
-MAX_PERIODS = 1000  # periods
-SILENT = 1e-2  # of the least energy that is known of a cycle: what is below it has decayed
-CYCLE_ENERGY_REL_TOLERANCE = 0.02  # relative: an energy that is that of the cycle
-# runs of which nothing is known but the start
+STOP_TEST_PERIODS = 20  # periods between tests of whether a run may end
+MAX_PERIODS = 1000  # longest time of a run
+SILENT = 1e-2  # energy over that of the smallest cycle, below which a run has decayed
+CYCLE_ENERGY_REL_TOLERANCE = 0.02  # relative difference of energies of a run and of the cycle
+# runs whose outcome may be any (`run_on`)
 TOP_STEPS = 64  # steps of a period of the highest assembly mode of the band
 TOP_SAVED = 8  # steps between rows
 HALVINGS = 4  # largest number of halvings of the step of a run that lasts
 STEP_REL_TOLERANCE = 0.01  # relative change of a level by half the step that counts as small
-STEP_REFINEMENT = 4  # factor on the steps where a run fails, as by impacts of a strong kick
-TOP_PERIODS = 3000  # such periods, the longest
-N_STOP_TESTS = 40  # at a run, evenly over the longest time
+STEP_REFINEMENT = 4  # steps are shortened by this where a run fails, as by impacts of a strong kick
+TOP_PERIODS = 3000  # longest time of a run, in periods of that highest mode
+N_STOP_TESTS = 40  # tests of whether a run may end, evenly over the longest time
 TOLERANCE = 0.02  # relative error of levels at which a run that lasts may end
-OUTSIDE = 0.5  # share of the energy beyond the band's modes from which on none of these leads
+OUTSIDE = 0.5  # energy share of modes outside the band above which no mode of the band is named
 
-State = tuple[np.ndarray, np.ndarray]  # q, q' (n,)
+State = tuple[np.ndarray, np.ndarray]  # displacements and velocities (n,) of the coordinates
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,11 @@ class Trials:
     ----------
     contact : ContactOscillator
     cycle : PeriodicMotion
-        Stable.
+        The stable cycle.
     smallest : PeriodicMotion or None
-        The smallest cycle that is known, where that is another one.
+        The cycle of least energy that was found; None for `cycle` itself.
     periods : int
-        Of the cycle: longest time of a run.
+        Longest time of a run, in periods of the cycle.
     """
 
     contact: ContactOscillator
@@ -72,7 +73,7 @@ class Trials:
     periods: int = MAX_PERIODS
 
     def outcomes(self, starts: Sequence[State]) -> list[str]:
-        """Outcome of each start: ``grows`` to the cycle, ``decays``, or ``undecided``."""
+        """Outcome of the run from each start: ``grows`` to the cycle, ``decays``, ``undecided``."""
         period = 2 * np.pi / self.cycle.omega
         settings = MotionSettings(
             self.periods * period,
@@ -97,7 +98,7 @@ class Trials:
         return [motion.stopped or OPEN for motion in motions]
 
     def _energy(self, motion: PeriodicMotion) -> float:
-        """Mean energy [J] of a periodic motion, as runs in time tell it."""
+        """Mean energy [J] of a periodic motion: kinetic, and in the reference stiffness."""
         theta = 2 * np.pi * np.arange(STEPS_PER_PERIOD) / STEPS_PER_PERIOD
         synthesis, slope = series_at(theta, motion.harmonics)
         q, v = synthesis @ motion.Q, motion.omega * (slope @ motion.Q)
@@ -117,30 +118,31 @@ class Ended:
     Attributes
     ----------
     start : str
-        What it began with, in words.
+        The motion that it began with, in words.
     found : str
-        A class of runs (`wording`), ``stable`` where it decays.
+        Class of the run (`wording`), ``stable`` where it decays, or ``failed``.
     torque_rms : float
-        Of its last window, about the mean, N m; NaN where no level lasts.
+        RMS of the torque about its mean in the last window, N m; NaN where no motion lasts.
     spread : float
-        What this is uncertain by, relative: the half-width of `level`.
+        Relative half-width of the bounds of `torque_rms`.
     frequency_hz, line_hz : float
-        Of the motion, NaN where it does not repeat; of the strongest line of the torque.
+        Frequency of the motion, NaN where it does not repeat, and of the torque's strongest line.
     frequency_error : float
-        Relative, of the motion's frequency.
+        Relative error of `frequency_hz`.
     mode_hz : float
-        Of the assembly mode with most energy at the end; NaN of one outside the band.
+        Frequency of the band's assembly mode with most energy at the end; NaN where most of the
+        energy is in modes outside the band.
     open_share_max : float
-        Of the contact area, in the last window.
+        Largest share of the contact area that is open in the last window.
     regularisation : float
-        What friction without a corner at zero sliding would change the level by, relative, an
-        estimate; NaN where that was not looked for.
+        Relative change of the level, estimated, if the corner of friction at zero sliding were not
+        rounded; NaN where that was not computed.
     band : bool
-        The level is that of the torque within the band alone.
+        Whether the level is that of the torque within the band alone.
     level : Level or None
-        The same level with its parts: of the window, of the step, of regularisation.
+        The level with the parts of its error: window, step, regularisation.
     why : str
-        Of a run that failed, or whose outcome is not known: why, in words.
+        Why the run failed, or why its outcome is undecided, in words.
     """
 
     start: str
@@ -164,12 +166,12 @@ class Ended:
 
     @property
     def goes_on(self) -> bool:
-        """Whether there is a vibration in the end that lasts, or may."""
+        """Whether the run ends with a vibration that lasts, or may last."""
         return self.outcome != DECAYS and self.found != FAILED
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The start and the outcome, in words."""
         if self.outcome == DECAYS:
             return f"{self.start}: {DECAYS}"
         mode_text = f" near {self.mode_hz:.4g} Hz" if np.isfinite(self.mode_hz) else ""
@@ -178,7 +180,7 @@ class Ended:
 
     @property
     def nothing_told(self) -> str:
-        """Clause on a run that shows neither a level nor decay: what became of it."""
+        """Clause that says what became of a run that does not last."""
         if self.outcome == DECAYS:
             return f"a run in time from {self.start} decays"
         if self.found == FAILED:
@@ -191,7 +193,7 @@ def run_on(
 ) -> list[Motion]:
     """Runs from states of a design point until their outcome is known, or to the longest time.
 
-    `band` [rad/s] has the modes that are watched; the highest of them gives steps and times.
+    Growth is watched in the modes of `band` [rad/s]; the highest of them sets steps and times.
     """
     omega = contact.system.frequencies
     sensed = np.flatnonzero((omega >= band[0]) & (omega <= band[1])) + 1
@@ -199,7 +201,7 @@ def run_on(
     top = 2 * np.pi / float(omega[sensed[-1] - 1] if len(sensed) else omega[-1])
     step, saved = top / TOP_STEPS, TOP_SAVED
     if (max_step := longest_step(contact)) < step:
-        step, saved = max_step, round(step / max_step)  # rows show how it breaks loose
+        step, saved = max_step, round(step / max_step)  # rows show how a point breaks loose
     settings = MotionSettings(
         TOP_PERIODS * top,
         step,
@@ -218,7 +220,7 @@ def run_on(
         return motion.outcome == "ok" and class_of(motion) in SUSTAINED
 
     def refined(motion: Motion) -> Refined:
-        """On from the end of a run that lasts, with ever shorter steps until its level is right."""
+        """Continue a run that lasts with half the step, until its level changes little by that."""
         if not has_few_points(system):
             return Refined.of(motion, step_parts(system, motion, settings))
         parts = OF_THE_WINDOW
@@ -244,14 +246,15 @@ def run_on(
 
 
 def shorter(settings: MotionSettings, times: int) -> MotionSettings:
-    """The settings with a step so many times shorter, and the same rows."""
+    """The settings with a step so many times shorter, and the same time between rows."""
     return replace(settings, step=settings.step / times, save_every=settings.save_every * times)
 
 
 def between(coarse: Motion, fine: Motion) -> tuple[StepParts, bool]:
-    """Errors of levels by the step, from runs with one step and half of it; whether they are small.
+    """Errors of levels by the step, from runs with a step and half of it; whether they are small.
 
-    The whole difference: at first order the error of the finer one, at second three times that.
+    The error of the finer run is taken as the whole difference. That is right for a method of first
+    order; for one of second order the error is a third of it.
     """
     (coarse_levels, _), (fine_levels, window) = run_levels(coarse), run_levels(fine)
     rms, swing = fine_levels["torque_rms"], fine_levels["torque_peak_to_peak"]
@@ -281,7 +284,7 @@ class Refined(Motion):
 
     @classmethod
     def of(cls, motion: Motion, by_step: StepParts) -> Refined:
-        """The motion with it."""
+        """The motion with the errors of its levels by its step."""
         motion_fields = {
             field.name: getattr(motion, field.name) for field in fields(Motion) if field.init
         }
@@ -289,10 +292,10 @@ class Refined(Motion):
 
 
 def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -> Ended:
-    """Outcome of a run from `start`, named in words.
+    """Outcome of a run from `start` (in words).
 
-    Where a mode outside `band` [rad/s], if that is given, grows, the level is that of the torque
-    within the band.
+    If `band` [rad/s] is given and a mode outside it grows, the level is that of the torque within
+    the band.
     """
     if motion.outcome != "ok":
         return Ended(start, FAILED, why=motion.message)
@@ -320,9 +323,10 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
 
 
 def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float, float]:
-    """RMS of the torque within a band [rad/s], half of its 95 % bounds over it, its line [Hz].
+    """RMS of the torque within a band [rad/s], its relative half-width (95 %), its line [Hz].
 
-    Of the last window. A filter has no history at its ends: a tenth at either is left out.
+    Computed from the last window. The filter is wrong at the ends of the window: a tenth at either
+    end is left out.
     """
     torque = motion.history["torque"]
     window = last_window(motion.times, torque)
@@ -344,10 +348,11 @@ def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float,
 def with_regularisation(
     contact: ContactOscillator, run: Ended, motion: Motion, band: tuple[float, float]
 ) -> Ended:
-    """Outcome of a run, and the effect of the corner of its friction curve.
+    """Outcome of a run, with the change of its level by the rounded corner of its friction curve.
 
-    Where the corner takes from the fall of friction the motion goes on with one of half the width:
-    levels change in proportion to it (THEORY.md, section 16), so twice what they change by is left.
+    Where the corner is wide enough to change the fall of friction, the run is continued with half
+    the width. Levels change in proportion to the width (THEORY.md, section 16), so without a
+    rounded corner the level would change by twice as much.
     """
     if run.outcome != LASTS or not run.torque_rms > 0.0 or not rounds_off(contact):
         return run

@@ -1,7 +1,8 @@
 """A followed mode family and its verdict.
 
-A verdict never says more than was found: `no_cycle_found` is of a curve that was followed as far as
-was asked, `squeals_if_kicked` of a cycle that attracts, with all its digits in order.
+A verdict never says more than was found. A family is `no_cycle_found` only if its curve was
+followed as far as was asked, or if runs in time decay where it was not; `squeals_if_kicked` only if
+a cycle is stable by more than its errors, or a run in time lasts.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from squealstudy.cycles.growth import (
 from squealstudy.cycles.trials import Ended
 from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED, plural
 
-NOT_FOLLOWED = "not_followed"  # end of a curve that was not asked for
+NOT_FOLLOWED = "not_followed"  # end of a curve where the family was not to be followed
 CURVE_ENDS = {  # why a curve ended before it was followed as far as asked, in words
     OTHER_RESONANCE: "the motion became that of another resonance",
     SHRUNK: "the motion came back to no amplitude",
@@ -39,11 +40,11 @@ CURVE_ENDS = {  # why a curve ended before it was followed as far as asked, in w
     "steps": "it took too many steps",
     "no_contact_motion": "the mode does not move the contact",
 }
-SEARCHED_ENDS = (FAR, DAMPED)  # ends of curves that were followed as far as there is hope
+SEARCHED_ENDS = (FAR, DAMPED)  # ends of curves that were followed far enough
 ONLY_UNSTABLE = "only unstable cycles found"
-# damping ratio missing, beyond small motions', at which large models are left
+# in large models a curve ends where a motion decays faster than small ones by this damping ratio
 GIVE_UP_DAMPING_RATIO = 0.02
-# error of a contact velocity beyond which it is no threshold, and has no share
+# relative error of a cycle's contact velocity beyond which the cycle is no threshold
 MAX_THRESHOLD_REL_ERROR = 0.05
 
 
@@ -58,29 +59,30 @@ class Family:
     cycles : tuple of Cycle
         In the order of the curve.
     lost : int
-        Zeros of the curve that more harmonics did not confirm, or lead to another one's cycle.
+        Number of zeros of the curve that more harmonics did not confirm, or that lead to the cycle
+        of another zero.
     curve : list of dict
-        ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``,
+        Rows with ``contact_velocity`` m/s, ``frequency_hz``, ``added_damping`` 1/s, ``residual``,
         ``basis_error``, ``event``.
     end : str
         Why the curve ended: ``far`` where it was followed as far as asked.
     look : SecondLook or None
-        With more harmonics, of a stable mode's curve on which no cycle is confirmed.
+        The check with more harmonics of a stable mode's curve on which no cycle is confirmed.
     verdict, reason : str
     threshold : Cycle or None
         The unstable cycle that a kick along it must exceed.
     run : Ended or None
-        In time, of a family that was undecided without: the loudest that lasts, or what is open.
+        The run in time that decided the verdict or the level, or that left it open.
     largest : PeriodicMotion or None
-        Of the curve.
+        The motion of the curve with the largest contact velocity.
     path : tuple of CurveMotion
-        The curve; where it is silent and `origin` is not empty, that of a design nearby.
+        Motions of the curve; those of a design nearby where `origin` is not empty.
     origin : str
-        Name of that design, of whose curve motions were balanced at this one.
+        Name of a design nearby whose silent curve was used for this family.
     furthest : float
-        Largest contact velocity of its curve, m/s.
+        Largest contact velocity of that design's curve, m/s.
     noise : float
-        Added damping, 1/s: as little is none.
+        Added damping [1/s] up to which it counts as none.
     """
 
     lam: complex
@@ -107,19 +109,19 @@ class Family:
 
     @property
     def cut_short(self) -> bool:
-        """Whether nothing speaks for a cycle but what of the curve was not followed to its end."""
+        """Whether there is no sign of a cycle: none found, no zero lost, no motion that grows."""
         return not (self.cycles or self.lost or self.grows)
 
     @property
     def grows(self) -> bool:
-        """Whether a motion of the curve does, with the most harmonics that were tried."""
+        """Whether a motion of the curve grows, with the most harmonics that were tried."""
         if self.look is not None:
             return self.look.grows
         return any(p["added_damping"] > self.noise for p in self.curve)
 
     @property
     def undamped(self) -> float:
-        """Contact velocity [m/s] up to which its motions neither grow nor decay; 0 for none."""
+        """Contact velocity [m/s] up to which motions neither grow nor decay; 0 if small ones do."""
         if abs(2.0 * self.lam.real) > self.noise:
             return 0.0
         small = itertools.takewhile(lambda p: abs(p["added_damping"]) <= self.noise, self.curve)
@@ -127,12 +129,12 @@ class Family:
 
     @property
     def grew(self) -> bool:
-        """Whether anything of the family does, or has a cycle."""
+        """Whether a motion of the curve grows, or there is a cycle."""
         return self.grows or bool(self.cycles)
 
     @property
     def loudest(self) -> Cycle | None:
-        """The stable cycle of largest level."""
+        """The stable cycle with the largest contact velocity; None without a stable one."""
         stable = [c for c in self.cycles if c.attracts]
         return max(stable, key=lambda c: c.levels["contact_velocity"], default=None)
 
@@ -143,15 +145,15 @@ class Followed(NamedTuple):
     Attributes
     ----------
     families : list of (int, Family)
-        By the numbers of their modes, unstable ones that were not asked for among them.
+        Numbers of modes and their families; unstable modes are listed even if not asked for.
     left_out : int
-        Modes of the band that were not followed, unstable ones too.
+        Number of modes of the band that were not followed, unstable ones included.
     unstable_outside : bool
-        Whether a mode outside the band is unstable.
+        Whether a mode is unstable, and none in the band.
     modes : ndarray (n, m) complex
         Right vectors of the band's modes.
     name : str
-        Of the design.
+        Name of the design.
     """
 
     families: list[tuple[int, Family]]
@@ -162,7 +164,7 @@ class Followed(NamedTuple):
 
     @property
     def n_growing(self) -> int:
-        """Families of which a motion grows."""
+        """Number of families that have a motion that grows, or a cycle."""
         return sum(family.grew for _, family in self.families)
 
 
@@ -205,7 +207,7 @@ def judged(family: Family, unstable: bool, any_unstable: bool) -> Family:
 
 
 def _neutral(family: Family) -> str:
-    """Outcome of kicks of a mode without damping."""
+    """What a kick of a mode without damping leads to, in words."""
     small = family.undamped
     larger = f"; larger ones, up to {family.reached:.3g} m/s, decay"
     return (
@@ -228,7 +230,7 @@ def _searched(family: Family, look: SecondLook) -> str:
 
 
 def alone(number: int, family: Family, families: Sequence[tuple[int, Family]]) -> Family:
-    """A family without its threshold where another grows at smaller motions, or may."""
+    """The family, without its threshold where another one grows at smaller motions, or may."""
     if family.threshold is None:
         return family
     mine = family.threshold
@@ -244,7 +246,7 @@ def alone(number: int, family: Family, families: Sequence[tuple[int, Family]]) -
 
 
 def _threshold(family: Family, stable: Cycle) -> tuple[Cycle | None, str]:
-    """The only cycle below the stable one, if it is a saddle; why there is none."""
+    """The cycle below the stable one, if it is the only one and a saddle; else None and why."""
     below = family.cycles[: family.cycles.index(stable)]
     if family.lost:
         return None, "other cycles below the stable one may be missing"
