@@ -16,14 +16,14 @@ from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-ALIGNMENT_BYTES = 64  # bytes: a cache line, and the widest vector register
-SYMMETRY_TOLERANCE = 1e-12  # of the largest entry of a matrix that is symmetric but for it
+ALIGNMENT_BYTES = 64  # a cache line, and the widest vector register
+SYMMETRY_TOLERANCE = 1e-12  # skew part of a symmetric matrix, over its largest entry: round-off
 FEW_POINTS = 8  # contact points up to which steps are cut at corners: minimal models
-PANEL_BYTES = 2**19  # of tiles that are used twice: they stay in the second cache meanwhile
+PANEL_BYTES = 2**19  # tiles that are used twice stay in the second-level cache in between
 
 
 def padded(n: int) -> int:
-    """Modes rounded up to whole vector registers."""
+    """Number of modes, rounded up to whole vector registers."""
     return -(-n // LANES) * LANES
 
 
@@ -34,7 +34,7 @@ def coordinates(system: ModalSystem) -> int:
 
 
 def aligned_zeros(*shape: int, dtype: type[np.floating] = np.float64) -> np.ndarray:
-    """Zeros whose rows begin at cache lines where the last dimension fills whole ones."""
+    """Zeros; rows begin at cache lines if the last dimension fills whole cache lines."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     raw = np.zeros(size + ALIGNMENT_BYTES, dtype=np.uint8)
     start = -raw.ctypes.data % ALIGNMENT_BYTES
@@ -43,7 +43,10 @@ def aligned_zeros(*shape: int, dtype: type[np.floating] = np.float64) -> np.ndar
 
 
 def observation(system: ModalSystem, single_storage: bool = False) -> np.ndarray:
-    """B (nt, n, ROWS) by tiles of contact points, then modes, n rounded up; made once a system."""
+    """Observation matrix B (nt, n, ROWS) of a system, in tiles of contact points.
+
+    n is rounded up (`coordinates`). It is made once for each system and precision.
+    """
     dtype = np.float32 if single_storage else np.float64
     if dtype not in system.tiles:
         nc, P = len(system.area), POINTS
@@ -62,7 +65,7 @@ def modal_arrays(
     settings: MotionSettings,
     integrator: KernelIntegrator,
 ) -> tuple[layout.ModalArrays, bool]:
-    """The kernels' arrays, and whether the fixed Jacobian is dense."""
+    """The kernels' arrays of design points, and whether the fixed Jacobian is dense."""
     n, m, h = coordinates(system), len(system.shapes), settings.step
     c = _stack([x.c for x in designs], system.n, "c")
     w2 = np.tile(system.omega2.astype(float), (len(designs), 1))
@@ -112,7 +115,7 @@ def schedule_arrays(
     Raises
     ------
     ModelError
-        Only some designs have a schedule; their times differ; a load has another size.
+        Only some designs have a schedule, or their times differ.
     """
     staying, count = modal.modes[:, layout.LOAD], modal.fixed.shape[2]
     speeds, loads = (
@@ -145,7 +148,7 @@ def schedule_arrays(
 
 
 def corner_halvings(integrator: KernelIntegrator, contact_points: int) -> int:
-    """Halvings of a sub-step with a corner; none for many points, which meet one in every step."""
+    """Halvings of a sub-step with a corner; 0 for many points, which meet one in every step."""
     return integrator.corner_halvings if contact_points <= FEW_POINTS else 0
 
 
@@ -157,7 +160,10 @@ def _levels(integrator: KernelIntegrator, contact_points: int) -> int:
 def step_tables(
     modes: np.ndarray, integrator: KernelIntegrator, h: float, levels: int
 ) -> np.ndarray:
-    """Modal.steps for modes (nb, 3, n); designs of the same damping share the work."""
+    """`ModalArrays.steps` (nb, levels + 1, N_STEP, n) of modes (nb, 3, n).
+
+    Designs of the same stiffness and damping share the work.
+    """
     nb, _, n = modes.shape
     steps = aligned_zeros(nb, levels + 1, layout.N_STEP, n)
     table_of: dict[bytes, np.ndarray] = {}
@@ -179,7 +185,9 @@ def _padded_rows(rows: np.ndarray, n: int) -> np.ndarray:
 def _full_matrices(
     system: ModalSystem, designs: Sequence[MotionPoint], n: int
 ) -> dict[str, np.ndarray]:
-    """Modal.between and turning, and which row of them each design uses; equal matrices share one.
+    """`ModalArrays.between` and `turning`, and which of their matrices each design uses.
+
+    Designs with the same array share one matrix; -1 is none.
 
     Raises
     ------
@@ -216,7 +224,9 @@ def _full_matrices(
 
 
 def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.ndarray:
-    """Rows (nb, ns + 8 m, n) whose products with q and q' are saved: sensed and growing modes.
+    """Rows (nb, ns + 8 m, n) whose products with q and q' are saved.
+
+    First those of the sensed modes, then the sensors of the growing modes.
 
     Raises
     ------
@@ -237,7 +247,7 @@ def _sensors(system: ModalSystem, designs: Sequence[MotionPoint], n: int) -> np.
 def _fixed(
     system: ModalSystem, designs: Sequence[MotionPoint], integrator: KernelIntegrator
 ) -> np.ndarray:
-    """Modal.fixed (nb, 2, nc): zeros where the Jacobian is not fixed."""
+    """`ModalArrays.fixed` (nb, 2, nc): zeros where the Jacobian is not fixed."""
     fixed = np.zeros((len(designs), 2, len(system.area)))
     if not isinstance(integrator, FixedJacobian):
         return fixed
@@ -254,11 +264,11 @@ def _fixed(
 def _tangential(
     system: ModalSystem, velocity_change: np.ndarray, used: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Modal.tangential, compliance and self_compliance of the points; empty unless `used`.
+    """`ModalArrays.tangential`, `compliance` and `self_compliance`; empty unless `used`.
 
     The compliance is that of the first design, whose velocities change by `velocity_change` (n,)
-    for a unit pull: dampings of other designs hardly change it, and it only has to make the
-    iteration contract.
+    for a unit pull. Dampings of other designs hardly change it, and the iteration has only to
+    contract with it.
     """
     nc, n = (len(system.area) if used else 0), len(velocity_change)
     rows = aligned_zeros(2 * nc, n)
@@ -270,7 +280,7 @@ def _tangential(
 def point_compliance(
     rows: np.ndarray, velocity_change: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Modal.compliance and self_compliance of tangential rows (2 nc, n).
+    """`ModalArrays.compliance` and `self_compliance` of tangential rows (2 nc, n).
 
     Velocities change by `velocity_change` (n,) for a unit pull.
     """
@@ -288,7 +298,7 @@ def _stack(rows: Sequence[np.ndarray | None], n: int, name: str) -> np.ndarray:
 def kernel_settings(
     settings: MotionSettings, integrator: KernelIntegrator, dense: bool, contact_points: int
 ) -> layout.StepSettings:
-    """The kernels' settings; Newton converges quadratically and takes squares of tolerances."""
+    """The kernels' settings; Newton's method, which converges quadratically, squares tolerances."""
     fixed = isinstance(integrator, FixedJacobian)
     power = 1 if fixed else 2
     return layout.StepSettings(

@@ -21,14 +21,14 @@ from squealstudy.system.modal_damping import modal_damping
 
 @dataclass(frozen=True)
 class AssemblyDamping:
-    """Parts of the damping of design points: all modes of the reference.
+    """Parts of the damping of design points, in all modes of the reference.
 
     Attributes
     ----------
     omega2 : ndarray (n,)
         Diagonal stiffness at the reference, contact tangent included, (rad/s)^2.
     N : ndarray (nc, n)
-        Gaps.
+        Changes of the contact gaps by the modes.
     k_ref : ndarray (nc,)
         Contact tangents inside `omega2`, N/m.
     shapes : ndarray (m, n)
@@ -36,11 +36,11 @@ class AssemblyDamping:
     own : ndarray (n, n) or None
         The components' own damping and gyroscopic terms, rad/s; None where they have none.
     turning : ndarray (n, n) or None
-        Gyroscopic terms of what turns at 1 m/s of sliding, 1/m; None without.
+        Gyroscopic terms of the turning parts at 1 m/s of sliding, 1/m; None without such parts.
     unturned : str
-        Why there are none, where something turns.
+        Why `turning` is None although parts turn.
     damped_to : float
-        rad/s; modes beyond have the damping coefficient of a mode there.
+        Frequency [rad/s]; modes beyond it have the damping coefficient of a mode at it.
     basis : ndarray (n, r) or None
         Orthonormal coordinates of the run; None for all modes.
     n_exact : int
@@ -68,7 +68,7 @@ class AssemblyDamping:
         return replace(self, basis=basis, n_exact=n_exact)
 
     def turning_at(self, state: DesignState) -> np.ndarray | None:
-        """Gyroscopic terms (r, r) of what turns with the sliding speed, 1/s; None where none."""
+        """Gyroscopic terms (r, r) of parts that turn at the sliding speed, 1/s; None without."""
         rate = state.operating.turning
         if not rate or self.turning is None:
             return None
@@ -78,7 +78,7 @@ class AssemblyDamping:
     def at(
         self, state: DesignState, tangents: np.ndarray, stiffness: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Damping of a design point on itself and between coordinates.
+        """Damping of a design point: of each coordinate by itself, and between coordinates.
 
         Parameters
         ----------
@@ -86,15 +86,16 @@ class AssemblyDamping:
         tangents : ndarray (nc,)
             Contact tangents of its working point, N/m.
         stiffness : ndarray (m,)
-            What it adds to the stiffness of the shapes, (rad/s)^2.
+            Stiffness that it adds to the shapes, (rad/s)^2.
 
         Returns
         -------
         diagonal : ndarray (r,)
-            1/s; negative where the own damping is, or a stiffness that is damped by beta.
+            Damping of each coordinate, 1/s. Negative where the components' own damping is, or
+            where stiffness damping acts on a negative stiffness.
         between : ndarray (r, r) or None
-            With zeros on the diagonal, symmetric where nothing turns, 1/s; None where nothing is
-            beside the diagonal.
+            Damping between coordinates with zeros on the diagonal, 1/s; symmetric where nothing
+            turns. None where all of it is zero.
 
         Raises
         ------
@@ -113,7 +114,7 @@ class AssemblyDamping:
         else:
             omega = np.sqrt(np.maximum(self.omega2, 0.0))
             rates = 2.0 * zeta * np.minimum(omega, self.damped_to)
-            with np.errstate(over="ignore"):  # infinite ones fail the point where they are used
+            with np.errstate(over="ignore"):  # an infinite rate fails the point where it is used
                 rates += state.stiffness_damping * self.omega2
             if self.own is None and self.basis is None and not rate:
                 return rates, None

@@ -1,7 +1,7 @@
-"""The complex modes that a run is watched through: unstable ones, and the sensors that see them.
+"""The complex modes that a run is watched through: unstable ones, and their sensors.
 
-Two groups of sensors: the projection on its left vector sees one mode alone, and tells how that
-grows; the plane of motion along a mode tells what share of the energy is in it.
+There are two groups of sensors. The projection on the left vector of a mode sees that mode alone,
+and shows how it grows. The plane of motion along a mode shows what share of the energy is in it.
 
 A motion along a complex mode, 2 Re(a x exp(lambda t)), has its states (q, q') in the plane that the
 real and imaginary parts of (x, lambda x) span. The energy |q'|^2 / 2 + |Omega q|^2 / 2 makes these
@@ -27,31 +27,31 @@ DEGENERATE_AXIS_RATIO = 1e-9  # second axis over the first, below which a plane 
 
 @dataclass(frozen=True)
 class GrowingModes:
-    """Complex modes of one design point, fastest growth first; none where they are not watched.
+    """Complex modes of one design point, fastest growth first; empty where runs are not watched.
 
     Attributes
     ----------
     lam : ndarray (m,) complex
-        rad/s; where no mode of the band is unstable, the least stable one alone, of neutral modes
-        that of lowest frequency.
+        Roots, rad/s. Where no mode of the band is unstable only the least stable one; of several
+        neutral modes that of the lowest frequency.
     right, left : ndarray (n, m) complex
-        Q(lam) right = 0 and left^H Q(lam) = 0, unit norms.
+        Vectors of unit norm with Q(lam) right = 0 and left^H Q(lam) = 0.
     n_unstable : int
-        Unstable modes in the band, those beyond `MAX_FOLLOWED_MODES` counted too.
+        Number of unstable modes in the band, those beyond `MAX_FOLLOWED_MODES` counted too.
     n_above, n_below : int
-        Unstable modes above and below the band.
+        Numbers of unstable modes above and below the band.
     growth_outside, frequency_outside : float
-        Of the fastest of those, 1/s and Hz; 0 where there is none.
+        Growth rate [1/s] and frequency [Hz] of the fastest of those; 0 without any.
     sensors : ndarray (8 m, n)
-        Rows whose products with q and q' are kept: of each mode four of `growth_sensors`, then of
-        each mode four of `mode_planes`.
+        Rows whose products with q and q' are saved: four `growth_sensors` of each mode, then four
+        `mode_planes` of each mode.
     energy : ndarray (m,)
         Mean mechanical energy of a motion along each mode at unit projection, J.
     overlap : ndarray (2 m, 2 m)
         Scalar products of the axes of the planes.
     integrated : ndarray (2, m) complex
-        The roots with which these modes move at the step of a run, rad/s: where each step's
-        balance is found, and where forces are evaluated once a step; empty where not known.
+        The roots with which these modes move at the step of a run, rad/s: if each step is solved to
+        its balance, and if forces are evaluated once a step. (2, 0) where they are not known.
     """
 
     lam: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
@@ -69,12 +69,12 @@ class GrowingModes:
 
     @property
     def n_outside(self) -> int:
-        """Unstable modes that nothing follows, for they are outside the band."""
+        """Number of unstable modes outside the band, which are not followed."""
         return self.n_above + self.n_below
 
     @property
     def n_followed(self) -> int:
-        """Unstable modes among those in `lam`, where they come first."""
+        """Number of unstable modes in `lam`, where they come first."""
         return min(self.n_unstable, len(self.lam))
 
 
@@ -85,11 +85,12 @@ def growing_modes(
     band_hz: tuple[float, float],
     tolerance: float,
 ) -> GrowingModes:
-    """Unstable modes of lambda^2 I + lambda C + K in a band, and what grows outside it.
+    """Unstable modes of lambda^2 I + lambda C + K in a band, and the number outside it.
 
     Parameters
     ----------
     C, K : ndarray (n, n)
+        Damping [1/s] and stiffness [1/s2]; the mass is the identity.
     omega2 : ndarray (n,)
         Diagonal stiffness of the energy, (rad/s)^2; the mass is the identity.
     band_hz : (low, high)
@@ -102,7 +103,7 @@ def growing_modes(
     lam, psi = lam[oscillating], psi[:, oscillating]
     unstable = lam.real > tolerance * np.abs(lam)
     inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
-    neutral = np.abs(lam.real) <= tolerance * np.abs(lam)  # which is first, round-off would decide
+    neutral = np.abs(lam.real) <= tolerance * np.abs(lam)  # their order would be one of round-off
     order = np.argsort(np.where(neutral, 0.0, -lam.real), kind="stable")
     chosen = order[inside[order]][:MAX_FOLLOWED_MODES]
     n_unstable = int((unstable & inside).sum())
@@ -134,7 +135,7 @@ def left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
     vectors = np.empty((n, len(lam)), dtype=complex)
     for k, root in enumerate(lam):
         Q = root**2 * np.eye(n) + root * C + K
-        shift = 1e-14 * np.abs(Q).max()  # a root met exactly would be a singular matrix
+        shift = 1e-14 * np.abs(Q).max()  # at an exact root the matrix would be singular
         factor = la.lu_factor(Q.conj().T + shift * np.eye(n), overwrite_a=True)
         y = np.ones(n, dtype=complex)
         for _ in range(INVERSE_ITERATIONS):
@@ -155,13 +156,13 @@ def growth_sensors(C: np.ndarray, lam: complex, left_vector: np.ndarray) -> np.n
     lam : complex
         Root, rad/s.
     left_vector : ndarray (n,) complex
-        Left vector: y^H (lambda^2 + lambda C + K) = 0.
+        Left vector y: y^H (lambda^2 + lambda C + K) = 0.
 
     Returns
     -------
     ndarray (4, n)
-        Real and imaginary part of y^H (for velocities), then of y^H (lambda + C) (displacements);
-        `projection` puts them together.
+        Real and imaginary part of y^H, for velocities, then of y^H (lambda + C), for displacements.
+        `projection` adds their products.
     """
     y = left_vector.conj()
     z = lam * y + y @ C
@@ -186,13 +187,14 @@ def mode_planes(
     omega2 : ndarray (n,)
         Diagonal stiffness of the energy, (rad/s)^2; the mass is the identity.
     lam : ndarray (m,) complex
-        rad/s.
+        Roots, rad/s.
     right : ndarray (n, m) complex
+        Right vectors.
 
     Returns
     -------
     rows : ndarray (m, 4, n)
-        Of each plane two rows for velocities, then two for displacements: their products add up
+        Two rows for velocities, then two for displacements, for each plane: their products add up
         to `coordinates`.
     overlap : ndarray (2 m, 2 m)
         Scalar products of all axes; zeros for the missing second axis of a line.

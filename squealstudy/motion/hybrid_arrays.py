@@ -1,6 +1,6 @@
 """Arrays of the hybrid kernels: model, design point and state; the factor of the step.
 
-The fixed Jacobian of the hybrid Newmark scheme is factored once a size of step, condensed once.
+The fixed Jacobian of the hybrid Newmark scheme is factored and condensed once for each step size.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from squealstudy.linalg.factor import symmetric_lu
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.hybrid import HybridModel
 
-RHS_PER_SOLVE = 64  # right-hand sides a call of SuperLU
-# forces below this share of the contact forces at the start mean nothing
+RHS_PER_SOLVE = 64  # right-hand sides in each call of SuperLU
+# forces below this share of the contact forces at the start are negligible
 NEGLIGIBLE_FORCE_RATIO = 1e-12
 
 
@@ -122,14 +122,15 @@ class StepSolver:
 
     Attributes
     ----------
-    level : hybrid_layout.Level
+    level : hybrid_layout.StepSize
+        The condensed Jacobian of the contact points.
     solves : int
-        Forward/back solves done in the run.
+        Number of forward and back solves so far.
 
     Raises
     ------
     ConvergenceError
-        ``singular_jacobian``.
+        Where J is singular (``singular_jacobian``).
     """
 
     def __init__(

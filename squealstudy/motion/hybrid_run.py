@@ -1,4 +1,4 @@
-"""Time integration of the hybrid model, which the modal one is held against, and its history."""
+"""Time integration of the hybrid model, with which modal runs are compared, and its history."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.hybrid import HybridModel
 
-# options that have no meaning here
+# options of `Newmark` that have no meaning here
 UNUSED = ("contact_factor", "contact_stiffness", "prewarp", "single_storage", "corner_halvings")
 
 
@@ -36,9 +36,9 @@ class HybridMotion(Motion):
     Attributes
     ----------
     solves : float
-        Forward/back solves of the factor a step.
+        Forward and back solves in each step, in the mean.
     columns : float
-        Columns of J^-1 B^T added a step instead of a second solve, for few points.
+        Columns of J^-1 B^T that were added in each step instead of a second solve, in the mean.
     """
 
     solves: float
@@ -58,13 +58,13 @@ def simulate_hybrid(
     ----------
     model : HybridModel
     design : MotionPoint
-        Its vectors in coordinates of the model, `c` of its real modes.
+        Its vectors are in the model's coordinates, `c` in its real modes.
     settings : MotionSettings
-        Of integrator ``newmark`` without the options of the modal kernel's Jacobian. The contact
-        iteration is a Gauss-Seidel iteration in the contact directions, so that `aitken` and
-        `tangential_damping` have nothing to do.
+        Its integrator is ``newmark``, without the options of the modal kernel's Jacobian. The
+        contact iteration is a Gauss-Seidel iteration in the contact directions: `aitken` and
+        `tangential_damping` have no effect.
     sensed : ndarray (ns,) of int or None
-        Modes, from 1, whose amplitudes are kept; None for all.
+        Numbers of modes, from 1, whose amplitudes are saved; None for all.
     sensors_of : HybridModel or None
         A model in the same coordinates about another working point: amplitudes and modal energies
         are those of its modes and its stiffness. None for `model`.
@@ -74,7 +74,7 @@ def simulate_hybrid(
     ModelError
         Arrays that do not fit the model.
     ParameterError
-        An integrator that the hybrid representation does not have, or an option.
+        An integrator or an option that the hybrid representation does not have.
     """
     method = settings.integrator
     if not isinstance(method, Newmark):
@@ -89,7 +89,7 @@ def simulate_hybrid(
 
 
 class _Run:
-    """State of one integration; time advances in units of the shortest sub-step."""
+    """State of one integration, whose time is counted in units of the shortest sub-step."""
 
     def __init__(
         self,
@@ -121,7 +121,7 @@ class _Run:
             settings.tolerance, settings.friction_tolerance, settings.max_iterations
         )
         self._solvers: dict[int, StepSolver] = {}
-        self._n_equal_steps = 0  # sub-steps of the present size, up to now
+        self._n_equal_steps = 0  # successive sub-steps of the present size so far
         self._position, self._level, self._step = 0, 0, 0
         self._evaluations, self._step_evaluations, self._max_evaluations = 0, 0, 0
         self._halvings, self._contraction, self._columns = 0, 0.0, 0
@@ -133,7 +133,7 @@ class _Run:
             self._integrate()
 
     def _integrate(self) -> None:
-        """Step to the end, or to a sub-step that fails at the shortest size."""
+        """Advance to the end, or until a sub-step of the shortest size fails."""
         settings = self._settings
         n_shortest = 1 << self._max_halvings
         while self._step < settings.n_steps:
@@ -156,7 +156,7 @@ class _Run:
                 self._recorder.save(self._step)
 
     def _advance(self) -> int:
-        """Try one sub-step; its status."""
+        """Try one sub-step; return its status."""
         hybrid, state = self._hybrid, self._state
         try:
             solver = self._solver()
@@ -182,7 +182,7 @@ class _Run:
         return newmark.DONE
 
     def _solver(self) -> StepSolver:
-        """The factor of the present size of step, made when it is first needed."""
+        """The factor for the present step size, made when it is first needed."""
         if self._level not in self._solvers:
             normal = self._hybrid.points[:, newmark.POINT_NORMAL]
             drag = self._hybrid.law[newmark.LAW_MU] * normal
@@ -237,14 +237,15 @@ class Recorder:
     ----------
     model : HybridModel
     hybrid, state : hybrid_layout tuples
-        Of the run.
+        Arrays of the run.
     settings : MotionSettings
     modes : ndarray (ns,) of int
-        Places of the modes of the model whose amplitudes are kept.
+        Indices of the model's modes whose amplitudes are saved.
     watching : ndarray (m, n)
-        Sensors: their products with q and q' are kept after these amplitudes.
+        Sensors, whose products with q and q' are saved after these amplitudes.
     excess : ndarray (nc,)
-        Contact tangents in the stiffness beyond those that modal energies are of, N/m.
+        Contact tangents in the model's stiffness less those in the stiffness of modal energies,
+        N/m.
     """
 
     model: HybridModel
@@ -273,10 +274,10 @@ class Recorder:
         return x[layout.Q] + shape_motion[:, 0], x[layout.V] + shape_motion[:, 1]
 
     def stored(self) -> tuple[float, float]:
-        """Mechanical energy with the stiffness of modal energies, and with the contact, J.
+        """Mechanical energy with the stiffness of modal energies, and that with the contact, J.
 
-        Modes are orthogonal in M and K: the energy of the modes replaces the part of it that the
-        sparse motion has.
+        Modes are orthogonal in M and K. So the energy of the sparse motion is corrected by the
+        energy of the modes less that of the modes' part in it.
         """
         x, modes, w2 = self.state.vectors, self.state.modes, self.hybrid.omega2
         v = x[layout.V]
@@ -290,7 +291,7 @@ class Recorder:
         return modal, linear + float(potential_energy(self.hybrid, self.state))
 
     def save(self, step: int) -> None:
-        """Append the accepted state, if the step is one of those kept."""
+        """Append the accepted state, if this step is to be saved."""
         every = self.settings.save_every
         if not every or step % every:
             return
@@ -313,16 +314,16 @@ class Recorder:
         return {name: rows[:, i].copy() for i, name in enumerate(newmark.HISTORY)}
 
     def sensed(self) -> np.ndarray:
-        """Amplitudes, then sensors of growing modes, of q and q' (rows, 2, ns + 8 m)."""
+        """Amplitudes, then products of the sensors, for q and q' (rows, 2, ns + m)."""
         ns = len(self.modes) + len(self.watching)
         return np.array(self._sensed).reshape(-1, 2, ns)
 
     def coordinates(self) -> np.ndarray:
-        """Deviations (rows, n), none unless they were asked for."""
+        """Deviations (rows, n); no rows without `MotionSettings.save_q`."""
         return np.array(self._q).reshape(-1, self.model.n)
 
     def _lag(self) -> np.ndarray:
-        """Modes less the sparse part, amplitude and velocity (2, m)."""
+        """Amplitudes and velocities (2, m) of the modes less those in the sparse motion."""
         modes = self.state.modes
         part = modes[[layout.ALPHA, layout.RATE]] - modes[[layout.ALPHA_S, layout.RATE_S]]
         return np.asarray(part)

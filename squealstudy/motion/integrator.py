@@ -1,13 +1,13 @@
 """Integrators, and the catalogue of them.
 
-An integrator is a class whose fields are its options. It is known by being in a folder that the
+An integrator is a class whose fields are its options. Studies know it if it is in a folder that the
 catalogue reads, or by `register_integrator`. Those that the batched kernel runs
 (`KernelIntegrator`) are tables of coefficients: the state at the end of a sub-step is affine in
 the forces there,
 
     (q, v)_1 = P (q, v)_0 + first pull_0 + last pull_1,
 
-with the pull all forces beyond the free modes q'' + c q' + w2 q.
+where the pull is all forces but those of the free modes q'' + c q' + w2 q.
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ from squealstudy.wording import expectation
 if TYPE_CHECKING:
     import numpy as np  # commands that compute nothing start without it
 
-# imbalance at which a step's contact iteration ends: far below the step's error
+# relative imbalance at which a step's contact iteration ends: far below the step's error
 CONTACT_ITERATION_TOLERANCE = 1e-2
-SLOW_TOLERANCE = 1e-3  # the same of the slow references
-RENAMED_OPTIONS = {"mockup": "tangential_damping"}  # by their names up to version 0.3
-DRIFT_LIMIT = 1e-3  # the level of a coarse brake is 3 % low at 1.6e-3, right to 0.1 % at 4e-4
+SLOW_TOLERANCE = 1e-3  # the same for the slow reference integrators
+RENAMED_OPTIONS = {"mockup": "tangential_damping"}  # names up to version 0.3, names now
+# relative: the level of a coarse brake is 3 % low at a drift of 1.6e-3, right to 0.1 % at 4e-4
+DRIFT_LIMIT = 1e-3
 
 
 class Integrator(BaseModel, ABC):
@@ -43,13 +44,13 @@ class Integrator(BaseModel, ABC):
     Attributes
     ----------
     name : str
-        As study files call it.
+        Name in study files.
     label, description : str
-        For charts and messages.
+        Texts for charts and messages.
     order : int or None
-        Of convergence where motion is smooth; None for solvers that choose their steps.
+        Order of convergence where motion is smooth; None for solvers that choose their steps.
     drift_limit : float
-        Energy from nowhere, over that of the vibration, beyond which levels are doubtful.
+        Imbalance of energy over the energy of the vibration, beyond which levels are doubtful.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -63,7 +64,7 @@ class Integrator(BaseModel, ABC):
     @model_validator(mode="before")
     @classmethod
     def _renamed(cls, options: Any) -> Any:
-        """Options with those under old names under their new ones."""
+        """Options, with old names replaced by new ones."""
         for old in RENAMED_OPTIONS.keys() & options if isinstance(options, Mapping) else ():
             new = RENAMED_OPTIONS[old]
             text = f"the option {old} of integrators is called {new} now"
@@ -73,7 +74,7 @@ class Integrator(BaseModel, ABC):
 
     @classmethod
     def outside_source(cls) -> str:
-        """Hash of its file where that is outside the package: part of results' identity."""
+        """Hash of the integrator's file if outside the package: part of the identity of results."""
         if cls.__module__.split(".")[0] == __name__.split(".")[0]:
             return ""
         return hash_of(Path(inspect.getfile(cls)))
@@ -85,10 +86,11 @@ class KernelIntegrator(Integrator):
     Attributes
     ----------
     tolerance : float
-        Imbalance of forces at which a study's contact iteration ends by default, relative.
+        Relative imbalance of forces at which a study's contact iteration ends by default.
     work_of_changes : float
-        Share of the products of changes in works: 0 sums products of means, which balance for
-        average acceleration; 1 is the trapezoidal rule of force times velocity.
+        How the work of a step is summed. 0: mean force times mean velocity, which balances for
+        average acceleration; 1: with the product of their changes, the trapezoidal rule of force
+        times velocity.
     """
 
     tolerance: ClassVar[float] = CONTACT_ITERATION_TOLERANCE
@@ -120,13 +122,13 @@ class KernelIntegrator(Integrator):
         w2, c : ndarray (n,)
             Stiffness [1/s2] and damping [1/s].
         h : float
-            Length, s.
+            Length of the sub-step, s.
 
         Returns
         -------
         ndarray (8, n)
             Rows kernels.newmark_layout.QQ, QV, VQ, VV (propagator of q and v), FIRST_Q, FIRST_V
-            and LAST_Q, LAST_V (answers to the pull at the start and at the end).
+            and LAST_Q, LAST_V (response to the pull at the start and at the end).
         """
 
     def steps(
@@ -142,14 +144,14 @@ class KernelIntegrator(Integrator):
         return np.array([self.step(w2, c, h / 2**k) for k in range(levels + 1)])
 
     def modes(self, w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness and damping (n,) that are integrated in place of w2 and c at a step h."""
+        """Stiffness [1/s2] and damping [1/s] (n,) to integrate in place of w2 and c at a step h."""
         return w2, c
 
 
 class FixedJacobian(KernelIntegrator):
-    """A method of the kernel that corrects forces by a fixed Jacobian: a diagonal one by default.
+    """A method of the kernel that corrects forces with a fixed Jacobian, diagonal by default.
 
-    Other kernel integrators make a fresh Jacobian at every iteration.
+    Other kernel integrators compute a new Jacobian at every iteration.
     """
 
     aitken: bool = Field(default=True, description="relax the contact iteration after Aitken")
@@ -178,12 +180,13 @@ def register_integrator(integrator: type[Integrator]) -> type[Integrator]:
 
     Parameters
     ----------
-    integrator : subclass of Integrator, as FixedJacobian
+    integrator : subclass of Integrator
+        For example a subclass of `FixedJacobian`.
 
     Raises
     ------
     ParameterError
-        Another one has that name.
+        Another integrator has that name.
     """
     if _integrators.setdefault(integrator.name, integrator) is not integrator:
         raise ParameterError("integrator", f"there is another '{integrator.name}'")
@@ -197,7 +200,7 @@ def read_integrators(package: str) -> None:
 
 
 def integrators() -> Mapping[str, type[Integrator]]:
-    """All that are known, by name."""
+    """All integrators of the catalogue, by name."""
     while _folders:
         folder = importlib.import_module(_folders.pop(0))
         for module_info in pkgutil.iter_modules(folder.__path__, folder.__name__ + "."):
@@ -212,13 +215,13 @@ def _is_method(item: object) -> bool:
 
 
 def integrator(name: str, options: Mapping[str, Any] | None = None) -> Integrator:
-    """The integrator of a name with these options, the others by default.
+    """The integrator with a name and these options; other options have their defaults.
 
     Raises
     ------
     ParameterError
-        An unknown name (key ``integrator``), or an option that it does not have or take (key the
-        option's).
+        An unknown name (key ``integrator``), an unknown option, or a value that it cannot have (the
+        key is the option's).
     """
     if name not in integrators():
         raise ParameterError("integrator", f"'{name}' is none of {', '.join(integrators())}")

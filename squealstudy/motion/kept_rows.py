@@ -1,4 +1,4 @@
-"""Thinning of the rows of a run: one of so many is kept, with what happened since the last."""
+"""Thinning of the rows of a run: every so many rows become one, with sums and extremes of all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-# columns over all steps since the row before, and how rows of them become one
+# columns that hold all steps since the row before, and the function that joins rows of them
 SUMMED: Mapping[str, Callable[..., np.ndarray]] = {
     "torque_mean": np.mean,
     "torque_min": np.min,
@@ -24,7 +24,9 @@ JOINED: Mapping[str, Callable[..., np.ndarray]] = {
 
 
 def kept_rows(history: Mapping[str, np.ndarray], every: int) -> dict[str, np.ndarray]:
-    """Columns of every so many rows, 0 of none; what is summed or extreme is since the one before.
+    """Every so many rows of a history's columns, from the first on; no rows if `every` is 0.
+
+    Columns of means and extremes hold all steps since the previous row that is kept.
 
     Parameters
     ----------
@@ -43,14 +45,14 @@ def kept_rows(history: Mapping[str, np.ndarray], every: int) -> dict[str, np.nda
 
 
 def row_variances(history: Mapping[str, np.ndarray], every: int) -> np.ndarray:
-    """Variance of the torque since the last kept row: mean of the variances, and of the means."""
+    """Variance of the torque since the last kept row: mean of variances plus variance of means."""
     spread = joined(history["torque_mean"], every, np.var)
     within = joined(history["torque_variance"], every, np.mean)
     return within + spread
 
 
 def joined(values: np.ndarray, every: int, reduce: Callable[..., np.ndarray]) -> np.ndarray:
-    """A column in which each row is what so many rows come to, behind the first row."""
+    """The first row of a column, then each `every` rows after it joined by `reduce`."""
     count = (len(values) - 1) // every
     parts = values[1 : 1 + count * every].reshape(count, every)
     return np.concatenate([reduce(values[:1, None], axis=1), reduce(parts, axis=1)])

@@ -15,34 +15,35 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
 from squealstudy.wording import ENERGY_RULE
 
-N_BALANCE_BLOCKS = 10  # parts of a run; inside an impact the balance is off and comes back
-# of the energy of the vibration, from nowhere in the last row: no impact does so
+# parts of a run whose medians are compared: within an impact the balance is off, and comes back
+N_BALANCE_BLOCKS = 10
+# imbalance in the last row, over the energy of the vibration, that no impact makes
 MAX_LAST_ROW_ENERGY_JUMP = 0.5
-ENERGY_BALANCE_ROUND_OFF = 1e-9  # of the work of friction and of the energy that is stored
+ENERGY_BALANCE_ROUND_OFF = 1e-9  # over the work of friction and the stored energy
 # stick number beyond which a stuck contact rings at the step: levels of a belt (.3 to
 # 1.1 m/s, kicked by 4, steps of 5e-5 to 4e-4 s) err by .8 % at 26, 3 % at 52 and 12 % at 210
 MAX_STICK_NUMBER = 30.0
-MIN_STICK_SHARE = 0.5  # share of the contact area that sticks at a time
-# Hoffmann's oscillator, friction 0.78 and 1 % damping, grows by 83, 11, 2.6 and 0.03 %
-# too slowly at 9, 22, 45 and 450 steps a period
-# steps a period of the fastest mode: never enough, always
+MIN_STICK_SHARE = 0.5  # largest share of the contact area that sticks, above which this is checked
+# steps in a period of the fastest mode below which there are never enough, and above which always:
+# Hoffmann's oscillator, friction 0.78 and 1 % damping, grows by 83, 11, 2.6 and 0.03 % too slowly
+# at 9, 22, 45 and 450 steps
 TOO_FEW_STEPS_PER_PERIOD, ENOUGH_STEPS_PER_PERIOD = 12.0, 60.0
-GROWTH_APART = 0.05  # of fitted and predicted growth of small motions
-DAMPING_APART = 5e-4  # and as damping ratios
-STORAGE_LIMIT = 1e-3  # relative change of contact forces: what a step's imbalance may be
+GROWTH_APART = 0.05  # relative difference of fitted and predicted growth that is accepted
+DAMPING_APART = 5e-4  # the same as a difference of damping ratios
+STORAGE_LIMIT = 1e-3  # relative change of contact forces that is accepted: a step's imbalance
 
 
 def doubts(
     motion: Motion, system: ModalSystem, settings: MotionSettings, finding: Mapping[str, Any]
 ) -> dict[str, str]:
-    """Rules that a run breaks, and what that may do to its levels.
+    """Rules that a run breaks, each with a text on what that may do to its levels.
 
     Parameters
     ----------
     motion : Motion
     system : ModalSystem
     settings : MotionSettings
-        By which it was integrated.
+        Settings of the run.
     finding : mapping
         Columns of its row: stuck share of the contact, fitted and predicted growth.
     """
@@ -62,7 +63,7 @@ def doubts(
 
 
 def _ringing(number: float, sticks: float, step: float) -> str:
-    """The trapezoidal rule does not damp the friction of stuck points at a long step."""
+    """Text on friction of stuck points that rings, which the trapezoidal rule does not damp."""
     if number <= MAX_STICK_NUMBER:
         return ""
     return (
@@ -73,7 +74,7 @@ def _ringing(number: float, sticks: float, step: float) -> str:
 
 
 def _coarse(finding: Mapping[str, Any], step: float) -> str:
-    """A step that is long beside a period shifts what couples modes, and so their growth."""
+    """Text on a step that is long beside a period, which changes the growth of coupled modes."""
     hz, predicted = finding["predicted_frequency_hz"], finding["predicted_growth_rate"]
     steps = 1.0 / (step * hz) if hz > 0 else np.inf
     if not steps < ENOUGH_STEPS_PER_PERIOD:
@@ -98,7 +99,7 @@ def _coarse(finding: Mapping[str, Any], step: float) -> str:
 
 
 def _drifting(drift: float, step: float, limit: float) -> str:
-    """Energy from nowhere, as methods of a fixed step make it in impacts at a long step."""
+    """Text on an imbalance of energy, as methods of a fixed step have in impacts."""
     if not drift > limit:
         return ""
     return (
@@ -108,7 +109,7 @@ def _drifting(drift: float, step: float, limit: float) -> str:
 
 
 def _rounded(motion: Motion, system: ModalSystem, settings: MotionSettings) -> str:
-    """Contact forces that single-precision storage may have changed."""
+    """Text on contact forces that storage in single precision may have changed."""
     method, energy = settings.integrator, motion.modal_energy
     stored = isinstance(method, KernelIntegrator) and method.single_storage
     if not stored or not len(energy):
@@ -125,12 +126,12 @@ def _rounded(motion: Motion, system: ModalSystem, settings: MotionSettings) -> s
 def energy_drift(motion: Motion) -> float:
     """Largest imbalance of energy over a run, relative to the energy of its vibration.
 
-    The balance at the end is one against the work of friction, which steady sliding does as well:
-    energies from nowhere cancel by chance, and as much as the whole vibration may be a thousandth
-    of that work. Here the imbalance is followed over the run: the medians of ten parts of the
-    history are compared with the start, and the last row where it is most of the energy, a run
-    that explodes at its end. The vibration's energy is its largest modal energy and what damping
-    took from it, or gave. NaN for a history shorter than ten rows.
+    The balance at the end would not do: imbalances may cancel by then, and it is relative to the
+    work of friction, of which steady sliding does most: the energy of the whole vibration may be a
+    thousandth of that. Here the imbalance is followed over the run. It is the largest of the
+    medians of ten parts of the history; the last row counts too where its imbalance is most of the
+    energy, as in a run that explodes at its end. The vibration's energy is its largest modal energy
+    plus the energy that damping took or gave. NaN for a history shorter than ten rows.
     """
     h = motion.history
     if len(h["time"]) < N_BALANCE_BLOCKS:
@@ -150,11 +151,11 @@ def energy_drift(motion: Motion) -> float:
 
 
 def storage_number(system: ModalSystem, design: MotionPoint, energy: float) -> float:
-    """Largest relative change of a contact pressure by storage in single precision; a bound.
+    """Bound of the relative change of contact pressures by storage in single precision.
 
-    The entries of N change by dN, known exactly, and a motion of energy E has no larger change of
-    gap than |dN / omega| sqrt(2 E) (Cauchy and Schwarz). Modes without stiffness are left out:
-    their displacement has no bound.
+    The entries of N change by dN, which is known, and in a motion of energy E a gap changes by at
+    most |dN / omega| sqrt(2 E) (Cauchy and Schwarz). Modes without stiffness are left out: their
+    displacement has no bound.
 
     Parameters
     ----------

@@ -22,14 +22,14 @@ OUTCOMES = {
 
 
 def outcome_of(status: int, time: float) -> tuple[str, str]:
-    """Outcome and message of a run with a kernel's status that got to a time [s]."""
+    """Outcome and message of a run that reached a time [s], by the kernel's status."""
     outcome, reason = OUTCOMES[status]
     return outcome, f"t = {time:.4g} s: {reason}" if reason else ""
 
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies of a run, J: work in = dissipation + change of stored energy, to the residual."""
+    """Energies of a run, J: work done = dissipation + change of stored energy + residual."""
 
     work_load: float
     work_belt: float
@@ -40,7 +40,7 @@ class EnergyBalance:
 
     @property
     def residual(self) -> float:
-        """Energy from nowhere (negative) or lost (positive), J."""
+        """Energy that appeared (negative) or was lost (positive) without a cause, J."""
         dissipated = self.friction + self.damping
         return self.work_load + self.work_belt - dissipated - self.stored_end + self.stored_start
 
@@ -56,13 +56,13 @@ class EnergyBalance:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A run of one design point: where it got, its histories, and how the integration went.
+    """A run of one design point: its last state, its histories, and how the integration went.
 
     Attributes
     ----------
     point : MotionPoint
     sensed : ndarray (ns,) of int
-        Assembly modes whose amplitudes are kept, from 1.
+        Numbers, from 1, of the assembly modes whose amplitudes are saved.
     omega : ndarray (ns,)
         Their frequencies, rad/s.
     outcome : str
@@ -71,32 +71,35 @@ class Motion:
     message : str
         Time and reason of a failure; empty otherwise.
     time : float
-        Reached, s.
+        Time that the run reached, s.
     q, v : ndarray (n,)
         Last accepted state.
     history : dict of str -> ndarray (rows,)
         Columns kernels.newmark_layout.HISTORY.
     displacement, velocity : ndarray (rows, ns + 8 m)
-        Of the sensed modes, then products of the point's `GrowingModes.sensors`.
+        Amplitudes of the sensed modes, then products of the point's `GrowingModes.sensors`.
     q_history : ndarray (rows, n) or (0, n)
+        Displacements of all coordinates, where they are saved.
     squares : ndarray (rows, 2, ns)
         Means of the squares of displacement and velocity of the sensed modes since the row before;
         NaN where the integrator does not sum them.
     mean_iterations, max_iterations : float, int
-        Evaluations of the contact forces a step.
+        Evaluations of the contact forces in a step.
     halvings, newton_steps : int
+        Numbers of halvings of a step and of Newton steps.
     cuts : int
-        Sub-steps that were made again because a contact point met a corner of its law in them.
+        Number of sub-steps that were repeated because a contact point met a corner of its law.
     contraction : float
         Largest ratio of residuals over a plain first correction.
     energy : EnergyBalance
-        Of the whole run; its end is NaN after a failure.
+        Energies of the whole run; `stored_end` is NaN after a failure.
     steps : int
         Whole steps taken.
     stopped : str
         Why a watch ended the run before its time; empty otherwise.
     windows : dict
-        What was found of windows of its rows (`outcome.own_frequency`); a changed run has none.
+        Levels and frequencies of windows of its rows that have been computed once
+        (`outcome.torque`, `outcome.periods`); a copy by `dataclasses.replace` has none.
     """
 
     point: MotionPoint

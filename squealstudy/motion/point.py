@@ -30,8 +30,8 @@ from squealstudy.system.contact_weights import ContactWeights, contact_weights, 
 from squealstudy.system.linearise import StructureWeights, structure_weights
 
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
-AT_REST = 1e-6  # of the sliding speed: what may be left of it where a point is to stick
-LEAST_PRESSURE = 1e-300  # Pa: a slope is positive
+AT_REST = 1e-6  # speed of a point that is to stick over the sliding speed, at most
+LEAST_PRESSURE = 1e-300  # Pa; keeps the slope positive
 
 
 def friction_law(
@@ -51,16 +51,18 @@ def friction_law(
     point : WorkingPoint
         Of `state`.
     slope : float
-        k_t, N s/m3; 0 for `automatic_slope`.
+        Slope k_t of friction at zero sliding, N s/m3; 0 for `automatic_slope`.
     saturation : float
-        Sliding speed that the automatic slope is of, m/s; not used with a slope.
+        Sliding speed [m/s] for `automatic_slope`; not used with a slope.
     kind : str
-        ``regularised`` or ``smooth``.
+        Kind of regularisation, ``regularised`` or ``smooth``.
 
     Raises
     ------
     ParameterError
-        Friction so soft that steady sliding is not steady.
+        A slope so small that friction does not saturate at the sliding speed.
+    ModelError
+        Friction of single points that runs in time cannot start with.
     """
     own_friction = contact.own_friction
     if not starts_in_time(own_friction, contact.speed_factor):
@@ -96,8 +98,8 @@ def automatic_slope(
 ) -> float:
     """Slope k_t of friction at zero sliding [N s/m3] that saturates at a sliding speed [m/s].
 
-    It does so at the static friction coefficient, where the working point has most friction: not
-    always where it presses hardest, for friction may fall with the pressure.
+    The slope is that of the point with the largest bound of friction, with its static friction
+    coefficient. That need not be the point of highest pressure: friction may fall with pressure.
     """
     operating, p = state.operating, np.maximum(point.contact_pressure, LEAST_PRESSURE)
     mu = operating.curve.at_rest(operating.friction, p)
@@ -111,7 +113,7 @@ def automatic_slope(
 def at_rest(
     operating: OperatingPoint, own_friction: np.ndarray, speed_factor: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
-    """Static coefficients (nc,) at pressures p, of points with friction of their own among them."""
+    """Static friction coefficients (nc,) at pressures p; some points have a law of their own."""
     values = (operating.friction, operating.curve.parameters)
     slow = np.where(is_unmoved(own_friction, speed_factor), 0.0, np.finfo(float).tiny)
     mu: np.ndarray = own_mu(operating.curve.definition, values, own_friction, slow, p)[0]
@@ -128,7 +130,7 @@ def motion_point(
     tolerance: float,
     settings: MotionSettings | None = None,
 ) -> MotionPoint:
-    """Bring a design to the reference's modes: nothing of the observation changes.
+    """The design point in the reference's modes, whose observation matrix it shares.
 
     Its base state, q = 0, is its own steady sliding; it starts there.
 
@@ -137,15 +139,16 @@ def motion_point(
     reference : SharedModes
         Made with all component modes that the state changes.
     point : WorkingPoint
-        Of `state`.
+        Working point of `state`.
     state : DesignState
     friction : FrictionLaw
     band_hz : (low, high) or None
-        Where unstable modes are followed; nowhere without one.
+        Band in which unstable modes are followed; None to follow none.
     tolerance : float
         A mode counts as unstable where its damping ratio is below minus this.
     settings : MotionSettings or None
-        Of its run, at whose step followed modes have the roots of `step_roots`; None for none.
+        Settings of the run, for the roots of followed modes at its step (`step_roots`); None to
+        leave these out.
 
     Raises
     ------
@@ -168,7 +171,7 @@ def watched_point(
     tolerance: float,
     settings: MotionSettings | None,
 ) -> MotionPoint:
-    """An `unwatched_point` with its growing modes; arguments as of `motion_point`."""
+    """An `unwatched_point` with its growing modes; arguments are those of `motion_point`."""
     C, K = tangent(system, motion_start, point, state)
     modes = growing_modes(C, K, system.omega2, band_hz, tolerance)
     motions = LinearMotions(C[None], K[None], system.omega2, motion_start.c[None])
@@ -179,7 +182,7 @@ def watched_point(
 def unwatched_point(
     reference: SharedModes, point: WorkingPoint, state: DesignState, friction: FrictionLaw
 ) -> MotionPoint:
-    """The motion point without complex modes to watch its run through."""
+    """The motion point without the complex modes that a run is watched through."""
     system, operating = reference.system, state.operating
     d, s = shape_terms(reference, state)
     c, between = reference.damping.at(state, system.area * point.tangent, s)
@@ -204,7 +207,7 @@ def with_step_roots(
 ) -> list[GrowingModes]:
     """Modes of design points with their roots at the step of a run (`step_roots`).
 
-    As they are where there is no run, or where its integrator is none of the kernel.
+    They are unchanged without settings, or where the integrator is not one of the kernel.
     """
     method = None if settings is None else settings.integrator
     counts = [len(point_modes.lam) for point_modes in modes]
@@ -232,9 +235,9 @@ def shape_terms(reference: SharedModes, state: DesignState) -> tuple[np.ndarray,
 def weights_in_time(
     system: ModalSystem, design: MotionPoint, point: WorkingPoint, state: DesignState
 ) -> ContactWeights:
-    """Weights of contact and friction at steady sliding, as a run has them.
+    """Weights of contact and friction at steady sliding, as a run in time has them.
 
-    Points that no sliding is imposed on are at rest, where friction has its slope.
+    Points without imposed sliding are at rest, where friction has its slope k_t.
     """
     contact = contact_weights(system, point, state.operating)
     unmoved = is_unmoved(system.own_friction, system.speed_factor)
@@ -254,7 +257,7 @@ def tangent(
     shapes = (0.0, 0.0) if design.d is None or design.s is None else (design.s, design.d)
     weights = structure_weights(
         (system.omega2, 0.0, shapes[0]),
-        contact._replace(normal=contact.normal - system.k_ref),  # which omega2 holds
+        contact._replace(normal=contact.normal - system.k_ref),  # k_ref is in omega2 already
         (design.c, shapes[1]),
     )
     structure = system.structure
@@ -271,9 +274,9 @@ def perturbed(
 ) -> MotionPoint:
     """The point with a start whose largest velocity at a contact point is `velocity` [m/s].
 
-    Spread evenly over the followed complex modes, or over the real modes `modes` (from 1), which
-    start with a velocity and no displacement. The signs with which they meet are those of
-    `contact_sign`, not what an eigenvalue solver happens to give.
+    The start is the sum of motions along the followed complex modes, each with the same contact
+    velocity; or along the real modes `modes` (numbers from 1), with a velocity and no displacement.
+    Their signs follow from `contact_sign`, not from what an eigenvalue solver happens to give.
     """
     q0, v0 = np.zeros(system.n), np.zeros(system.n)
     if velocity == 0.0:
@@ -284,7 +287,7 @@ def perturbed(
             v0[mode - 1] = contact_sign(system, unit_row) / contact_speed(system, unit_row)
     else:
         for lam, right in zip(point.growing.lam, point.growing.right.T, strict=True):
-            # the phase at which the velocity is largest: the displacement is then small
+            # at this phase the velocity is largest, and the displacement small
             x = right * np.exp(-0.5j * np.angle(np.sum((lam * right) ** 2)))
             size = contact_sign(system, (lam * x).real) * contact_speed(system, lam * x)
             q0 += x.real / size
@@ -294,10 +297,10 @@ def perturbed(
 
 
 def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
-    """The point with a start at which nothing slides, of the least kinetic energy.
+    """The point with a start at which nothing slides.
 
-    Its contact velocities along and across are those that end the imposed sliding, beside what the
-    start has already of them.
+    To its start velocity that one of least kinetic energy is added whose contact velocities along
+    and across are opposite to the imposed sliding.
 
     Raises
     ------
@@ -321,7 +324,7 @@ def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
 
 
 def contact_speed(system: ModalSystem, v: np.ndarray) -> float:
-    """Largest relative velocity at a contact point [m/s] of modal velocities v (n,)."""
+    """Largest relative velocity at a contact point [m/s] by modal velocities v (n,); 1 if zero."""
     contacts = system.touching
     parts = [np.abs(rows[contacts] @ v) ** 2 for rows in (system.N, system.T1, system.T2)]
     return float(np.sqrt(np.max(sum(parts), initial=0.0))) or 1.0

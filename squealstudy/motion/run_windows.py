@@ -1,7 +1,7 @@
 """Windows of equal length of a run whose speed or pressure changes: level, line, class.
 
-Nothing of such a run is steady: levels are those of the window, about a straight line through it,
-and none of them says what would last at one speed.
+Nothing in such a run is steady. Levels are those of the window, about a straight line through it;
+they do not say what would last at a constant speed.
 """
 
 from __future__ import annotations
@@ -23,25 +23,26 @@ from squealstudy.motion.step_errors import (
 from squealstudy.wording import QUIET, STICK_SLIP, VIBRATES
 
 QUIET_SHARE = 0.01  # RMS over the torque of steady sliding at the window's pressure: less is quiet
-LEAST_STICKS = 2  # beginnings of sticking in a window, of a motion that sticks and slips
-STICK_LEVEL = 0.5  # of the most that sticks in a window: where sticking begins
-ROUND_OFF_SPEED = 1e-12  # of the design point's: a belt that stands
+LEAST_STICKS = 2  # beginnings of sticking in a window, from which on it is stick-slip
+STICK_LEVEL = 0.5  # sticking begins at this share of the largest stuck area in a window
+ROUND_OFF_SPEED = 1e-12  # speed over the design point's, below which the belt stands still
 LEVELS = ("torque_mean", "torque_rms", "torque_peak_to_peak")
-# places of these among the parts of `settling`, and which level each part is of: a mean's of RMS
+# index of these in the parts of `settling`, and index of the level that each part is relative to:
+# the part of the mean is relative to the RMS
 OF_SETTLING, SCALES = [1, 0, 2], [1, 1, 2]
 
 
 def window_rows(run: Motion, count: int, again: Sequence[Motion] = ()) -> list[dict[str, Any]]:
-    """A row each window of a run with a schedule; fewer where it has fewer saved rows.
+    """One row for each window of a run with a schedule; fewer where it has fewer saved rows.
 
     Parameters
     ----------
     run : Motion
     count : int
-        Windows of the whole run.
+        Number of windows of the run.
     again : sequence of Motion
-        The run with half its step and, if it can be, twice: what levels err by. Without them, or
-        where the first of them failed, bounds are NaN.
+        The run with half its step and, where possible, with twice its step, for the errors of
+        levels. Without them, or where the first failed, bounds are NaN.
     """
     rows = len(run.times) - 1
     if rows < 1:
@@ -94,7 +95,7 @@ def _off_the_line(values: np.ndarray) -> np.ndarray:
 
 
 def _imposed(run: Motion, window: slice) -> dict[str, Any]:
-    """Times, speeds and pressures at the ends of a window; NaN of a pressure that stays."""
+    """Times, speeds and pressures at the ends of a window; pressures are NaN if constant."""
     times = run.times[[window.start - 1, window.stop - 1]]
     schedule, speed = run.point.schedule, run.point.speed
     assert schedule is not None

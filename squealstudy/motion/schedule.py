@@ -1,4 +1,4 @@
-"""Sliding speed and brake pressure that change during a run, over those of its design point."""
+"""Sliding speed and brake pressure that change during a run, relative to its design point."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from squealstudy.errors import ModelError
 
 @dataclass(frozen=True)
 class Schedule:
-    """A quantity imposed over time: straight between points, constant before and after them.
+    """Imposed speed and pressure over time: linear between points, constant before and after.
 
     Attributes
     ----------
     times : ndarray (m,)
-        s, rising; two or more.
+        Rising times of two points or more, s.
     speeds : ndarray (m,)
         Sliding speed over that of the design point; negative where it slides the other way.
     pressures : ndarray (m,)
@@ -24,7 +24,7 @@ class Schedule:
     pressing : ndarray (n,) or None
         Modal load of the brake pressure of the design point; needed where the pressure changes.
     pressure : float
-        That of the design point, Pa; NaN where it stays.
+        Brake pressure of the design point, Pa; NaN where it does not change.
     turning : ndarray (n, n) or None
         Gyroscopic terms at the speed of the design point, part of its `damping_between`, 1/s:
         they follow the speed. None where nothing turns.
@@ -32,7 +32,8 @@ class Schedule:
     Raises
     ------
     ModelError
-        Times that do not rise, or arrays that are not finite or not of one length.
+        Times that do not rise, fewer than two points, numbers that are not finite, or a pressure
+        that changes without `pressing`.
     """
 
     times: np.ndarray

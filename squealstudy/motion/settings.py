@@ -10,31 +10,31 @@ from squealstudy.errors import ParameterError
 from squealstudy.motion.integrator import Integrator
 from squealstudy.motion.integrators.newmark import Newmark
 
-SAMPLES_A_PERIOD = 8  # of the highest frequency of a band: what summaries need
-FRICTION_TOLERANCE = 10.0  # times the tolerance: a friction force ends where its point slides
+SAMPLES_A_PERIOD = 8  # rows that summaries need in a period of the highest frequency of a band
+FRICTION_TOLERANCE = 10.0  # over `tolerance`: friction forces are bounded where points slide
 
 
 @dataclass(frozen=True)
 class MotionSettings:
-    """How long, by what steps and by which integrator.
+    """Duration, steps and integrator of a run.
 
     Parameters
     ----------
     duration, step : float
-        s; the duration is rounded to whole steps.
+        Length of the run, rounded to whole steps, and of a step, s.
     save_every : int
-        Steps between saved rows; 0 keeps none.
+        Steps between saved rows; 0 to save none.
     integrator : Integrator
-        With its own options.
+        The integrator with its options.
     tolerance : float
-        Largest imbalance of forces, relative to inertia and contact forces; the friction forces
-        may change between iterations by ten times this share of their bounds, and the state is
-        corrected once more after that. Newton converges quadratically and takes the squares of
-        both.
+        Largest imbalance of forces, relative to inertia and contact forces. Friction forces may
+        change between iterations by ten times this share of their bounds; the state is corrected
+        once more after that. Newton's method converges quadratically: it uses the squares of both
+        tolerances.
     max_iterations : int
-        Evaluations of the contact forces in a step, at most.
+        Largest number of evaluations of the contact forces in a step.
     save_q : bool
-        Keep all coordinates in the histories.
+        Whether to save all coordinates in the histories.
 
     Raises
     ------
@@ -74,19 +74,20 @@ class MotionSettings:
 
 
 def steps_between_rows(save_every: int, step: float, top_hz: float) -> int:
-    """Steps between rows that summaries are made from: a divisor of `save_every` where kept.
+    """Steps between the rows that summaries are made from.
 
-    Else a power of two: runs whose steps are halves of each other are then seen at equal times,
-    and differences of what is found in them are those of the integration.
+    A divisor of `save_every` if rows are saved, else a power of two: then runs whose steps are
+    halves of each other have rows at equal times, and their summaries differ only by the
+    integration.
 
     Parameters
     ----------
     save_every : int
-        Steps between rows that are kept; 0 keeps none.
+        Steps between saved rows; 0 where none are saved.
     step : float
-        s.
+        Length of a step, s.
     top_hz : float
-        The highest frequency that summaries tell of, Hz.
+        Highest frequency in summaries, Hz.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The reduced assembly in the modes of a reference working point, and smaller bases of them.
 
-One model for both domains. A smaller modal system has the assembly modes up to a frequency, and
-POD vectors of a run beside them.
+It is one model for the time and the frequency domain. A smaller modal system has the assembly modes
+up to a frequency, and POD vectors of a run beside them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.energies import reduced_energy_shares
 from squealstudy.system.linearise import component_frequencies, linearise
 
-# energy norm of the part of a unit-energy mode outside the retained modes: less is left out
+# energy norm of the part of a unit-energy mode outside the retained modes that is worth a vector
 MIN_NEW_DIRECTION = 1e-3
 
 
@@ -32,22 +32,23 @@ class SharedModes:
     Attributes
     ----------
     system : ModalSystem
-        For time integration; its state is the deviation from steady sliding at the reference.
+        The modal system for time integration; its state is the deviation from steady sliding at the
+        reference.
     phi : ndarray (n, n)
         Modes in component-mode coordinates, M-orthonormal.
     C, K : ndarray (n, n)
-        The linearised damping and stiffness of the same reference in modal coordinates: what
-        complex modes are computed from.
+        Linearised damping and stiffness of the same reference in modal coordinates, from which
+        complex modes are computed.
     energies : ndarray (n_components + 1, n)
         Share of each component, then of the interfaces, in the elastic energy of each mode.
     n_exact : int
         Number of leading coordinates that are assembly modes: n unless the basis was reduced.
     damping : AssemblyDamping
-        Gives the damping of each design point at its working point.
+        The damping of design points at their working points.
     component_modes : tuple of (component, mode)
         Component modes that design points may change, as rows of `system.shapes`.
     component_frequencies : mapping of (component, mode) -> float
-        Free-free, of every component mode of the reduced assembly, rad/s.
+        Free-free angular frequency of every component mode of the reduced assembly, rad/s.
     load : ndarray (n,)
         Modal load by a brake pressure of 1 Pa; empty where it is not known.
     """
@@ -78,8 +79,8 @@ def shared_modes(
     point : WorkingPoint
         Of `state`.
     state : DesignState
-        The reference design; its friction and damping enter C and K only, design points bring
-        their own.
+        The reference design. Its friction and damping enter C and K only; design points have their
+        own.
     component_modes : tuple of (component, mode)
         Component modes that design points damp or shift: rows of `system.shapes`, exact in these
         coordinates.
@@ -175,14 +176,14 @@ def with_pod(
     below_hz : float
     training : Training
     count : int
-        Number of vectors: those of growing modes, then POD vectors of what snapshots have besides;
-        fewer where training has no more.
+        Number of vectors: those of growing modes, then POD vectors of the rest of the snapshots;
+        fewer where the rank of training is less.
 
     Notes
     -----
-    Displacements are weighted by the modes' frequencies, so that singular values are energies. The
-    vectors are turned so that their stiffness is diagonal; their damping is that of the full
-    model, so not diagonal, and enters by shapes.
+    Displacements are weighted by the modes' frequencies, so that squares of singular values are
+    energies. The vectors are turned so that their stiffness is diagonal. Their damping is that of
+    the full model, projected (`AssemblyDamping.on`), and not diagonal.
     """
     n, k = reference.system.n, n_modes_below(reference, below_hz)
     omega = reference.system.frequencies[k:]
@@ -215,9 +216,9 @@ def _growing(reference: SharedModes, modes: np.ndarray, k: int) -> np.ndarray:
 
 
 def project(reference: SharedModes, basis: np.ndarray) -> SharedModes:
-    """The reference on orthonormal columns `basis` (n, r), assembly modes first among them.
+    """The reference projected on orthonormal columns `basis` (n, r), assembly modes first.
 
-    The stiffness must be diagonal on them.
+    The projected stiffness has to be diagonal.
     """
     system = reference.system
     exact = int((np.abs(basis).max(axis=0) == 1.0).cumprod().sum())

@@ -1,4 +1,4 @@
-"""Time integration of modal systems with contact and friction: run the kernels, name outcomes."""
+"""Time integration of modal systems with contact and friction by the kernels, and its outcomes."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from squealstudy.wording import plural
 
 @dataclass(frozen=True)
 class Watch:
-    """When runs are looked at, and who says that they may stop.
+    """When runs are tested for whether they may stop, and the test.
 
     Attributes
     ----------
     steps : sequence of int
-        Each design is looked at after so many steps, again and again; rounded up to saved rows.
+        Steps between tests of each design, rounded up to saved rows.
     judge : callable
-        Told the design's number and what it has done so far, its histories not copied; says why
-        the run may stop, or an empty string.
+        Called with the index of the design and its motion so far, whose histories are not copied.
+        Returns why the run may stop, or an empty string.
     """
 
     steps: Sequence[int]
@@ -48,11 +48,11 @@ class Watch:
 
 
 class OneByOne(Integrator):
-    """An integrator that takes one design point after the other, to its end."""
+    """An integrator that runs one design point after the other, each to its end."""
 
     @abstractmethod
     def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
-        """Integrate a design point; a failure is an outcome."""
+        """Integrate a design point; a failure is an outcome, no exception."""
 
 
 def simulate(
@@ -69,20 +69,21 @@ def simulate(
     ----------
     system : ModalSystem
     designs : sequence of MotionPoint
-        With their starts. Those of an integrator of the kernel advance together; each comes to
-        the same result alone.
+        Design points with their starts. With an integrator of the kernel they advance together;
+        alone each would give the same result.
     settings : MotionSettings
     watch : Watch or None
-        None lets all run to the end. Being looked at changes nothing, to the last bit; in a batch
-        a design rounds otherwise once fewer go on beside it.
+        None lets all run to the end. A test by itself changes no bit of a run; but a design of a
+        batch rounds differently once others have stopped.
     passing : bool
-        Motions that are soon let go: their histories are views of arrays of all designs.
+        Whether the motions are used only briefly: their histories are then views of arrays of all
+        designs.
 
     Raises
     ------
     ParameterError
-        A watch over runs that save no rows, or steps that are not positive, or of an integrator
-        that cannot be looked at.
+        A watch over runs that save no rows, with steps that are not positive, or of an integrator
+        that runs design points one by one; a schedule with such an integrator.
     ModelError
         A design whose arrays do not fit the system, or an initial state that is not finite.
     """
@@ -115,13 +116,13 @@ def simulate(
 
 
 def _copied(array: np.ndarray) -> np.ndarray:
-    """A copy whose columns are contiguous: each is read by itself, and often."""
+    """A copy with contiguous columns, since each is read by itself, and often."""
     return np.array(array, order="F")
 
 
 @dataclass(frozen=True)
 class KernelRun:
-    """Arrays of a kernel for some design points, and the result.
+    """Arrays of the kernel for some design points, and the run's results in them.
 
     Attributes
     ----------
@@ -131,7 +132,7 @@ class KernelRun:
     system : ModalSystem
     designs : sequence of MotionPoint
     settings : MotionSettings
-        Those that they were made for.
+        What the arrays were made for.
     """
 
     B: np.ndarray
@@ -179,7 +180,7 @@ class KernelRun:
     ) -> tuple[
         np.ndarray, layout.ModalArrays, layout.StepSettings, layout.WorkArrays, layout.SavedArrays
     ]:
-        """The first arguments of kernels."""
+        """The first arguments of both kernels."""
         return self.B, self.modal, self.options, self.work, self.saved
 
     def go_on(self) -> None:
@@ -198,9 +199,9 @@ class KernelRun:
     def motion(
         self, k: int, take: Callable[[np.ndarray], np.ndarray] = _copied, stopped: str = ""
     ) -> Motion:
-        """Motion of design point k so far; `take` copies arrays or leaves them where they are.
+        """Motion of design point k so far; `take` copies an array, or returns it as it is.
 
-        `stopped` is why it has been stopped, where it has.
+        `stopped` is the reason why the run was stopped, or empty.
         """
         system, settings, saved = self.system, self.settings, self.saved
         n, ns = system.n, len(system.sensed) + len(self.designs[k].growing.sensors)
@@ -265,10 +266,10 @@ def _judged(system: ModalSystem, motion: Motion) -> Motion:
 
 
 def failing_contact(system: ModalSystem, motion: Motion) -> str:
-    """State of the contact at the end of a failed motion, in words; empty where it was closed.
+    """State of the contact at the end of a failed motion, in words; empty if that explains nothing.
 
-    Beyond where the tangent of a softening spring changes sign nothing holds a motion: it runs
-    away.
+    Where the tangent of a softening spring has become negative nothing holds the motion, and it
+    runs away.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         gap = motion.point.points(system)[POINT_GAP] + system.N @ motion.q
@@ -281,15 +282,15 @@ def failing_contact(system: ModalSystem, motion: Motion) -> str:
 
 
 def blown_up(motion: Motion, system: ModalSystem) -> bool:
-    """Whether energy came from nowhere: a step that impacts do not forgive.
+    """Whether a run has far more energy than was put in, as with a step too long for impacts.
 
-    Put in are the work of loads and belt, the initial motion and what the contact had stored; what
-    was dissipated came out as well, as the kernels balance their energies.
+    Energy is put in by the work of loads and belt, the initial motion and the contact's stored
+    energy. The energy that came out is the stored energy at the end and all that was dissipated.
     """
     design, energy = motion.point, motion.energy
     worked = abs(energy.stored_start) + abs(energy.work_load) + abs(energy.work_belt)
     came_out = energy.stored_end + energy.friction + energy.damping
-    # a start in stable coordinates and contact put in more, if anything
+    # with the initial motion and the contact, which add to `worked`, the bound is only larger
     if motion.outcome != "ok" or (came_out <= BLOW_UP * worked and not (system.omega2 < 0.0).any()):
         return False
     q0, v0 = design.start(system.n)

@@ -1,13 +1,15 @@
 """Errors of the levels of a run by its step, from runs with another step.
 
 Steps of models with few contact points are cut at the corners of their laws, and levels converge by
-second order or nearly so: the whole run once more with half the step differs by three quarters of
-the error, one with twice the step by three times it, of which half is taken. Either may be small by
-chance, of smooth runs too: levels of beats go up and down with the phase that a step shifts.
-With many points some corner lies in every step and the order is between one and two: from the state
+second order or nearly so. The whole run is repeated with half the step, where the difference is
+three quarters of the error, and with twice the step, where it is three times the error; of that
+half is taken. The larger one counts: either may be small by chance, in smooth runs too, as levels
+of beats go up and down with the phase that a step shifts.
+
+With many points some corner lies in every step and the order is between one and two. From the state
 in which the run ended, 20 periods are run with its step and with twice that. The difference is then
-at least the error of the step, at first order as well; where the longer step fails, it is half the
-error at least, with half the step. Each difference counts twice.
+at least the error of the step, at first order as well. Where the longer step fails half the step is
+taken, where the difference is at least half the error. Each difference counts twice.
 """
 
 from __future__ import annotations
@@ -30,22 +32,22 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem
 
-MEASURED_PERIODS = 20.0  # of the torque's line, of many points
-ROWS_PER_PERIOD = 16  # a period
-LEVEL_SAFETY_FACTOR = 2.0  # times a difference of levels
-# times the change by twice the step, to be set beside that by half of it: of an error of second
-# order a quarter of the first is the second, of one of first order half
+MEASURED_PERIODS = 20.0  # periods of the torque's line that are run again with many points
+ROWS_PER_PERIOD = 16
+LEVEL_SAFETY_FACTOR = 2.0  # error over the difference of levels
+# factor on the change by twice the step that makes it comparable with that by half the step: the
+# latter is a quarter of the former at second order, half of it at first order
 SECOND_DIFFERENCE_RATIO = 0.5
-# friction that begins to stick settles over cut sub-steps by the trapezoidal rule, whatever the
-# step by the same share of what settles: relative parts of RMS, mean, peak to peak and frequency
+# relative errors of RMS, mean, peak to peak and frequency where friction begins to stick: over cut
+# sub-steps it settles by the trapezoidal rule, with an error that does not depend on the step
 SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
-# ratio of the differences in the second and the first half up to which the level comes to rest, and
-# what it then still goes beyond the second: of a difference that rises as 1 - exp(-t / tau)
+# ratio of the difference in the second half over that in the first, up to which the level comes to
+# rest, and its limit over the difference in the second half, if it rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
-HALF, TWICE = 0.5, 2.0  # times the step, of runs made again
-MAX_REL_STEP_PART = 0.5  # of the level: a step part beyond it says nothing
+HALF, TWICE = 0.5, 2.0  # steps of repeated runs over that of the run
+MAX_REL_STEP_PART = 0.5  # relative error beyond which a level is not known at all
 
-RunsAgain = dict[float, Motion]  # a run with other steps, by these over its own
+RunsAgain = dict[float, Motion]  # the same run with other steps, by the ratio of steps
 
 
 def has_few_points(system: ModalSystem) -> bool:
@@ -60,18 +62,20 @@ def step_parts(
     lasts: bool = True,
     again: RunsAgain | None = None,
 ) -> StepParts:
-    """Step parts of a run that lasts, or of one that passes: of many points none are told of these.
+    """Errors of the levels of a run by its step.
 
     Parameters
     ----------
     system : ModalSystem
     run : Motion
-        With its start in its point.
+        The run, with its start in its point.
     settings : MotionSettings
-        By which it was integrated; rows saved.
+        Settings of the run, with rows saved.
     lasts : bool
+        Whether its motion lasts. With many contact points no errors are computed of one that does
+        not.
     again : mapping of float to Motion
-        Of few points, what `runs_again` has of it; made here by default.
+        With few contact points, the run repeated (`runs_again`); made here by default.
     """
     if not isinstance(settings.integrator, KernelIntegrator):
         return StepParts.unknown(f"'{settings.integrator.name}' has no step that could be halved")
@@ -86,11 +90,11 @@ def step_parts(
 def runs_again(
     system: ModalSystem, runs: Sequence[Motion], settings: MotionSettings
 ) -> list[RunsAgain]:
-    """Whole runs of equal length with half the step and, if it can be, twice: of each by these."""
+    """Each run repeated with half the step and, if rows allow, with twice the step."""
     by_step: dict[float, list[Motion]] = {}
     for factor in (HALF, TWICE):
         rows = settings.save_every / factor
-        if rows % 1:  # at the same rows: what passes has no other
+        if rows % 1:  # rows would not be at the same times
             continue
         finer_settings = replace(
             settings,
@@ -113,14 +117,14 @@ def runs_again(
 
 
 def _is_whole(run: Motion, other: Motion) -> bool:
-    """Whether the other one came to the end of the run."""
+    """Whether the other run came to the end of the first."""
     return other.outcome == "ok" and len(other.times) == len(run.times)
 
 
 def _by_other_steps(run: Motion, others: RunsAgain, lasts: bool) -> StepParts:
-    """From the same run with other steps, over the window of its levels.
+    """Errors from the same run with other steps, over the window of its levels.
 
-    Where levels do not converge evenly one of the changes may be small by chance.
+    The larger change counts: one of them may be small by chance.
     """
     window, half = judged_window(run), others.get(HALF)
     if half is not None and not _is_whole(run, half):
@@ -130,20 +134,20 @@ def _by_other_steps(run: Motion, others: RunsAgain, lasts: bool) -> StepParts:
         if factor in others and _is_whole(run, others[factor]):
             change = np.fmax(change, share * np.abs(own - _levels(others[factor], window, own)))
     if not lasts and not (own[0] > 0 and np.isfinite(change[:3]).all()):
-        return OF_THE_WINDOW  # at rest
+        return OF_THE_WINDOW  # the run is at rest
     return _parts(own, change, settling(run, window), MAX_REL_STEP_PART if lasts else np.inf)
 
 
 def settling(run: Motion, window: slice) -> np.ndarray:
-    """Relative parts (4,) of RMS, mean, peak to peak and frequency where steps are cut to stick."""
+    """Relative errors `SETTLES` (4,) if steps are cut and contact sticks there, else zeros."""
     sticks = over_steps(run, "stick_max", "stick", window).max() > 0.0
     return SETTLES if run.cuts and sticks else 0.0 * SETTLES
 
 
 def _levels(run: Motion, window: slice, like: np.ndarray | None = None) -> np.ndarray:
-    """RMS, mean, peak to peak and own frequency of a window, made once for equal rows.
+    """RMS, mean, peak to peak and own frequency (4,) of a window, computed once for equal rows.
 
-    No frequency is looked for where levels `like` these, of another step, have none.
+    No frequency is computed where `like`, the levels with another step, has none.
     """
     rows_judged = _summed(window)
     key = "levels and frequency", rows_judged.start, rows_judged.stop
@@ -157,7 +161,7 @@ def _levels(run: Motion, window: slice, like: np.ndarray | None = None) -> np.nd
 
 
 def _summed(window: slice) -> slice:
-    """The rows of a window but that of the start, which no step is summed in."""
+    """The rows of a window without that of the start, to which no step belongs."""
     return slice(max(window.start, 1), window.stop)
 
 
@@ -167,7 +171,7 @@ def _parts(
     more: np.ndarray | float = 0.0,
     most: float = MAX_REL_STEP_PART,
 ) -> StepParts:
-    """Twice the changes (4,) over the levels, and what is `more`; NaN of no frequency."""
+    """Twice the changes (4,) over the levels, plus `more`; the last is NaN without a frequency."""
     rms, _, swing, hz = level
     if not (rms > 0 and swing > 0 and np.isfinite(change[:3]).all()):
         return StepParts.unknown("nothing vibrates at its end")
@@ -224,7 +228,7 @@ def _from_the_end(system: ModalSystem, run: Motion, settings: MotionSettings) ->
 
 
 def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:
-    """RMS, mean and peak to peak of some rows, Hann-weighted: they need not be whole periods."""
+    """RMS, mean and peak to peak (3,) of rows, Hann-weighted since they are no whole periods."""
     sums = TorqueSums.of(history, rows)
     torque = history["torque"][rows]
     if sums is None:
@@ -236,11 +240,12 @@ def _weighted(history: Mapping[str, np.ndarray], rows: slice) -> np.ndarray:
 
 
 def _total_difference_ratio(first: float, second: float, ratio: float) -> float:
-    """Difference of two levels over the whole of their runs, over that in the second half.
+    """Ratio of the final difference of two levels to that in the second half of 20 periods.
 
-    A level that answers slowly to another step has gone part of the way in 20 periods. One that
-    is not seen to come to rest has moved at that speed for no longer than the whole run, `ratio`
-    times as long: the second half of a straight line has three quarters of its end.
+    `first` and `second` are the differences in the two halves; the run is `ratio` times as long. A
+    level that answers slowly to another step has gone only part of its way in 20 periods. If it
+    does not come to rest there, it has moved on at the same speed for the length of the run at
+    most: the mean of the second half of a straight line is three quarters of its end.
     """
     for most, beyond in RESTS:
         if second <= most * first:

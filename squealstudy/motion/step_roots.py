@@ -1,4 +1,4 @@
-"""Roots of the linearised equations as a one-step method integrates them: what its step errs by.
+"""Roots of the linearised equations as a one-step method integrates them: the error of its step.
 
 A sub-step h makes (q, v)_1 = P (q, v)_0 + first pull_0 + last pull_1 of q'' + c q' + w2 q = pull
 (`motion.integrator`), with P, first and last diagonal in the coordinates and pull = -(K' q + C' v)
@@ -7,10 +7,11 @@ coordinate, (z - P) (q, v) = (first + z last) pull. With pull = det(z - P) r the
 
     [diag(det(z - P)) + K' diag(a) + C' diag(b)] r = 0,   (a, b) = adj(z - P) (first + z last),
 
-whose roots z near exp(lambda h) are found by Newton's method. That is where each step's balance is
-found. A fixed Jacobian evaluates the forces once where the first guess 2 pull_0 - pull_-1 is within
-tolerance: pull_1 is that of the trial state which the guess makes, and last (guess - pull_1), that
-is last g det(z - P) r with g = -(1 - 1 / z)^2 at z pull_0, is added to (a, b).
+whose roots z near exp(lambda h) are found by Newton's method. This holds if each step is solved to
+its balance. With a fixed Jacobian the forces are evaluated only once if the first guess
+2 pull_0 - pull_-1 is within tolerance. Then pull_1 is that of the trial state which the guess
+makes, and last (guess - pull_1), which is last g det(z - P) r with g = -(1 - 1 / z)^2 at z pull_0,
+is added to (a, b).
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ from squealstudy.kernels import newmark_layout as at
 from squealstudy.motion.integrator import FixedJacobian, KernelIntegrator
 
 Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-MAX_NEWTON_ITERATIONS = 8  # of Newton's method; the start is within the step's error of the root
-NEWTON_TOLERANCE = 1e-12  # change of z
-SHIFT_ROUND_OFF_RATIO = 1e-15  # of the largest entry
-MIN_ANSWER_RATIO = 1e-8  # of the largest answer to a pull: coordinates below it begin anywhere
-# of abs(lambda): what is found so far off is another root, or the step is too long
+MAX_NEWTON_ITERATIONS = 8  # the start is within the step's error of the root
+NEWTON_TOLERANCE = 1e-12  # last change of z
+SHIFT_ROUND_OFF_RATIO = 1e-15  # shift of the diagonal over the largest entry
+# response of a coordinate to a pull over the largest, below which its start does not matter
+MIN_ANSWER_RATIO = 1e-8
+# distance over abs(lambda) beyond which a root is another one, or the step is too long
 MAX_REL_ROOT_DISTANCE = 0.1
-ENTRIES_AT_ONCE = 2**18  # of matrices that are solved side by side: a few megabytes
+ENTRIES_AT_ONCE = 2**18  # entries of matrices that are solved side by side: a few megabytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +42,11 @@ class LinearMotions:
     Attributes
     ----------
     C, K : ndarray (m, n, n)
-        Damping and stiffness; the mass is the identity.
+        Damping [1/s] and stiffness [1/s2]; the mass is the identity.
     w2 : ndarray (n,)
-        With `c` what a method takes as free motion of the coordinates, before it pre-warps them.
+        Stiffness of the coordinates' free motion, before a method pre-warps it, 1/s2.
     c : ndarray (m, n)
+        Damping of that free motion, 1/s.
     """
 
     C: np.ndarray
@@ -52,7 +55,7 @@ class LinearMotions:
     c: np.ndarray
 
     def tables(self, integrator: KernelIntegrator, step: float) -> np.ndarray:
-        """Coefficients (m, 8, n) of a step of each; points of the same damping share the work."""
+        """Coefficients (m, 8, n) of a step of each point; those of equal damping share the work."""
         table_of: dict[bytes, np.ndarray] = {}
         keys = [row.tobytes() for row in self.c]
         for key, c in zip(keys, self.c, strict=True):
@@ -74,20 +77,22 @@ def integrated_roots(
     Parameters
     ----------
     motions : LinearMotions
-        Of the design points.
+        The m design points.
     owner : ndarray (N,) of int
-        The design point of each mode.
+        Index of the design point of each mode.
     lam : ndarray (N,) complex
+        Roots of the equations, rad/s.
     right : ndarray (N, n) complex
+        Right vectors, in rows.
     integrator : KernelIntegrator
     step : float
-        s.
+        Length of a step, s.
 
     Returns
     -------
     ndarray (2, N) complex
-        Where each step's balance is found, and by one evaluation of the forces a step from the
-        method's guess. NaN where Newton's method does not find one near.
+        Roots if each step is solved to its balance, and if forces are evaluated once a step from
+        the method's guess. NaN where Newton's method finds none nearby.
     """
     tables = motions.tables(integrator, step)
     diagonal = np.arange(len(motions.w2))
@@ -128,11 +133,11 @@ class _Steps:
     guess: Guess
 
     def at(self, rows: np.ndarray) -> _Steps:
-        """The roots of some modes."""
+        """The coefficients of some modes."""
         return _Steps(self.table[rows], self.K[rows], self.C[rows], self.guess)
 
     def answers(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """a, b and det (2, N, n) of the module's equation at z (N,), then their derivatives."""
+        """a, b and det of the module's equation at z (N,), each (2, N, n) with its derivative."""
         z, t = z[:, None], self.table.swapaxes(0, 1)
         last_q, last_v = t[at.LAST_Q], t[at.LAST_V]
         force_q, force_v = t[at.FIRST_Q] + z * last_q, t[at.FIRST_V] + z * last_v
@@ -160,27 +165,32 @@ class _Steps:
 def _roots(steps: _Steps, lam: np.ndarray, x: np.ndarray, step: float) -> np.ndarray:
     """The roots (N,) near lambda, by Newton's method on z and r together (inverse iteration)."""
     z = np.exp(lam * step)
-    along = steps.answers(z)[0][0]
-    size = np.abs(along)
-    heard = size > MIN_ANSWER_RATIO * size.max(axis=1, initial=0.0, keepdims=True)
-    r = np.divide(x, along, out=np.ones_like(x), where=heard)
+    force_response = steps.answers(z)[0][0]
+    size = np.abs(force_response)
+    responds = size > MIN_ANSWER_RATIO * size.max(axis=1, initial=0.0, keepdims=True)
+    r = np.divide(x, force_response, out=np.ones_like(x), where=responds)
     r = r / np.linalg.norm(r, axis=1)[:, None]
-    going = np.arange(len(lam))
+    iterating = np.arange(len(lam))
     for _ in range(MAX_NEWTON_ITERATIONS):
-        if not len(going):
+        if not len(iterating):
             break
-        T, slope = steps.at(going).matrices(z[going])
-        shift = SHIFT_ROUND_OFF_RATIO * np.abs(T).max(axis=(1, 2))  # a root met exactly is singular
+        T, slope = steps.at(iterating).matrices(z[iterating])
+        shift = SHIFT_ROUND_OFF_RATIO * np.abs(T).max(axis=(1, 2))  # T is singular at a root
         T = T + shift[:, None, None] * np.eye(T.shape[1])
-        u = _solved(T, np.einsum("Nij,Nj->Ni", slope, r[going]))
-        size, along_r = np.linalg.norm(u, axis=1), np.einsum("Ni,Ni->N", r[going].conj(), u)
+        u = _solved(T, np.einsum("Nij,Nj->Ni", slope, r[iterating]))
+        size, along_r = np.linalg.norm(u, axis=1), np.einsum("Ni,Ni->N", r[iterating].conj(), u)
         # two roots in one place, or none near
-        is_told = np.isfinite(size) & (np.abs(along_r) > 0.0)
-        z[going[~is_told]] = np.nan
-        going, u, size, along_r = going[is_told], u[is_told], size[is_told], along_r[is_told]
+        is_regular = np.isfinite(size) & (np.abs(along_r) > 0.0)
+        z[iterating[~is_regular]] = np.nan
+        iterating, u, size, along_r = (
+            iterating[is_regular],
+            u[is_regular],
+            size[is_regular],
+            along_r[is_regular],
+        )
         change = 1.0 / along_r
-        z[going], r[going] = z[going] - change, u / size[:, None]
-        going = going[np.abs(change) > NEWTON_TOLERANCE]
+        z[iterating], r[iterating] = z[iterating] - change, u / size[:, None]
+        iterating = iterating[np.abs(change) > NEWTON_TOLERANCE]
     is_root = np.isfinite(z) & (z != 0.0)
     mu = np.log(np.where(is_root, z, 1.0)) / step
     is_near = is_root & (np.abs(mu - lam) <= MAX_REL_ROOT_DISTANCE * np.abs(lam))

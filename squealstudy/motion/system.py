@@ -7,11 +7,11 @@ In coordinates that diagonalise the system at a reference working point, M = I
     g = gap + N q,    w = (speed f + T1 q', T2 q')
     K + N^T diag(k_ref) N = diag(omega2) + U^T diag(s) U,    C = diag(c) + D + U^T diag(d) U
 
-with D the damping between coordinates and q the deviation from a base state (gap, rn_ref, t_ref):
-the system's, or a design point's own, which makes q = 0 its steady sliding, and f the factors of
-the points' sliding speeds. Load, law, friction, speed, damping and base belong to a design point;
-they may all change against one reference. `k_ref` stays the system's: it is the tangent taken into
-`omega2`, wherever the base is.
+where D is the damping between coordinates, f are the factors of the points' sliding speeds, and q
+is the deviation from a base state (gap, rn_ref, t_ref). The base is the system's or a design
+point's own, which makes q = 0 its steady sliding. Load, law, friction, speed, damping and base
+belong to a design point; all of them may differ from the reference. `k_ref` is always the system's:
+the tangent that is part of `omega2`.
 """
 
 from __future__ import annotations
@@ -41,9 +41,10 @@ from squealstudy.system.linearise import ContactStructure
 if TYPE_CHECKING:
     from squealstudy.reduction.hybrid import HybridModel
 
-STICK_LIMIT = 1e3  # stick number: a margin of ten below where steps failed on the medium brake
-CONSTANT_CURVE = "exponential_fall"  # with a static ratio of 1
-CLOSING_LIMIT = 3.0  # closing number from which on small models halve steps; they fail from 100 on
+STICK_LIMIT = 1e3  # largest stick number, a tenth of that at which steps failed on the medium brake
+CONSTANT_CURVE = "exponential_fall"  # constant with a static ratio of 1
+# closing number from which on steps of small models are halved; they fail from 100 on
+CLOSING_LIMIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -55,26 +56,26 @@ class ModalSystem:
     omega2 : ndarray (n,)
         Diagonal stiffness at the reference, contact tangent included, (rad/s)^2.
     N, T1, T2 : ndarray (nc, n)
-        Gap, displacement along and across the sliding direction.
+        Gap, and displacements along and across the sliding direction, by the coordinates.
     area, frictional, radius : ndarray (nc,)
-        m2; factor on friction (1 or 0); arm of the torque, m.
+        Area of each point [m2]; factor on friction (1 or 0); arm of the torque [m].
     gap : ndarray (nc,)
-        At the reference, m.
+        Gap at the reference, m.
     k_ref : ndarray (nc,)
         Contact tangent inside `omega2`, N/m.
     force : ndarray (nc, 3)
         Normal and friction forces of the reference state, N; zero where the loads of the design
-        points are meant to balance them.
+        points have to balance them.
     shapes : ndarray (m, n)
         Rows U that design points damp (d) or stiffen (s).
     sensed : ndarray (ns,) of int
-        Modes (from 1) whose displacements and velocities are kept in the histories.
+        Numbers (from 1) of the modes whose displacements and velocities are saved.
     speed_factor : ndarray (nc,)
         Sliding speed of each point over the imposed one; one by default.
-    spring_points : ndarray (ns, 5)
-        Of the last ns points, which are springs and no contact (laws/spring.py).
-    own_friction : ndarray (nc, k)
-        Of points with friction of their own (laws/own_friction.py); no columns without.
+    spring_points : ndarray (k, 5)
+        Numbers of the last k points, which are springs instead of contact (laws/spring.py).
+    own_friction : ndarray (nc, c)
+        Numbers of points with a friction law of their own (laws/own_friction.py); c = 0 without.
 
     Raises
     ------
@@ -125,17 +126,17 @@ class ModalSystem:
 
     @property
     def touching(self) -> slice:
-        """The points that are contact, not springs."""
+        """The rows of points that are contact, not springs."""
         return slice(len(self.area) - len(self.spring_points))
 
     @cached_property
     def tiles(self) -> dict[type[np.floating], np.ndarray]:
-        """The observation matrix by precision; `observation` puts it here when needed."""
+        """The observation matrix by precision; `arrays.observation` adds it when needed."""
         return {}
 
     @cached_property
     def structure(self) -> ContactStructure:
-        """The linearised structure: one of all design points, whose weights alone differ."""
+        """The linearised structure that all design points share; only their weights differ."""
         return ContactStructure(
             mass=None,
             elastic=None,
@@ -171,32 +172,32 @@ class MotionPoint:
     speed : float
         Imposed sliding velocity along T1, m/s; a contact point has its own share of it.
     c : ndarray (n,)
-        Damping of each coordinate by itself, 1/s; on a hybrid system of its real modes (m,).
+        Damping of each coordinate by itself, 1/s; on a hybrid system (m,) that of its real modes.
     load : ndarray (n,) or None
         Modal load beyond that of the reference state.
     d, s : ndarray (m,) or None
         Damping [1/s] and stiffness [1/s2] of the system's shapes.
     gap : ndarray (nc,) or None
-        At the design's own base state, m; None for the system's.
+        Gap at the design's own base state, m; None for the system's.
     force : ndarray (nc, 3) or None
         Normal and friction forces that the base balances, N; None for the system's.
     open_share : float
-        Of the contact area that is open in steady sliding (`WorkingPoint`).
+        Share of the contact area that is open in steady sliding (`WorkingPoint`).
     q0, v0 : ndarray (n,) or None
-        Initial deviation from the base state and velocity; None for none.
+        Initial deviation from the base state and initial velocity; None for zero.
     continued : bool
-        The start is the end of an earlier run; otherwise its energy is that of a perturbation.
+        Whether the start is the end of an earlier run; if not its energy is a perturbation's.
     damping_between : ndarray (n, n) or None
-        Damping between coordinates and gyroscopic terms, the symmetric and the skew-symmetric part,
-        zeros on its diagonal, 1/s; None for none.
+        Damping between coordinates, the symmetric part, and gyroscopic terms, the skew-symmetric
+        part, with zeros on the diagonal, 1/s; None without.
     beta : float
-        Of a hybrid system: stiffness-proportional damping of all that is no real mode, s.
+        Stiffness-proportional damping of a hybrid system's motion beyond its real modes, s.
     static_torque : float
-        Of the base state, N m.
+        Torque in the base state, N m.
     growing : GrowingModes
         Complex modes of the system linearised at the base state, through which runs are watched.
     schedule : Schedule or None
-        Of speed and pressure over time; None where they stay those of the design point.
+        Speed and pressure over time; None where they stay those of the design point.
     """
 
     contact: ContactLaw
@@ -224,7 +225,7 @@ class MotionPoint:
         Raises
         ------
         ModelError
-            One of another size, or not finite.
+            An initial state of another size, or not finite.
         """
         start_state = [
             np.zeros(n) if x is None else np.asarray(x, dtype=float) for x in (self.q0, self.v0)
@@ -239,7 +240,7 @@ class MotionPoint:
         Raises
         ------
         ModelError
-            Of the wrong shape, or with values that are not finite.
+            A gap or force of the wrong shape, or not finite.
         """
         gap = system.gap if self.gap is None else np.asarray(self.gap, dtype=float)
         force = system.force if self.force is None else np.asarray(self.force, dtype=float)
@@ -278,7 +279,7 @@ class MotionPoint:
         return np.ascontiguousarray(rows, dtype=np.float64)
 
     def laws(self, system: ModalSystem | HybridModel) -> tuple[np.ndarray, np.ndarray]:
-        """Laws for the kernels: one behind the other; where that of each point (nc,) begins."""
+        """Laws for the kernels, one after the other, and where that of each point begins (nc,)."""
         first = law_row(self.contact, self.friction)
         own_friction = getattr(system, "own_friction", NO_OWN_FRICTION)
         if not has_own(own_friction):
@@ -295,7 +296,7 @@ class MotionPoint:
         return np.concatenate(rows), law_numbers
 
     def _own_law(self, own_friction: np.ndarray, unmoved: bool) -> FrictionLaw:
-        """Friction of a point that has its own; of one without imposed sliding a constant."""
+        """Friction of a point with a law of its own; a constant if no sliding is imposed on it."""
         law = self.friction
         values = own_values(own_friction, law.friction, law.curve.parameters)
         friction, *parameters = (float(number) for number in values)
@@ -306,10 +307,10 @@ class MotionPoint:
 
 
 def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float:
-    """H k_t |T|^2 / 2 with all points sticking; beyond 1 a plain fixed Jacobian cannot converge.
+    """Stick number h k_t |T|^2 / 2 with all points sticking, where h is the step.
 
-    The whole chain of `simulate` is meant for numbers up to `STICK_LIMIT`; the largest step for a
-    number x is ``step * x / stick_number(...)``.
+    Beyond 1 a fixed Jacobian without tangential damping cannot converge; `simulate` is made for
+    numbers up to `STICK_LIMIT`. The largest step for a number x is ``step * x / stick_number(..)``.
     """
     weight = np.sqrt(design.friction.k_t * system.area * (system.frictional > 0))
     T = np.concatenate([weight[:, None] * system.T1, weight[:, None] * system.T2])
@@ -318,8 +319,9 @@ def stick_number(system: ModalSystem, design: MotionPoint, step: float) -> float
 
 
 def closing_number(contact: ContactLaw, velocity: float, step: float) -> float:
-    """Closing rate times h v: closing at `velocity` [m/s], a contact stiffens by e to this a step.
+    """Closing number h v r, where r is the law's closing rate, v `velocity` [m/s] and h the step.
 
-    Impacts beyond `CLOSING_LIMIT` are not resolved in time. 0 for laws that have no such rate.
+    In each step a contact that closes at v stiffens by a factor of exp(h v r). Impacts beyond
+    `CLOSING_LIMIT` are not resolved in time. 0 for laws without such a rate.
     """
     return contact.closing_rate * step * velocity

@@ -29,9 +29,9 @@ _begun: list[subprocess.Popen[bytes]] = []
 
 
 def begin_warming(single_storage: bool = False) -> None:
-    """Let a process of its own do what `warm_kernels` does, which then waits for it.
+    """Start a process that compiles the kernels; `warm_kernels` then waits for it.
 
-    Nothing where there are compiled kernels already: a process takes longer to start than they
+    Does nothing where there are compiled kernels already: a process takes longer to start than they
     take to load.
     """
     if _begun or _is_compiled():
@@ -45,31 +45,31 @@ def begin_warming(single_storage: bool = False) -> None:
 
 
 def warm_kernels(single_storage: bool = False) -> float:
-    """Compile the kernel, or load it from the cache; seconds it took.
+    """Compile the kernel, or load it from the cache; returns the seconds it took.
 
     Parameters
     ----------
     single_storage : bool
-        Also that for an observation matrix in single precision.
+        Compile it for an observation matrix in single precision, too.
 
     Notes
     -----
-    One process at a time: numba writes its files atomically, but two processes that compile for
-    different types at once may both take the same file name.
+    Only one process compiles at a time: numba writes its files atomically, but two processes that
+    compile for different types at once may both choose the same file name.
     """
     stored = (False, True) if single_storage else (False,)
     return warm(Newmark(single_storage=single) for single in stored)
 
 
 def warm(methods: Iterable[Integrator]) -> float:
-    """Compile what integrators need, as `warm_kernels`; seconds it took."""
+    """Compile the kernels that integrators need, as `warm_kernels` does; the seconds it took."""
     began = time.perf_counter()
     if _begun or not (numba.config.DISABLE_JIT or _is_compiled()):
         LOG.info("kernels of runs in time are compiled, once: a minute or two")
     while _begun:
         process = _begun.pop()
         process.wait()
-        process.communicate()  # closes its input, with which it would have ended
+        process.communicate()  # closes its input, whose end tells the process to end
     system, design = smallest_system()
     with alone(), uncollected():
         for method in methods:
@@ -84,7 +84,7 @@ def _is_compiled() -> bool:
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Without garbage collection: that is a seventh of compiling, which leaves little garbage."""
+    """Switch garbage collection off: it takes a seventh of the time of compiling."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -95,7 +95,7 @@ def uncollected() -> Iterator[None]:
 
 
 def alone() -> AbstractContextManager[None]:
-    """Hold the lock of the compiled kernels; a process that dies lets it go."""
+    """Hold the lock of the compiled kernels, which is released where the process dies."""
     return lock(compiled_directory() / "warmup.lock")
 
 

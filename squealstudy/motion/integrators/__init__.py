@@ -1,1 +1,1 @@
-"""Integrators of the batched kernel: what is here is known to studies by its name."""
+"""Integrators of the batched kernel; studies know every integrator in this folder by its name."""

@@ -1,6 +1,6 @@
-"""Exact free motion, contact forces by the trapezoidal rule: what a study does by default.
+"""Exact free motion, contact forces by the trapezoidal rule: the integrator of studies by default.
 
-What a step does to free modes, and to forces beyond them, comes from matrix exponentials.
+The coefficients of a step come from matrix exponentials.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from squealstudy.kernels.newmark_layout import N_COEFFICIENT
 from squealstudy.motion.integrator import FixedJacobian
 from squealstudy.motion.integrators.newmark import average_acceleration
 
-# a step of 20 us is then cut to 20 ns where slip ends: friction settles within 1 us or more
+# a step of 20 us is then cut to 20 ns where slip ends, as friction may settle within 1 us
 CORNER_HALVINGS = 10
 
 
 class ExactFreeMotion(FixedJacobian):
     """Modes that a step resolves move exactly under forces that are linear in time.
 
-    Those beyond `exact_limit` move by average acceleration: they would resonate with changes of
-    the contact near omega h = pi.
+    Modes beyond `exact_limit` move by average acceleration, since otherwise they would resonate
+    with changes of the contact near omega h = pi.
     """
 
     name = "exponential"
@@ -30,8 +30,8 @@ class ExactFreeMotion(FixedJacobian):
         "resolved free modes exact, contact by the trapezoidal rule, iterated as Newmark's"
     )
     order = 2
-    # work is summed by the trapezoidal rule, and levels are right to 0.1 % at 3.9e-3 (coarse brake,
-    # 4 us), to 1.4 % at 2.2e-2
+    # work is summed by the trapezoidal rule, and levels of the coarse brake are right to 0.1 % at a
+    # drift of 3.9e-3 (4 us), to 1.4 % at 2.2e-2
     drift_limit = 4e-3
     work_of_changes = 1.0
 
@@ -53,13 +53,13 @@ class ExactFreeMotion(FixedJacobian):
     def steps(
         self, w2: np.ndarray, c: np.ndarray, h: float, levels: int | None = None
     ) -> np.ndarray:
-        """Coefficients by halving level, exponentials by squaring those of the shortest step."""
+        """Coefficients (levels + 1, 8, n), all from the shortest step's matrices by squaring."""
         levels = self.max_halvings if levels is None else levels
         exact = propagator_levels(w2, c, h, levels)
         return np.array([self._mixed(w2, c, h / 2**k, rows) for k, rows in enumerate(exact)])
 
     def _mixed(self, w2: np.ndarray, c: np.ndarray, h: float, exact: np.ndarray) -> np.ndarray:
-        """Rows (8, n), from the propagators (10, n) where modes are slow."""
+        """Coefficients (8, n), from the propagators `exact` (10, n) where modes are slow."""
         table = average_acceleration(w2, c, h)
         slow = np.sqrt(np.maximum(w2, 0.0)) * h <= self.exact_limit
         both = np.concatenate([exact[:4], exact[4:6] - exact[6:8], exact[6:8]])
@@ -68,7 +68,7 @@ class ExactFreeMotion(FixedJacobian):
 
 
 def propagator_levels(w2: np.ndarray, c: np.ndarray, h: float, halvings: int) -> list[np.ndarray]:
-    """`propagators` of h, h/2, ..., all from the shortest step by squaring."""
+    """`propagators` of steps h, h/2, ..., all from the shortest step's by squaring."""
     parts = 2**halvings
     X, rate = _chain(w2, c, h / parts)
     levels = []
@@ -91,13 +91,13 @@ def propagators(w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
     Returns
     -------
     ndarray (10, n)
-        Rows newmark_layout.E_*, P*: the matrix exponential of (q, v), then the answers in q
-        and v to f = 1, f = t/h and f = (t/h)^2 / 2: phi-functions of the mode times h.
+        Rows newmark_layout.E_*, the matrix exponential of (q, v), then P1_*, P2_* and P3_*, the
+        responses in q and v to f = 1, f = t/h and f = (t/h)^2 / 2: phi-functions times h.
 
     Notes
     -----
-    All come from one exponential of a 5 x 5 matrix that holds the mode and the integrator chain
-    of its force (Saad 1992), with displacements scaled to velocities.
+    All come from one exponential of a 5 x 5 matrix that holds the mode and a chain of integrators
+    for its force (Saad 1992), with displacements scaled to velocities.
     """
     return _answers(*_chain(w2, c, h), h, 1)
 
@@ -115,7 +115,7 @@ def _chain(w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.ndar
 
 
 def _answers(X: np.ndarray, rate: np.ndarray, h: float, times: int) -> np.ndarray:
-    """Rows of `propagators` over `times` h, X (n, 5, 5) in units of h."""
+    """Rows of `propagators` over a step of `times` h, from its exponential X (n, 5, 5)."""
     rows = np.empty((N_COEFFICIENT, len(X)))
     rows[:4] = X[:, 0, 0], X[:, 0, 1] / rate, X[:, 1, 0] * rate, X[:, 1, 1]
     for k in range(3):

@@ -24,7 +24,7 @@ class AverageAcceleration(KernelIntegrator):
         return average_acceleration(w2, c, h)
 
     def modes(self, w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """With `prewarp` those with which free modes keep their period and decay."""
+        """Stiffness and damping (n,); with `prewarp` those that keep period and decay."""
         return prewarped(w2, c, h) if self.prewarp else (w2, c)
 
 
@@ -37,7 +37,7 @@ class Newmark(AverageAcceleration, FixedJacobian):
 
 
 def average_acceleration(w2: np.ndarray, c: np.ndarray, h: float) -> np.ndarray:
-    """Coefficients (8, n) of `KernelIntegrator.step`: forces act half at either end."""
+    """Coefficients (8, n) of `KernelIntegrator.step`; half of the force acts at either end."""
     hk, hc = 0.25 * h * h * w2, 0.5 * h * c
     D = 1.0 + hc + hk
     to_q, to_v = 0.25 * h * h / D, 0.5 * h / D
@@ -59,9 +59,9 @@ def prewarped(w2: np.ndarray, c: np.ndarray, h: float) -> tuple[np.ndarray, np.n
 
 
 class NewmarkNewton(AverageAcceleration):
-    """Average acceleration, a fresh Jacobian an iteration.
+    """Average acceleration with a new Jacobian in each iteration.
 
-    It converges quadratically: squares of a run's tolerances are taken.
+    It converges quadratically, and uses the squares of a run's tolerances.
     """
 
     name = "newmark_newton"

@@ -1,7 +1,7 @@
 """Class of a run by its motion alone: at rest, a limit cycle, growing, irregular, or open.
 
-A decay to rest becomes linear: its pace, that of the logarithm of the level, tends to a constant.
-Towards a limit cycle the pace tends to zero. A run that is too short to tell is undecided.
+The pace is the rate of the logarithm of the level. In a decay to rest, which becomes linear, it
+tends to a constant; towards a limit cycle to zero. A run that is too short to tell is undecided.
 """
 
 from __future__ import annotations
@@ -29,40 +29,40 @@ from squealstudy.wording import (
     UNDECIDED,
 )
 
-MAX_LN_TREND = 0.05  # rise of the RMS over the judged part; less is none
-MAX_LN_DRIFT = 0.15  # of a limit cycle that drifts slowly: not settled, not irregular either
+# changes LN are those of the logarithm of the level
+MAX_LN_TREND = 0.05  # rise of the RMS over the judged part that counts as none
+MAX_LN_DRIFT = 0.15  # drift of a limit cycle that has not settled, but is not irregular either
 TREND_SIGMAS = 3.0  # standard errors that a trend must exceed
-MAX_REL_SCATTER = 0.10  # of the RMS of windows about their trend; more is irregular
-REST_RATIO_FALLING = 1e-2  # of the largest RMS: what is smaller and falls is at rest
-REST_RATIO = 1e-5  # of the largest RMS: what is smaller is at rest, round-off of contact forces too
-MAX_END_PACE_RATIO = 0.25  # of the pace over the whole record, at which a fall must end
-LATE_SHARE = 0.2  # of the record: the latest plateau
-MIN_LN_FALL = 0.01  # of the logarithm, over a stretch: the least whose pace says something
-LOWER_CYCLE_RATIO = 0.1  # of the largest RMS: where a cycle below a steady fall would be, at most
-# relative change of pace per e-fold of level, of a fall that is still steady
+MAX_REL_SCATTER = 0.10  # scatter of the RMS of windows about their trend; more is irregular
+REST_RATIO_FALLING = 1e-2  # RMS over the largest one, below which a falling level is at rest
+REST_RATIO = 1e-5  # the same for any level: round-off of contact forces is below it
+MAX_END_PACE_RATIO = 0.25  # pace at the end of a fall to rest over the mean one, at least
+LATE_SHARE = 0.2  # share of the record in which the latest plateau is sought
+MIN_LN_FALL = 0.01  # least change over a stretch whose pace is used
+LOWER_CYCLE_RATIO = 0.1  # largest level of a cycle below a steady fall, over the largest RMS
+# relative change of pace per e-fold of level with which a fall is still steady
 MAX_PACE_CHANGE_PER_EFOLD = 0.5
-# of the logarithm, over the start: a level that was reached by growth
+# growth since the start by which a level was reached, where growth is predicted
 MIN_LN_GROWTH_PREDICTED = float(np.log(2.0))
-MIN_LN_GROWTH = 3.0  # the same: growth that no beat of coupled modes makes, but an instability
-# under what was put in: it lost energy faster than it does now
+MIN_LN_GROWTH = 3.0  # the same in any case: an instability made it, no beat of coupled modes
+# fall since the start by which a level was reached: it lost energy faster than it does now
 LN_FALL_FROM_START = float(np.log(1.5))
-LN_GROWTH_EXPECTED = 0.5  # of the logarithm: predicted growth that a level which stays has stopped
-MAX_LN_DRIFT_SATURATED = 0.02  # of the logarithm: drift of such a level, at most
-MIN_LN_TRANSIENT = 2e-3  # of the logarithm: the least transient that shows how a level was reached
-TRANSIENT_OVER_DRIFT = 5.0  # times the drift that is left
-LEAST_DAMPING = 2e-6  # of a vibration: a slower decay cannot be told from a limit cycle
-# of the logarithm over the judged part: no drift of a motion that goes on
+LN_GROWTH_EXPECTED = 0.5  # predicted growth; a level that stays nevertheless has saturated
+MAX_LN_DRIFT_SATURATED = 0.02  # largest drift of such a level
+MIN_LN_TRANSIENT = 2e-3  # least transient that shows how a level was reached
+TRANSIENT_OVER_DRIFT = 5.0  # such a transient over the drift that is left, at least
+LEAST_DAMPING = 2e-6  # damping ratio below which a decay cannot be distinguished from a limit cycle
+# drift over the judged part that counts as none for the continuation of a motion
 MAX_LN_DRIFT_CONTINUED = 5e-3
-# of the logarithm over a stretch: less is no drift where no period is known
+# drift over a stretch that counts as none where no period is known
 MAX_LN_DRIFT_NO_PERIOD = 1e-4
-MAX_PACE_RATIO = 0.5  # of its pace before, for what is left of the way from growth to a cycle
-MAX_DRIFT_OVER_TRANSIENT = 1e-3  # of the transient before: the same
-MAX_LN_TO_PLATEAU = 0.05  # of the logarithm: what may be missing of a plateau that is approached
-MIN_LATE_WINDOWS = 6  # windows of a plateau in the last fifth
-MIN_BURST_WINDOWS = 6  # windows of ten periods in which irregular motion must show
-# times: less scatter in the second half of a level than in the first dies away
-DECAYING_SCATTER_RATIO = 0.7
-DURATION_FACTOR = 1.25  # times: the least duration that is asked for
+MAX_PACE_RATIO = 0.5  # pace at the end over that at the beginning, where growth ends in a cycle
+MAX_DRIFT_OVER_TRANSIENT = 1e-3  # drift over the transient before it that counts as none
+MAX_LN_TO_PLATEAU = 0.05  # largest distance from a plateau that is approached
+MIN_LATE_WINDOWS = 6  # least number of windows in the last fifth
+MIN_BURST_WINDOWS = 6  # least number of windows of ten periods for irregular motion
+DECAYING_SCATTER_RATIO = 0.7  # scatter in the second half of a level over the first: dies away
+DURATION_FACTOR = 1.25  # least duration that is proposed over that of the run
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ class RunClass:
     name : str
         ``stable``, ``limit_cycle``, ``growing``, ``irregular`` or ``undecided``.
     until : float
-        Of an undecided run, the duration that would decide, s, an estimate; infinite where no
-        longer run from this start would. NaN for all other classes.
+        Estimated duration [s] that would decide an undecided run; infinite where no longer run from
+        this start would. NaN for all other classes.
     """
 
     name: str
@@ -92,29 +92,28 @@ def classify(
 ) -> RunClass:
     """Class of a finished run, from its motion.
 
-    ``stable``: the level is gone (1e-5 of the largest, or `noise`), below 1 % of the largest and
-    still falls, or falls so steadily that a limit cycle under it would lie below a tenth of the
-    largest level, by the laws by which cycles are approached. ``limit_cycle``: the level was
-    reached by a transient and drifts less than the lightest decay would (a plateau after growth:
-    less than 15 %), or all but stops. ``growing``: it rises at a constant pace, or grew and rises
-    still. ``irregular``: levels of ten periods each scatter by more than 10 %, without a trend, and
-    by no less in the end than before. ``undecided``: none of these can be told yet.
+    ``stable``: the level is gone (1e-5 of the largest, or `noise`), or is below 1 % of the largest
+    and still falls, or falls so steadily that a limit cycle below it would have less than a tenth
+    of the largest level, by the laws by which cycles are approached. ``limit_cycle``: the level was
+    reached by a transient and drifts less than with the lightest damping (a plateau after growth:
+    less than 15 %), or all but stops. ``growing``: it rises at a constant pace, or has grown and
+    still rises. ``irregular``: levels of ten periods each scatter by more than 10 %, without a
+    trend, and in the end no less than before. ``undecided``: none of these is certain yet.
 
     Parameters
     ----------
-    time, energy
-        As of `envelope.windows`.
+    time, energy : ndarray (rows,)
+        Those of `envelope.windows`.
     initial : float
-        Energy that the perturbation put in, J, or zero for the continuation of a motion.
+        Energy of the perturbation, J; zero for the continuation of a motion.
     noise : float
         Energy of round-off, J.
     growth : float
-        Rate at which the level would rise at the end by the predicted growth of what moves there,
-        1/s; negative where all that moves is predicted to decay, zero where that is not known.
-        Where something is to grow, a level twice what was put in was reached by that growth,
-        otherwise only one twenty times as high; and a level that stays while growth would have
-        raised it by half, or decay lowered it by much more than it drifts, is a cycle wherever it
-        began; where growth would have raised it twentyfold, as one that did grow.
+        Predicted rate of the level at the end by the modes that move there, 1/s; negative where all
+        of them decay, zero where it is not known. If it is positive, a level of twice the initial
+        one was reached by growth, otherwise only one of twenty times. A level that stays although
+        growth would have raised it by half, or decay lowered it by much more than it drifts, is a
+        cycle wherever it began. If growth would have raised it twentyfold, it counts as grown.
     """
     span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     if len(time) < WINDOW_COUNT_RANGE[0] or not np.isfinite(energy).all():
@@ -143,7 +142,7 @@ def too_short(duration: float, rows: int) -> RunClass:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Levels of a run and what its beginning tells.
+    """Levels of a run, and what its beginning shows; changes are those of the logarithm.
 
     Attributes
     ----------
@@ -151,17 +150,16 @@ class Envelope:
     ratio : float
         Last level over the largest.
     continued : bool
-        Nothing was put in: an earlier motion goes on.
+        Whether an earlier motion goes on, without a perturbation.
     reached : bool
-        The level was reached by growth or by a loss that has ended, or continues a motion.
+        Whether the level was reached by growth or by a loss that has ended, or continues a motion.
     growth : float
-        Of the logarithm, over that of the start or of an earlier time.
+        Judged level over that of the start, or over an earlier one if that is smaller.
     transient : float
-        By how much, of the logarithm, levels before were beyond all that are judged; 0 where that
-        is less than those differ among themselves.
+        Largest distance of earlier levels beyond the range of those judged; 0 where it is less than
+        that range.
     predicted : float
-        By how much, of the logarithm, predicted growth would have raised the judged levels;
-        negative for predicted decay.
+        Predicted growth over the judged part; negative for predicted decay.
     """
 
     windows: LevelWindows
@@ -174,17 +172,17 @@ class Envelope:
 
     @property
     def grew(self) -> bool:
-        """Whether an instability made the level, not a beat of stable modes."""
+        """Whether an instability, not a beat of stable modes, made the level."""
         return self.growth >= (MIN_LN_GROWTH_PREDICTED if self.predicted > 0 else MIN_LN_GROWTH)
 
     @property
     def saturated(self) -> bool:
-        """Whether it grew, or growth that would have raised it twentyfold meanwhile was stopped."""
+        """Whether it grew, or would have grown twentyfold over the judged part as predicted."""
         return self.grew or self.predicted >= MIN_LN_GROWTH
 
     @staticmethod
     def of(windows: LevelWindows, initial: float, predicted: float) -> Envelope:
-        """From the levels, the energy that was put in [J] and the growth that is predicted."""
+        """The envelope of levels, by the energy put in [J] and the predicted growth (logarithm)."""
         fine, level = logarithm(windows.fine), logarithm(windows.level)
         now = float(level[windows.judged :].mean())
         put = 0.5 * float(np.log(initial)) if initial > 0 else now
@@ -217,7 +215,7 @@ class Envelope:
         return scatter, scatter / float(np.sqrt(2 * (len(judged) - 2))), len(judged)
 
     def lasting_scatter(self) -> bool:
-        """Whether that of the level, once it is reached, has no trend and does not die away."""
+        """Whether the scatter of the level that was reached has no trend and does not fade."""
         burst = self.windows.burst
         judged = last_part(burst, JUDGED_SHARE)
         rise, error, _ = level_trend(judged)
@@ -268,7 +266,7 @@ def _levels_off(envelope: Envelope, course: LevelTrend) -> bool:
 
 
 def _shows_approach(envelope: Envelope, drift: float) -> bool:
-    """Whether the start shows how the level was reached, or it stays where decay is predicted."""
+    """Whether the start shows how the level was reached, or it stays though decay is predicted."""
     min_change = max(MIN_LN_TRANSIENT, TRANSIENT_OVER_DRIFT * drift)
     decays = -envelope.predicted >= min_change
     return envelope.reached or envelope.transient >= min_change or decays
@@ -280,7 +278,7 @@ def _quiet(course: LevelTrend) -> bool:
 
 
 def _flat(envelope: Envelope, course: LevelTrend, share: float) -> bool:
-    """Whether the level drifts less than the lightest decay, or after growth by chance at most."""
+    """Whether the level drifts less than the lightest decay would, or after growth by chance."""
     drift, light = abs(course.rise) + course.error, envelope.lightest_fall(share)
     if np.isnan(light):
         light = MAX_LN_DRIFT_NO_PERIOD
@@ -297,10 +295,10 @@ def _flat(envelope: Envelope, course: LevelTrend, share: float) -> bool:
 
 
 def _vanishes(course: LevelTrend) -> bool:
-    """Whether the pace goes to zero exponentially, with little left of the way.
+    """Whether the pace goes to zero exponentially, with little of the way left.
 
-    Beyond a fold, where no cycle is left, it slows down as 1/t^2 at first, and at the top of a beat
-    linearly: from third to third these shrink more and more slowly, or faster and faster.
+    Just beyond a fold, where there is no cycle, it slows down as 1/t^2 at first; at the top of a
+    beat linearly. From third to third the first shrinks ever more slowly, the second ever faster.
     """
     first, second, third = course.thirds
     if not (first * second > 0 and second * third > 0):
@@ -341,7 +339,7 @@ def _falls(envelope: Envelope, course: LevelTrend) -> bool:
 
 
 def slowing(course: LevelTrend) -> float:
-    """Relative loss of pace per e-fold of level, of a fall, at most."""
+    """Upper bound of the relative loss of pace per e-fold of level in a fall."""
     loss = abs(course.begin) - abs(course.end) + course.bend_error
     return max(loss, 0.0) / course.rise**2
 
@@ -356,7 +354,7 @@ def _falls_steadily(course: LevelTrend, ratio: float) -> bool:
     h = slowing(course)
     below = max(h / (1 + h), float(np.sqrt(h / (2 + h))))
     gain = abs(course.end) - abs(course.begin) + course.bend_error
-    middle = ratio * float(np.exp(0.5 * abs(course.rise)))  # where that loss is
+    middle = ratio * float(np.exp(0.5 * abs(course.rise)))  # level at which that loss is measured
     return below * middle <= LOWER_CYCLE_RATIO and (
         gain <= MAX_PACE_CHANGE_PER_EFOLD * course.rise**2 or ratio <= LOWER_CYCLE_RATIO
     )
@@ -376,7 +374,7 @@ def _irregular(envelope: Envelope, course: LevelTrend) -> bool:
 
 
 def _times_longer(envelope: Envelope, course: LevelTrend) -> float:
-    """The duration that would decide over that of the record, 0 where no better is known."""
+    """The duration that would decide over that of the record; infinite where none would."""
     light = envelope.lightest_fall(JUDGED_SHARE)
     if course.rise < -course.error:
         return _fall_longer(envelope, course)
@@ -392,9 +390,9 @@ def _times_longer(envelope: Envelope, course: LevelTrend) -> float:
 
 
 def _fall_longer(envelope: Envelope, course: LevelTrend) -> float:
-    """Longer duration for a fall that goes on: until it is deep, or surely of constant pace."""
+    """The duration, over that of the record, until a fall is deep or surely of constant pace."""
     pace = abs(min(course.rise, course.end)) / JUDGED_SHARE
     deep = 1 + float(np.log(max(envelope.ratio / LOWER_CYCLE_RATIO, 1.0))) / pace
-    h = 2 * LOWER_CYCLE_RATIO**2  # of m = 2, where nothing has fallen yet
+    h = 2 * LOWER_CYCLE_RATIO**2  # `_falls_steadily` with m = 2, before the level has fallen
     until_sure = max(MIN_LN_FALL / abs(course.rise), float(np.sqrt(slowing(course) / h)))
     return DURATION_FACTOR * min(deep, until_sure)

@@ -1,4 +1,4 @@
-"""Where the energy of a run is: in which modes, of the assembly and complex, and in which at last.
+"""Energy of a run in modes of the assembly and in complex modes, and which mode leads in the end.
 
 Mechanical energies are those of modes of unit mass (THEORY.md eq. (86)). Complex modes are not
 orthogonal: their shares are those of projections on their planes.
@@ -15,16 +15,16 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.intervals import mean_interval
 from squealstudy.motion.outcome.levels import JUDGED_SHARE
 
-ENERGY_ROUND_OFF = 3e-21  # of the work of friction: energy of round-off
-# of a friction coefficient below this, as of none, that of so much
+ENERGY_ROUND_OFF = 3e-21  # energy of round-off over the work of friction
+# least friction coefficient for that work: without friction there is round-off, too
 MIN_FRICTION_FOR_ROUND_OFF = 0.1
-FIRST_WINDOW_SHARE = 0.1  # of a record: its first window
-OVERLAP_EIGENVALUE_CUTOFF = 1e-10  # eigenvalues of the overlap below this are axes that others span
-N_WINDOWS = 50  # of a record in which leaders are told
-# of the final energy: what lies below, at the beginning, is the growth phase
+FIRST_WINDOW_SHARE = 0.1  # first window over the record
+OVERLAP_EIGENVALUE_CUTOFF = 1e-10  # below this, over the largest, an axis is spanned by the others
+N_WINDOWS = 50  # windows of a record in which leading modes are compared
+# energy over the final one, below which the beginning of a run is its growth phase
 GROWTH_PHASE_ENERGY_RATIO = 0.01
-LEADING_ENERGY_RATIO = 0.8  # of the largest energy: a mode that has as much still leads
-# of the energy: one complex mode with as much at first and at the end leads throughout
+LEADING_ENERGY_RATIO = 0.8  # energy over the largest, with which a mode still leads
+# a complex mode with this share of the energy at first and at the end leads throughout
 LEADING_THROUGHOUT_SHARE = 0.7
 
 
@@ -35,7 +35,8 @@ class ModalShares:
     Attributes
     ----------
     share, low, high : ndarray (ns,)
-        Of the energy of all modes, with 95 % bounds within 0 and 1; zeros where nothing moves.
+        Share of each sensed mode in the energy of all modes, with 95 % bounds within 0 and 1; zeros
+        where nothing moves.
     mean : ndarray (ns,)
         Mean energy of each mode, J.
     outside : float
@@ -57,12 +58,12 @@ def mode_energies(q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> np.ndarray
     q, v : ndarray (rows, ns)
         Modal amplitudes [m sqrt(kg)] and velocities.
     omega : ndarray (ns,)
-        rad/s.
+        Angular frequencies, rad/s.
 
     Returns
     -------
     ndarray (rows, ns)
-        J.
+        Energies, J.
     """
     energies: np.ndarray = 0.5 * (v**2 + (omega * q) ** 2)
     return energies
@@ -71,8 +72,8 @@ def mode_energies(q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> np.ndarray
 def vibration_energy(v: np.ndarray) -> np.ndarray:
     """Twice the kinetic energy (rows,) of modal velocities (rows, ns), J.
 
-    Over a period its mean is the mechanical energy of the vibration; a static shift of the mean
-    position, which is in `mode_energies`, is not in it.
+    Its mean over a period is the mechanical energy of the vibration. Unlike `mode_energies` it does
+    not include a static shift.
     """
     energy: np.ndarray = np.einsum("ij,ij->i", v, v)
     return energy
@@ -84,8 +85,9 @@ def energy_outside(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     energies : ndarray (rows, ns)
+        Energies of the sensed modes.
     total : ndarray (rows,)
-        Of all modes (history column `modal_energy`).
+        Energy of all modes (history column `modal_energy`).
     """
     outside: np.ndarray = np.maximum(total - energies.sum(axis=1), 0.0)
     return outside
@@ -97,7 +99,7 @@ def first_window(rows: int) -> slice:
 
 
 def mean_shares(energies: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """The shares (ns,) of `modal_shares` alone."""
+    """The shares (ns,) of `modal_shares`, without bounds."""
     mean, mean_total = energies.mean(axis=0), float(total.mean())
     return mean / mean_total if mean_total > 0 else np.zeros(energies.shape[1])
 
@@ -110,9 +112,9 @@ def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
     Parameters
     ----------
     energies : ndarray (rows, ns)
-        The window only, J.
+        Energies of the sensed modes in the window, J.
     total : ndarray (rows,)
-        Of all modes, J.
+        Energy of all modes, J.
     """
     mean, mean_total = energies.mean(axis=0), float(total.mean())
     share = mean_shares(energies, total)
@@ -129,19 +131,19 @@ def modal_shares(energies: np.ndarray, total: np.ndarray) -> ModalShares:
 
 
 def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np.ndarray:
-    """Shares of the vibration's energy over a window, each from 0 to 1, their sum at most 1.
+    """Share of each complex mode in the vibration's energy over a window; their sum is at most 1.
 
-    The energy of a motion's projection on a mode's plane (`growing_modes.mode_planes`) is that of
-    the motion where it is along this mode alone. Planes of several modes overlap, so that energies
-    of projections may add up to more than there is. Each mode is therefore given what its plane
-    adds to the planes of those before it, that of the largest projection first: together they have
-    the energy of the projection on all of them.
+    If a motion is along one mode only, the energy of its projection on that mode's plane
+    (`growing_modes.mode_planes`) is all of its energy. Planes of several modes overlap, so that the
+    energies of projections may add up to more than there is. Each mode is therefore given the
+    energy that its plane adds to that on the planes of the modes before it, where the mode of the
+    largest projection is first. Together they have the energy of the projection on all planes.
 
     Parameters
     ----------
     states : ndarray (rows, 2 m)
-        Coordinates on the planes of m modes, side by side, sqrt(J); their means over the window,
-        which are a static shift, are taken off.
+        Coordinates on the planes of m modes, side by side, sqrt(J). Their means over the window,
+        which are a static shift, are subtracted.
     overlap : ndarray (2 m, 2 m)
         Scalar products of the axes.
     energy : float
@@ -150,7 +152,7 @@ def complex_shares(states: np.ndarray, overlap: np.ndarray, energy: float) -> np
     Returns
     -------
     ndarray (m,)
-        NaN where nothing vibrates.
+        Shares from 0 to 1; NaN where nothing vibrates.
     """
     m = len(overlap) // 2
     deviations = states - states.mean(axis=0)
@@ -182,12 +184,12 @@ def _projected(product: np.ndarray, overlap: np.ndarray, modes: list[int]) -> fl
 def level_shares(run: Motion, window: slice) -> np.ndarray:
     """Share (m,) of each followed complex mode in the energy of the vibration over a window.
 
-    Empty where none is followed, as where no complex mode lies in the band.
+    Empty where no mode is followed.
     """
     if not len(run.point.growing.lam):
         return np.zeros(0)
     states = [run.plane(k)[window] for k in range(len(run.point.growing.lam))]
-    shift = run.sensed_q[window].mean(axis=0)  # static: no vibration
+    shift = run.sensed_q[window].mean(axis=0)  # a static shift is no vibration
     energy = float(run.modal_energy[window].mean() - 0.5 * ((run.omega * shift) ** 2).sum())
     return complex_shares(np.hstack(states), run.point.growing.overlap, energy)
 
@@ -195,7 +197,8 @@ def level_shares(run: Motion, window: slice) -> np.ndarray:
 def moving_energy(run: Motion) -> np.ndarray:
     """Energy of the vibration (rows,), J: twice the kinetic energy of the sensed modes.
 
-    That is blind to static shifts; where the sensors miss most of the energy, all of it is taken.
+    It does not include a static shift. Where the sensed modes have less than half of the energy in
+    the last 40 %, it is the mechanical energy of all modes instead.
     """
     last = slice(round(0.6 * len(run.times)), None)
     sensed = mode_energies(run.sensed_q, run.sensed_v, run.omega)[last].sum()
@@ -205,10 +208,10 @@ def moving_energy(run: Motion) -> np.ndarray:
 
 
 def slowest_period(run: Motion) -> float:
-    """Period of the slowest change of the energy of sensed modes that have 1 % of it at a time, s.
+    """Period of the slowest change of the energy, s.
 
-    That of the slowest of these modes, or of the slowest beat of two of them. Infinite where a
-    rigid mode is among them.
+    It is the period of the slowest mode, or of the slowest beat of two modes, of all sensed modes
+    that have 1 % of the energy at some time. Infinite where a rigid mode is among them.
     """
     energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
     total = energies.sum(axis=1, keepdims=True)
@@ -219,9 +222,9 @@ def slowest_period(run: Motion) -> float:
 
 
 def energy_round_off(run: Motion) -> float:
-    """Energy below which nothing moves, J: of the work of friction, which scales as it does.
+    """Energy below which nothing moves, J, in proportion to the work of friction.
 
-    0 where that work is not known, as of integrators that solve no balance in each step.
+    0 where that work is not known, as with integrators that solve no balance in each step.
     """
     work = abs(run.energy.friction)
     if not np.isfinite(work):
@@ -242,32 +245,32 @@ def transfer(
     """The mode that led at first, the one that leads at the end, and when it took over for good.
 
     Energies are averaged over 50 windows. The first leader has the largest mean share of the
-    sensed energy in the growth phase (leading windows below 1 % of the final energy; the first
-    window where there is none); the last one the largest energy over the last 40 %. The time is
-    the start of the window from which the latter has 80 % of the largest energy or more, to the
-    end or, where the lead still changes, in the last time that it took it.
+    sensed energy in the growth phase (the windows before the energy first reaches 1 % of the final
+    one; the first window at least). The last leader has the largest energy over the last 40 %. The
+    time is the start of the window from which on the last leader has 80 % of the largest energy or
+    more, to the end; where the lead still changes, it is the last time that it took the lead.
 
-    A complex mode that has parts of several real ones lends the lead to one and another of them:
-    where the motion stays in the subspace of one, at first and at the end, nothing took over.
+    A complex mode consists of several real ones, of which now one and now another may lead. Where
+    the motion is along the same complex mode at first and at the end, nothing took over.
 
     Parameters
     ----------
     time : ndarray (rows,)
-        s.
+        Times of the rows, s.
     energies : ndarray (rows, ns)
-        J.
+        Energies of the sensed modes, J.
     modes : ndarray (ns,)
-        Mode numbers.
+        Numbers of the sensed modes.
     held_energy : ndarray (rows, m) or None
-        Part of their sum that lies in the subspace of each of m complex modes, J.
+        Part of their sum that is along each of m complex modes (`held_energies`), J.
 
     Returns
     -------
     first, last : int
-        Mode numbers; 0 where one mode leads throughout, the last from the start on, or nothing
-        moves.
+        Mode numbers; 0 where one mode leads throughout, where the last leader leads from the start
+        on, or where nothing moves.
     time : float
-        s; NaN likewise.
+        Time of the transfer, s; NaN where the numbers are 0.
     """
     if not energies.size or not energies.any():
         return 0, 0, np.nan
@@ -295,15 +298,15 @@ def transfer(
     not_yet = np.flatnonzero(~leads[: holds[-1]])
     if not len(not_yet):
         return 0, 0, np.nan
-    taken = int(not_yet[-1]) + 1
-    return int(modes[first]), int(modes[last]), float(time[edges[taken]])
+    takeover = int(not_yet[-1]) + 1
+    return int(modes[first]), int(modes[last]), float(time[edges[takeover]])
 
 
 def held_energies(run: Motion) -> np.ndarray:
-    """Part (rows, m) of the sensed energy v^2 whose shape is in each followed complex mode, J.
+    """Part (rows, m) of the sensed energy v^2 that is along each followed complex mode, J.
 
-    Whatever its phases: the projection of the velocities on its real and imaginary part. A mode
-    of which the sensors see less than half holds nothing.
+    It is that of the projection of the velocities on the mode's real and imaginary parts, whatever
+    their phases. It is 0 for a mode of which the sensors see less than half.
     """
     right_vectors = run.point.growing.right
     sensed_modes = right_vectors[run.sensed - 1]

@@ -1,4 +1,4 @@
-"""Levels of a vibration over time, and how their logarithm goes on: its pace, with bounds."""
+"""Levels of a vibration over time, and the pace of their logarithm, with bounds."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from scipy import special
 from squealstudy.motion.outcome.levels import JUDGED_SHARE
 from squealstudy.motion.outcome.spectrum import spectrum
 
-WINDOW_COUNT_RANGE = (15, 25)  # of a record, fewest and most
-WINDOW_PERIODS = 5.0  # of the slowest line of the energy in one, where the record has them
-# windows of a record of so few periods that 15 would hold parts of them
+WINDOW_COUNT_RANGE = (15, 25)  # fewest and most windows of a record
+WINDOW_PERIODS = 5.0  # periods of the energy's slowest line in a window, where the record has them
+# fewest windows of a record of so few periods that each of 15 would hold a part of one
 MIN_WINDOWS_SHORT_RECORD = 7
-FINE_PERIODS = 3.0  # in one of the shorter windows
-BURST_PERIODS = 10.0  # of the vibration in windows whose scatter tells irregular motion
-# of the power of what the energy does within windows: what is slower is no line
+FINE_PERIODS = 3.0  # periods in one of the shorter windows
+BURST_PERIODS = 10.0  # periods of the vibration in windows whose scatter shows irregular motion
+# the slowest line is the frequency below which the energy's ripple has this share of its power
 SLOW_POWER_SHARE = 1e-3
-LINE_RECORD_SHARE = 0.2  # of a record: where its lines are looked at
-LEAST_ROWS = 8  # of a window that is weighted
-LEAST_WINDOWS = 5  # of a course
-BOUND_CONFIDENCE = 0.995  # one-sided, of bounds
-MAX_CORRELATION = 0.9  # most that neighbouring windows are taken for
-MIN_REL_SCATTER = 1e-9  # of a level, between neighbouring windows
-SILENT_LEVEL_RATIO = 1e-12  # of the largest level: what is smaller has no lines
+LINE_RECORD_SHARE = 0.2  # last share of a record, in which its lines are sought
+LEAST_ROWS = 8  # fewest rows of a window that is weighted
+LEAST_WINDOWS = 5  # fewest levels of a trend
+BOUND_CONFIDENCE = 0.995  # one-sided confidence of bounds
+MAX_CORRELATION = 0.9  # largest correlation of neighbouring windows that bounds take into account
+MIN_REL_SCATTER = 1e-9  # least scatter of a level between neighbouring windows
+SILENT_LEVEL_RATIO = 1e-12  # least level over the largest one, where lines are sought
 SMALLEST_POSITIVE = 1e-300
 
 
@@ -36,17 +36,17 @@ class LevelWindows:
     Attributes
     ----------
     start : ndarray (m,)
-        s.
+        Start of each window, s.
     level : ndarray (m,)
-        Square root of the weighted mean of the energy in each.
+        Square root of the weighted mean of the energy in each window.
     judged : int
-        The first of those that are judged: the last 40 % of the record.
+        Index of the first window that is judged: the judged ones are the last 40 % of the record.
     fine : ndarray (n,)
         Levels of shorter windows, three periods each where the record has them.
     burst : ndarray (k,)
         Levels of windows of ten periods of the vibration each, whatever the record's length.
     periods : float
-        Of the vibration in the record; NaN where the energy has no line.
+        Periods of the vibration in the record; NaN where the energy has no line.
     """
 
     start: np.ndarray
@@ -57,27 +57,27 @@ class LevelWindows:
     periods: float
 
     def trend(self) -> tuple[float, float, float]:
-        """Relative rise over the judged windows, its standard error, scatter about it."""
+        """Relative rise over the judged windows, its standard error, and the scatter about it."""
         return level_trend(self.level[self.judged :])
 
     def course(self, share: float) -> LevelTrend:
-        """How the levels went over the last `share` of the record."""
+        """Trend of the logarithm of the levels over the last `share` of the record."""
         return LevelTrend.of(logarithm(last_part(self.level, share)))
 
 
 def last_part(values: np.ndarray, share: float) -> np.ndarray:
-    """The last `share` of values (m,), five at least."""
+    """The last `share` of values (m,), but five at least."""
     return values[-min(len(values), max(LEAST_WINDOWS, round(share * len(values)))) :]
 
 
 def logarithm(level: np.ndarray) -> np.ndarray:
-    """Natural logarithm of levels (m,); of zero that of the smallest number."""
+    """Natural logarithm of levels (m,), of which zero counts as a smallest number."""
     log_level: np.ndarray = np.log(np.maximum(level, SMALLEST_POSITIVE))
     return log_level
 
 
 def level_trend(level: np.ndarray) -> tuple[float, float, float]:
-    """Relative rise over levels (m,), its standard error, scatter about it."""
+    """Relative rise over levels (m,), its standard error, and the scatter about it."""
     y = level / (level.mean() or 1.0)
     x = np.arange(len(y)) - 0.5 * (len(y) - 1)
     slope = float(x @ y / (x @ x))
@@ -87,17 +87,19 @@ def level_trend(level: np.ndarray) -> tuple[float, float, float]:
 
 
 def windows(time: np.ndarray, energy: np.ndarray) -> LevelWindows:
-    """Levels of 25 windows, or of as few as 15 where those hold five periods each, 7 if three.
+    """Levels of 15 to 25 windows of a record, which hold five periods each if it is long enough.
 
     The periods are those of the slowest line of the energy: the loudest line of a torque may be a
-    harmonic. The weight within a window is sin^4, so that what it cuts off a period is not seen.
+    harmonic. Where the record has few periods of its main line there are fewer windows, of three
+    periods each, seven at least. The weight within a window is sin^4, so that parts of periods at
+    its ends hardly count.
 
     Parameters
     ----------
     time : ndarray (rows,)
-        Equally spaced, s; `WINDOW_COUNT_RANGE[0]` rows or more.
+        Equally spaced times, s; `WINDOW_COUNT_RANGE[0]` rows or more.
     energy : ndarray (rows,)
-        Of the vibration (`energies.vibration_energy`), or a squared torque fluctuation.
+        Energy of the vibration (`energies.vibration_energy`), or a squared torque fluctuation.
     """
     min_windows, max_windows = WINDOW_COUNT_RANGE
     rows = len(energy)
@@ -138,7 +140,7 @@ def window_means(values: np.ndarray, count: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _weight(rows: int) -> np.ndarray:
-    """Weights (rows,) of the sum 1 within a window; read-only."""
+    """Weights (rows,) within a window, whose sum is 1; read-only."""
     weight = np.ones(rows)
     if rows >= LEAST_ROWS:
         weight = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) ** 4
@@ -148,7 +150,7 @@ def _weight(rows: int) -> np.ndarray:
 
 
 def _periods(ripple: np.ndarray) -> tuple[float, float]:
-    """Periods in the whole record of the slowest line of its last fifth, and of the main one."""
+    """Periods in the whole record of the slowest and of the main line of its last fifth."""
     rows = max(LEAST_ROWS, round(LINE_RECORD_SHARE * len(ripple)))
     power = spectrum(1.0, ripple[-rows:]).power[3:]
     if not power.any():
@@ -166,12 +168,13 @@ class LevelTrend:
     Attributes
     ----------
     rise, error : float
-        Of the logarithm over the stretch, negative for a fall, and half of its 99 % interval.
+        Rise of the logarithm over the stretch, negative for a fall, and half-width of its 99 %
+        interval.
     begin, end, end_error : float
-        Pace at its two ends, as the rise that it would give over the stretch; half of the interval
-        of either.
+        Pace at the two ends, as the rise that it would give over the whole stretch, and half-width
+        of the interval of either.
     bend_error : float
-        Half of the interval of `end` - `begin`.
+        Half-width of the interval of `end` - `begin`.
     thirds : tuple of float
         Rise over each third.
     scatter : float
@@ -189,7 +192,7 @@ class LevelTrend:
 
     @staticmethod
     def of(y: np.ndarray) -> LevelTrend:
-        """Fit of five values or more."""
+        """Fit a parabola to y (m,), five values or more."""
         m = len(y)
         x = (np.arange(m) - 0.5 * (m - 1)) * 2 / m
         square = x**2 - (x @ x) / m
@@ -207,7 +210,8 @@ class LevelTrend:
             np.sqrt((1 + rho) / (1 - rho))
         )
         error = 2 * reach * scatter / float(np.sqrt(x @ x))
-        bent = 4 * reach * scatter / float(np.sqrt(square @ square))  # of the pace, middle to end
+        # half-width of the change of pace from the middle to an end
+        bent = 4 * reach * scatter / float(np.sqrt(square @ square))
         samples = np.interp(np.linspace(0, m - 1, 4), np.arange(m), y)
         first, second, third = (np.diff(samples) * m / (m - 1)).tolist()
         return LevelTrend(

@@ -1,7 +1,7 @@
-"""Growth rate of the exponential phase of a run, its window found in the signal itself.
+"""Growth rate of the exponential phase of a run, whose window is found from the signal itself.
 
-The rate is the slope of a straight line through logarithms of amplitudes: where one fits, its slope
-and its bounds.
+The rate is the slope of a straight line through the logarithm of an amplitude. This file finds the
+stretch in which a line fits.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 from squealstudy.motion.outcome.slope_bounds import block_means, slope_interval
 from squealstudy.motion.outcome.straight_stretch import best_stretch, straightness
 
-# how a rate was found: along the fastest complex mode; from the energy where none is followed
+# how a rate was computed: along the fastest complex mode; from the energy if no mode is followed
 LEFT_VECTOR, ENERGY = "left_vector", "energy"
-ONSET_LEVEL_RATIO = 0.1  # of the final amplitude
-LEAST_ROWS = 24  # of a fit
-LEAST_PERIODS = 5.0  # of the slowest motion in a fit: part of a ripple has any slope
-FINAL_LEVEL_SHARE = 0.2  # of the record: where the final level is read
-WINDOW_END_LEVEL_RATIO = 0.05  # of the final amplitude: the phase ends there
-SHORT_WINDOW_END_LEVEL_RATIO = 0.075  # in its place where that leaves less than an e-folding
+ONSET_LEVEL_RATIO = 0.1  # amplitude at the onset time over the final one
+LEAST_ROWS = 24  # fewest rows of a fit
+LEAST_PERIODS = 5.0  # fewest periods of the slowest motion in a fit: a part of a ripple misleads
+FINAL_LEVEL_SHARE = 0.2  # last share of the record, whose median is the final level
+WINDOW_END_LEVEL_RATIO = 0.05  # amplitude at the end of the phase over the final one
+SHORT_WINDOW_END_LEVEL_RATIO = 0.075  # the same where that would leave less than one e-folding
 SEARCH_BLOCKS = 64  # resolution of the window's ends
-# change of ln|xi| between rows, in a block of a complex amplitude that is mostly noise
+# mean change of ln|xi| between rows of a block, above which a complex amplitude is mostly noise
 NOISE_LN_CHANGE = 0.5
-LEAST_RISE = 0.05  # of ln|xi| over a record that never bends; less is a stationary signal
-MIN_LATE_PACE_RATIO = 0.5  # pace of the end of a fall over that of the whole: less is a floor
+LEAST_RISE = 0.05  # rise of ln|xi| over a record that never bends; less is a stationary signal
+MIN_LATE_PACE_RATIO = 0.5  # pace at the end of a fall over its mean pace; less is a floor
 
 
 @dataclass(frozen=True)
@@ -36,19 +36,20 @@ class GrowthFit:
     Attributes
     ----------
     growth_rate, low, high : float
-        1/s with its 95 % confidence bounds; negative for decay, NaN where nothing was fitted.
+        Growth rate and its 95 % confidence bounds, 1/s; negative for decay, NaN where nothing was
+        fitted.
     start, stop : float
-        The window of the fit, s.
+        Ends of the window of the fit, s.
     onset_time : float
         When the fitted exponential reaches a tenth of the final amplitude (median over the last
         fifth of the whole record), s, or the first row where it begins above that; NaN unless the
         rate is above zero with 95 % confidence.
     frequency : float
-        Of a complex amplitude over the window, rad/s; NaN of a real one.
+        Mean frequency of a complex amplitude over the window, rad/s; NaN for a real one.
     status : str
-        ``ok``, ``no_signal`` (zero or not finite), ``too_short`` (fewer than 24 rows or 5 periods
-        between start-up and bend, a stationary signal included) or ``not_exponential`` (no such
-        stretch of the logarithm is straight).
+        ``ok``; ``no_signal`` (zero or not finite); ``too_short`` (fewer than 24 rows or 5 periods
+        between start-up and bend, which includes a stationary signal); ``not_exponential`` (no such
+        stretch of the logarithm is straight). `growth_rows` adds ``not_linear``.
     """
 
     growth_rate: float = np.nan
@@ -71,30 +72,32 @@ def fit_growth(
 ) -> GrowthFit:
     """Fit |amplitude| = c exp(rate t) where the signal itself is exponential.
 
-    The window ends before the logarithm first comes within `WINDOW_END_LEVEL_RATIO` of its final
-    level: a Stuart-Landau amplitude, d ln|xi|/dt = a (1 - r^2) with r the share of the final
-    amplitude, is then read with a relative bias below r^2 = 0.25 % (`SHORT_WINDOW_END_LEVEL_RATIO`:
-    0.6 %). Decay is the mirror image. Within that, a complex amplitude is fitted from its start (a
-    projection on a left vector has no start-up; rows that are mostly noise are skipped) until its
-    logarithm bends or scatters; one that falls to its end from there back, for large motion falls
-    at another pace; a real one over the straight stretch whose slope has the least relative error.
+    The window ends before the amplitude first reaches `WINDOW_END_LEVEL_RATIO` of the final one.
+    Then the rate of a Stuart-Landau amplitude, d ln|xi|/dt = a (1 - r^2) with r the share of the
+    final amplitude, has a relative bias below r^2 = 0.25 % (`SHORT_WINDOW_END_LEVEL_RATIO`: 0.6 %).
+    Decay is treated as the mirror image.
+
+    A complex amplitude is fitted from its start until its logarithm bends or scatters: a projection
+    on a left vector has no start-up, and rows that are mostly noise are skipped. One that falls to
+    the end of the record is fitted from there backwards, since large motion falls at another pace.
+    A real amplitude is fitted over the straight stretch whose slope has the least relative error.
     The bounds use block means, merged while they are correlated, with a
     heteroscedasticity-consistent variance (HC3) and Student's t.
 
     Parameters
     ----------
     time : ndarray (rows,)
-        Equally spaced, s; at least three rows a period of a complex amplitude.
+        Equally spaced times, s; at least three rows in a period of a complex amplitude.
     amplitude : ndarray (rows,)
         Complex (`growing_modes.projection`), or real: an envelope such as sqrt(energy), which may
         ripple.
     until : float
-        Rows after this time are not looked at: where another, faster motion saturates, s.
+        Time [s] after which rows are not used, as another, faster motion saturates there.
     period : float
-        Of the slowest motion in a real envelope, s: a fit lasts whole ones of them, five at least.
-        Zero for an envelope that does not ripple.
+        Period of the slowest motion in a real envelope, s: a fit lasts a whole number of these,
+        five at least. Zero for an envelope that does not ripple.
     others : sequence of ndarray (rows,) complex
-        Of other modes: what they leave in this one is part of the bounds.
+        Amplitudes of other modes, whose share in this one is part of the bounds.
     """
     size = np.abs(amplitude)
     if not np.isfinite(size).all() or not size.any():
@@ -133,7 +136,7 @@ def fit_growth(
 
 
 def whole_periods(first: int, end: int, period: float) -> int:
-    """The row after a stretch that is cut to whole periods [rows]; not cut where these are 0."""
+    """End of a stretch that is cut to whole periods [rows]; `end` itself where `period` is 0."""
     return first + round(int((end - first) / period) * period) if period else end
 
 
@@ -154,7 +157,7 @@ def median_of(values: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class RisingLogarithm:
-    """A logarithm (rows,) and the sign that makes it rise."""
+    """A logarithm (rows,), the sign that makes it rise, and whether the amplitude is real."""
 
     log: np.ndarray
     sign: float
@@ -162,24 +165,24 @@ class RisingLogarithm:
 
     @staticmethod
     def of(log: np.ndarray, real: bool) -> RisingLogarithm:
-        """With the sign of its change from the first fiftieth to the final level."""
+        """The logarithm with the sign of its change from the first fiftieth to the final level."""
         early = block_means(log, max(1, len(log) // 50), real)[0]
         return RisingLogarithm(log, 1.0 if final_level(log) >= early else -1.0, real)
 
     def blocks(self, width: int, end: int | None = None) -> np.ndarray:
-        """Means over blocks of `width` rows before row `end`."""
+        """Means over blocks of `width` rows before row `end`, with the sign."""
         means: np.ndarray = self.sign * block_means(self.log[:end], max(1, width), self.real)
         return means
 
     def first_above(self, level: float) -> int:
-        """Row at which it first exceeds a level; all rows where it never does."""
+        """Index of the first row above a level; the number of rows if there is none."""
         width = max(1, len(self.log) // 500)
         above = self.blocks(width) > level
         return int(np.argmax(above)) * width if above.any() else len(self.log)
 
 
 def growth_window(rising: RisingLogarithm, min_rows: int) -> tuple[int, int] | str:
-    """First row and the row after the last of a straight stretch, or why there is none."""
+    """First row and end of the straight stretch to fit, or the status if there is none."""
     end = len(rising.log)
     if rising.sign < 0 and not rising.real and (late := _late_fall(rising, min_rows)):
         return late
@@ -201,9 +204,10 @@ def growth_window(rising: RisingLogarithm, min_rows: int) -> tuple[int, int] | s
 
 
 def bend_time(time: np.ndarray, amplitude: np.ndarray) -> float:
-    """When a complex amplitude (rows,) that rises nears its final level; inf of one that does not.
+    """Time at which a rising complex amplitude (rows,) nears its final level.
 
-    Its first row where it has that level all along, beside which nothing is small motion.
+    Infinite where it does not rise, or does not bend. The time of the first row where it has that
+    level all along: then no other motion beside it is small.
     """
     size = np.abs(amplitude)
     if len(size) < LEAST_ROWS or not np.isfinite(size).all() or not size.any():
@@ -216,7 +220,7 @@ def bend_time(time: np.ndarray, amplitude: np.ndarray) -> float:
 
 
 def _late_fall(rising: RisingLogarithm, min_rows: int) -> tuple[int, int] | None:
-    """The straight stretch that a fall ends with, where motion is smallest; None of a floor."""
+    """The straight stretch at the end of a fall, where motion is smallest; None if that is flat."""
     rows = len(rising.log)
     width = max(3, -(-rows // SEARCH_BLOCKS))
     blocks = rising.blocks(width)
@@ -248,9 +252,9 @@ def _rises_throughout(rising: RisingLogarithm, min_rows: int) -> bool:
 
 
 def _ceiling(rising: RisingLogarithm) -> float:
-    """Logarithm of the saturated amplitude; above the record's end where growth still bends.
+    """Logarithm of the saturated amplitude, which is above the last one where growth still bends.
 
-    From slope / largest slope = 1 - r^2 over the last fifth (Stuart-Landau).
+    It follows from slope / largest slope = 1 - r^2 at the end of the record (Stuart-Landau).
     """
     final = rising.sign * final_level(rising.log)
     blocks = rising.blocks(len(rising.log) // 100)
@@ -261,7 +265,7 @@ def _ceiling(rising: RisingLogarithm) -> float:
 
 
 def least_rows(amplitude: np.ndarray) -> int:
-    """Rows in the shortest fit; periods from the mean turn of the phase between rows."""
+    """Fewest rows of a fit; periods follow from the mean turn of the phase between rows."""
     if not np.iscomplexobj(amplitude):
         return LEAST_ROWS
     periods = LEAST_PERIODS * 2 * np.pi / max(abs(turn(amplitude)), 1e-12)
@@ -274,7 +278,7 @@ def turn(amplitude: np.ndarray) -> float:
 
 
 def _noisy_blocks(log: np.ndarray, width: int) -> int:
-    """Leading blocks up to the last one that is mostly noise."""
+    """Number of leading blocks up to the last one that is mostly noise."""
     cut = log[: len(log) // width * width].reshape(-1, width)
     noisy = np.flatnonzero(np.abs(np.diff(cut, axis=1)).mean(axis=1) > NOISE_LN_CHANGE)
     return int(noisy[-1]) + 1 if len(noisy) else 0

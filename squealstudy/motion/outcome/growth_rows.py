@@ -1,4 +1,4 @@
-"""Growth of a run: fitted beside predicted, of each followed complex mode."""
+"""Growth of a run: the fitted and the predicted rate of each followed complex mode."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from squealstudy.motion.outcome.growth import ENERGY, LEFT_VECTOR, GrowthFit, be
 from squealstudy.motion.outcome.verdict import MIN_ENERGY_SHARE
 from squealstudy.wording import STABLE, SUSTAINED
 
-MIN_BENDING_SHARE = 0.01  # of the most energy of a mode, with which one ends the others' fits
-NOT_LINEAR = "not_linear"  # what moves along a left vector at another frequency than its mode
-# relative: how far a frequency may be from that of the mode at the step, of 300 runs at most 1e-3;
-# from that of the mode, where what the step makes of it is not known
+# a mode that saturates ends the fits of the others if it has this share of the largest energy
+MIN_BENDING_SHARE = 0.01
+NOT_LINEAR = "not_linear"  # status of motion along a left vector at another frequency than its mode
+# relative difference of the fitted frequency from that of the mode at the step (in 300 runs at most
+# 1e-3), and from that of the mode where its root at the step is not known
 SAME_HZ, SAME_HZ_UNKNOWN = 5e-3, 0.05
 
 
@@ -31,7 +32,7 @@ def has_moved(run: Motion) -> bool:
 
 
 def mode_fits(run: Motion) -> list[GrowthFit]:
-    """Growth of each followed complex mode, until the first of them bends that has much energy."""
+    """Fitted growth of each followed mode, until another one of much energy nears its limit."""
     count = len(run.point.growing.lam)
     if not count or not has_moved(run):
         return [GrowthFit()] * count
@@ -50,15 +51,15 @@ def mode_fits(run: Motion) -> list[GrowthFit]:
 def growth_rows(
     run: Motion, fits: list[GrowthFit], kind: str, window: slice
 ) -> list[dict[str, Any]]:
-    """Fitted beside predicted growth of each followed complex mode, and its part in the end.
+    """Rows with fitted and predicted growth of each followed complex mode, and its final share.
 
     Parameters
     ----------
     run : Motion
     fits : list of GrowthFit
-        `mode_fits` of it.
+        `mode_fits` of the run.
     kind : str
-        Its class.
+        Class of the run.
     window : slice
         The rows whose levels are judged.
     """
@@ -87,10 +88,11 @@ def growth_rows(
 
 
 def _expressed(share: float, kind: str, moving: bool) -> bool | None:
-    """Whether a predicted instability is in the vibration that is left; None: it cannot be told.
+    """Whether a predicted instability is part of the final vibration; None where that is open.
 
-    It is where that is sustained and the mode has a twentieth of its energy, and is not where the
-    motion dies away. What still grows, is undecided, failed or was never disturbed cannot tell.
+    It is if the vibration is sustained and the mode has a twentieth of its energy. It is not if the
+    vibration dies away. It is open in a run that still grows, is undecided, has failed or was never
+    disturbed.
     """
     if not moving or kind not in (*SUSTAINED, STABLE):
         return None
@@ -98,10 +100,11 @@ def _expressed(share: float, kind: str, moving: bool) -> bool | None:
 
 
 def growth_columns(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
-    """Growth of the fastest complex mode; of the energy where no mode is followed.
+    """Columns on the growth of the fastest complex mode, or of the energy if no mode is followed.
 
-    Where a followed mode has no exponential stretch the motion is not linear for long enough: the
-    energy would then tell a flank of its ripple, or how a vibration fills up.
+    Where a followed mode has no exponential stretch the motion is not linear for long enough. The
+    energy is not fitted then: its rate would be that of a flank of its ripple, or of a vibration
+    that fills up.
     """
     if not has_moved(run):
         return {}
@@ -121,17 +124,17 @@ def growth_columns(run: Motion, fits: list[GrowthFit]) -> dict[str, Any]:
 
 
 def step_error(run: Motion, k: int) -> float:
-    """Excess growth of the followed mode `k` by the run's step, 1/s; NaN if unknown."""
+    """Growth rate of followed mode `k` at the run's step less the exact one, 1/s, or NaN."""
     balanced = run.point.growing.integrated[0]
     return float(balanced[k].real - run.point.growing.lam[k].real) if len(balanced) else np.nan
 
 
 def _as_integrated(run: Motion, k: int, fit: GrowthFit) -> GrowthFit:
-    """The fit where it is one of the mode's linear motion, with what the contact iteration may do.
+    """The fit with wider bounds by the step; `NOT_LINEAR` where it is not of the mode's motion.
 
-    Whatever moves along a left vector has an amplitude, a limit cycle too; of the linear motion
-    frequency and growth are those of the mode, as the step makes it. The bounds reach to what the
-    step makes of the growth, and as far as steps of one evaluation change it.
+    Any motion has an amplitude along a left vector, also a limit cycle; but linear motion has the
+    frequency of the mode, at the run's step. The bounds are widened by the error of the step, and
+    by the change of growth in steps with one evaluation of the forces.
     """
     if fit.status != "ok":
         return fit

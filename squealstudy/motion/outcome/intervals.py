@@ -1,6 +1,6 @@
 """Means with bounds: from sub-windows of a record, whole periods of a motion, and several runs.
 
-Of several records side by side.
+Arrays hold several records side by side.
 """
 
 from __future__ import annotations
@@ -11,32 +11,30 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of an interval; fewer while neighbours are correlated
-MAX_CORRELATION = 0.1
-# of the variance of sub-windows, that a straight line holds: a drift, no chance
+SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of a mean; fewer are used if neighbours are correlated
+MAX_CORRELATION = 0.1  # largest correlation of neighbours that counts as none
+# share of a line in the variance of sub-windows from which on it is a drift, no chance
 MIN_TREND_VARIANCE_SHARE = 0.7
-# ratio of the drift of successive thirds, up to which what is left is extrapolated
-MAX_DRIFT_RATIO = 0.9
-# times what is extrapolated: three means of a beat that fades tell it roughly
-EXTRAPOLATION_SAFETY = 1.5
-MAX_REL_DRIFT = 0.05  # of the mean: a drift beyond it is of motion that passes
-# of an approach that beats: overlapping smooth windows over the periods, in which beats average out
+MAX_DRIFT_RATIO = 0.9  # largest ratio of the drifts of successive thirds in an extrapolation
+EXTRAPOLATION_SAFETY = 1.5  # factor on it: three means of a beat that fades show it only roughly
+MAX_REL_DRIFT = 0.05  # drift over the mean beyond which the motion is passing, without a limit
+# number of overlapping smooth windows of an approach with beats, which average out in them
 N_SMOOTH_WINDOWS = 5
-MIN_SMOOTH_PERIODS = 20  # of a record whose windows smooth anything
-MIN_SMOOTH_VARIANCE_SHARE = 0.9  # that a line holds of their means; chance reaches it in 2 %
-SMOOTH_RATIO_RANGE = (0.3, 0.85)  # of the slopes of the two halves, that are believed
-SMOOTH_SAFETY = 1.6  # times what is left of an approach with beats: chosen on Hoffmann's oscillator
-MAX_REL_SMOOTH_DRIFT = 0.2  # of the mean: a larger one is of motion that passes
-PERIODS_OF_HARMONICS = 6  # periods of the second or third harmonic that are whole ones of the first
-IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative: runs that agree so well are one run
+MIN_SMOOTH_PERIODS = 20  # fewest periods of a record with such windows
+MIN_SMOOTH_VARIANCE_SHARE = 0.9  # share of a line in their variance; chance reaches it in 2 %
+SMOOTH_RATIO_RANGE = (0.3, 0.85)  # range of the ratio of the slopes of the two halves
+SMOOTH_SAFETY = 1.6  # factor on the distance from the limit: chosen on Hoffmann's oscillator
+MAX_REL_SMOOTH_DRIFT = 0.2  # drift over the mean beyond which the motion is passing
+PERIODS_OF_HARMONICS = 6  # periods of a second or third harmonic that are whole ones of the first
+IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative spread below which several runs are one and the same
 
 
 def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean of each column with 95 % bounds from sub-windows.
 
-    Student's t over the means of 20, 10 or 5 equal blocks: the first number at which neighbouring
-    blocks are not correlated (lag-one coefficient), so that blocks are longer than the correlation
-    time; what correlation five blocks still have widens the interval.
+    The bounds follow from Student's t over the means of 20, 10 or 5 equal blocks. It is the first
+    number at which neighbouring blocks are not correlated (lag-one coefficient), so that blocks are
+    longer than the correlation time. If five blocks still are, that widens the interval.
 
     Parameters
     ----------
@@ -45,7 +43,7 @@ def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     Returns
     -------
     mean, low, high : ndarray () or (m,)
-        Bounds are the mean itself for fewer than five rows.
+        The mean and its bounds, which are equal to it for fewer than five rows.
     """
     mean = values.mean(axis=0)
     half = _half_width(mean, _row_blocks(values))
@@ -55,16 +53,18 @@ def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def periods_interval(
     values: np.ndarray, width: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`mean_interval` of values (..., rows) that are means between rows, over whole periods.
+    """`mean_interval` over whole periods, of values (..., rows) that are means between rows.
 
-    The periods have `width` (...) rows, no whole number; they are counted from the last row
-    backwards. A periodic motion has no scatter then, where blocks that cut its periods have. As the
-    loudest line may be the second or third harmonic, the mean is over a multiple of six periods
-    where there are twelve. NaN, or fewer than five periods: `mean_interval` itself.
+    A period has `width` (...) rows, in general no whole number; periods are counted from the last
+    row backwards. Then a periodic motion has no scatter, unlike in blocks that cut its periods. As
+    the loudest line may be the second or third harmonic, the mean is over a multiple of six periods
+    where there are twelve. Where `width` is NaN, or there are fewer than five periods, the result
+    is that of `mean_interval`.
 
     Returns
     -------
     mean, low, high : ndarray (...)
+        The mean and its 95 % bounds.
     """
     flat = values.reshape(-1, values.shape[-1])
     widths = np.broadcast_to(width, values.shape[:-1]).reshape(-1)
@@ -93,14 +93,14 @@ def periods_mean(values: np.ndarray, width: np.ndarray | float) -> np.ndarray:
 
 
 def _period_count(rows: int, width: np.ndarray) -> np.ndarray:
-    """How many whole periods of `width` rows (m,) a mean is over, 0 where it is over rows."""
+    """Number of whole periods of `width` rows (m,) for a mean; 0 where it is over rows."""
     with np.errstate(invalid="ignore"):
         has_rows = width >= 1.0
     count = (rows / np.where(has_rows, width, np.inf) * (1 + 1e-12)).astype(int)
     count = np.where(count < SUBWINDOW_COUNTS[-1], 0, count)
     left_over = np.where(count >= 2 * PERIODS_OF_HARMONICS, count % PERIODS_OF_HARMONICS, 0)
-    whole_rows: np.ndarray = count - left_over
-    return whole_rows
+    whole_periods: np.ndarray = count - left_over
+    return whole_periods
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +110,11 @@ class _Periods:
     Attributes
     ----------
     summed : ndarray (m, rows + 1)
-        From the first row on.
+        Cumulative sums of the values, with a zero first.
     width : ndarray (m,)
         Rows in a period.
     count : ndarray (m,) of int
-        Periods that a mean is over, five or more.
+        Number of periods for a mean, five or more.
     """
 
     summed: np.ndarray
@@ -123,7 +123,7 @@ class _Periods:
 
     @staticmethod
     def of(values: np.ndarray, width: np.ndarray, count: np.ndarray) -> _Periods:
-        """Cumulative sums of one or more series of values."""
+        """Periods of values (m, rows)."""
         summed = np.zeros((len(values), values.shape[1] + 1))
         np.cumsum(values, axis=1, out=summed[:, 1:])
         return _Periods(summed, width, count)
@@ -145,15 +145,15 @@ class _Periods:
         return self.means(np.stack([self.count, np.zeros(len(self.count))], axis=1))[:, 0]
 
     def blocks(self, number: int) -> np.ndarray:
-        """Means (m, number) of blocks of whole periods that hold all of them, the earliest first.
+        """Means (m, number) of blocks of whole periods, which hold all periods, the earliest first.
 
-        One that is said of fewer periods than blocks is not meant.
+        The rows of series with fewer periods than blocks are meaningless.
         """
         edges = np.round(np.linspace(np.maximum(self.count, number), 0, number + 1, axis=1))
         return self.means(edges)
 
     def interval(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean, and half of its interval (m,)."""
+        """Mean (m,) and half-width of its interval (m,)."""
         mean = self.mean()
         by_number = {number: self.blocks(number) for number in SUBWINDOW_COUNTS}
         half, is_correlated = np.zeros_like(mean), np.ones(len(mean), dtype=bool)
@@ -172,7 +172,10 @@ class _Periods:
         return mean, np.maximum.reduce([half, to_come, self._left_of_an_approach(mean)])
 
     def _left_of_an_approach(self, mean: np.ndarray) -> np.ndarray:
-        """`_left_behind_beats` of single periods (m,); a loop, that no run rounds by its batch."""
+        """`_left_behind_beats` of the means of single periods (m,).
+
+        A loop over series, so that the round-off of one does not depend on its batch.
+        """
         left = np.zeros_like(mean)
         for k in np.flatnonzero(self.count >= MIN_SMOOTH_PERIODS):
             run = _Periods(*(x[k : k + 1] for x in (self.summed, self.width, self.count)))
@@ -181,11 +184,11 @@ class _Periods:
 
 
 def _still_to_come(mean: np.ndarray, blocks: np.ndarray, thirds: np.ndarray) -> np.ndarray:
-    """How far the limit of a level that is approached is from its mean (m,); 0 where none is seen.
+    """Distance (m,) of the mean from the limit that a level approaches; 0 where it does not drift.
 
-    It is where means of sub-windows (m, k) lie along a line: the drift from third to third goes on
-    by its ratio (Aitken). A drift by much of the mean is that of a motion that passes, without a
-    limit.
+    It drifts where the means of sub-windows (m, k) lie along a line. The limit follows from the
+    ratio of the drifts from third to third (Aitken). A drift by much of the mean is that of a
+    passing motion, without a limit.
     """
     x = np.arange(blocks.shape[1]) - 0.5 * (blocks.shape[1] - 1)
     deviations = blocks - blocks.mean(axis=1, keepdims=True)
@@ -203,12 +206,12 @@ def _still_to_come(mean: np.ndarray, blocks: np.ndarray, thirds: np.ndarray) -> 
 
 
 def _left_behind_beats(periods: np.ndarray, mean: float) -> float:
-    """How far the limit of an approach that beats is from the mean; 0 where none is seen.
+    """Distance of the mean from the limit of an approach with beats; 0 where it does not drift.
 
-    Means of single periods (n,) may swing by more than they drift. Those of five overlapping
-    windows, each a third of the record with Hann's weights, lie along a line where they drift. An
-    exponential of that slope in the middle, whose slopes in the halves have their ratio, has the
-    rest of its way before it there: slope over rate.
+    Means of single periods (n,) may swing by more than they drift. The means of five overlapping
+    windows, each a third of the record with Hann's weights, lie along a line where they drift. The
+    rate of an exponential approach follows from the ratio of the slopes in the two halves; in the
+    middle its distance from the limit is its slope over its rate.
     """
     width = len(periods) // 3
     weight = np.sin(np.pi * np.arange(1, width + 1) / (width + 1)) ** 2
@@ -231,7 +234,7 @@ def _left_behind_beats(periods: np.ndarray, mean: float) -> float:
 
 
 def _row_blocks(values: np.ndarray) -> Iterator[np.ndarray]:
-    """Means of 20, 10 and 5 equal blocks of rows, where there are so many."""
+    """Means of 20, 10 and 5 equal blocks of rows; a number is left out if there are fewer rows."""
     for count in SUBWINDOW_COUNTS:
         width = len(values) // count
         if width:
@@ -251,7 +254,7 @@ def _half_width(mean: np.ndarray, block_means: Iterable[np.ndarray]) -> np.ndarr
 
 
 def _student(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Half-width of a mean's interval by its blocks (count, ..), and their correlation."""
+    """Half-width of a mean's interval from means of blocks (count, ..), and their correlation."""
     count = len(blocks)
     deviations = blocks - blocks.mean(axis=0)
     size = (deviations**2).sum(axis=0)
@@ -267,21 +270,21 @@ def pooled_interval(
 ) -> tuple[float, float, float]:
     """Mean of levels of independent runs with 95 % bounds.
 
-    The half-width is the larger of two, so that it holds where the windows of a run are shorter
-    than its slowest bursts, and where starts end in cycles of their own: what the intervals of the
-    runs make of their mean, root of the sum of squares over k, and Student's t over the k values.
-    The bounds go no further than the outermost of the runs, which t does for two or three. Runs
-    that agree to round-off are one run seen k times, with its own bounds.
+    The half-width is the larger of two: that of the mean by the runs' own intervals (the root of
+    the sum of squares over k), and that by Student's t over the k values. So it holds where the
+    windows of a run are shorter than its slowest bursts, and where starts end in different cycles.
+    The bounds go no further than the outermost bounds of the runs, as t would for two or three
+    runs. Runs that agree to round-off are one run k times, with its own bounds.
 
     Parameters
     ----------
     values, low, high : ndarray (k,)
-        Of each run, with its own 95 % bounds.
+        Level of each run, with its own 95 % bounds.
 
     Returns
     -------
     mean, low, high : float
-        Those of the run itself for k = 1.
+        For k = 1 those of the run itself.
     """
     k = len(values)
     if k == 1:

@@ -1,4 +1,4 @@
-"""A level with all that is known to be wrong with it: the one place where bounds are made."""
+"""A level and the parts of its error: the one place where bounds of levels are made."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 class LevelParts:
     """Parts of a level's error in its unit: half-widths about the value.
 
-    NaN is a part that cannot be told.
+    A part is NaN where it is not known.
 
     Attributes
     ----------
     window : float
-        95 % of what the length of the window leaves open.
+        Half-width of the 95 % interval by the finite length of the window.
     step : float
-        Of the integrator's step: the change by another one, times its safety.
+        Error by the integrator's step: the change by another step, times a safety factor.
     rows : float
-        Of levels made from saved rows alone; 0 where every step is summed.
+        Error of levels that are made from saved rows; 0 where every step is summed.
     regularisation : float
-        What the slope of friction at zero sliding changes. It is not part of the bounds, which are
-        those of the law as it is run; NaN where nobody measured it.
+        Change of the level if friction at zero sliding were not regularised. It is not part of the
+        bounds, which are those of the law as it is run. NaN where it was not computed.
     """
 
     window: float = 0.0
@@ -33,7 +33,7 @@ class LevelParts:
 
     @property
     def total(self) -> float:
-        """Half-width of the bounds; NaN where a part cannot be told."""
+        """Half-width of the bounds; NaN where a part is not known."""
         return self.window + self.step + self.rows
 
 
@@ -44,8 +44,7 @@ class Level:
     Attributes
     ----------
     value, low, high : float
-        In the unit of the signal; bounds are NaN where they cannot be told, never narrower than
-        the truth.
+        Value and its bounds, in the unit of the signal; bounds are NaN where they are not known.
     parts : LevelParts
     """
 
@@ -64,24 +63,24 @@ class Level:
 
     @property
     def relative(self) -> float:
-        """Half-width over the value; NaN where bounds cannot be told, or of no level."""
+        """Half-width over the value; NaN where bounds are not known, or the value is zero."""
         return self.parts.total / abs(self.value) if self.value else np.nan
 
 
 @dataclass(frozen=True)
 class StepParts:
-    """Half-widths that a step leaves to levels, relative; NaN where they cannot be told.
+    """Relative errors of levels by the step of a run; NaN where they are not known.
 
     Attributes
     ----------
     rms, peak_to_peak : float
-        Over the level itself.
+        Errors over the level itself.
     mean : float
-        Over the RMS of the fluctuation.
+        Error of the mean over the RMS of the fluctuation.
     frequency : float
-        Of the motion's own frequency.
+        Relative error of the motion's own frequency.
     reason : str
-        Why they cannot be told, or are not; else empty.
+        Why the errors are not known, or were not computed; else empty.
     """
 
     rms: float
@@ -97,10 +96,10 @@ class StepParts:
 
     @classmethod
     def unknown(cls, reason: str) -> StepParts:
-        """None can be told."""
+        """Errors that are not known, and why."""
         return cls(np.nan, np.nan, np.nan, np.nan, reason)
 
 
-OF_THE_WINDOW = StepParts(0.0, 0.0, 0.0, 0.0)  # where nobody asked for another step
+OF_THE_WINDOW = StepParts(0.0, 0.0, 0.0, 0.0)  # bounds are those of the window alone
 NOT_ASKED = replace(OF_THE_WINDOW, reason="of motion that passes bounds are those of the window")
 ONE_STEP = replace(OF_THE_WINDOW, reason="what the step changes is left out: no other was tried")

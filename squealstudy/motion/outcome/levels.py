@@ -17,13 +17,13 @@ from squealstudy.motion.outcome.spectrum import (
     unfolded_line,
 )
 
-JUDGED_SHARE = 0.4  # of a record: the part that is judged
-LEAST_PERIODS = 20.0  # of the dominant line in it, where the record has them
-N_HALF_BLOCKS = 5  # of each half of the judged part, by whose mean squares a transient is seen
-MIN_REL_TRANSIENT = 0.05  # of the mean square of the second half: less is no transient
-MAX_REST_OVER_TRANSIENT = 0.2  # by which the second half differs within itself, over the transient
-N_QUARTERS = 4  # of a window, by whose peaks it is seen whether these still change
-LEAST_ROWS = 8  # of a period whose peaks are told
+JUDGED_SHARE = 0.4  # last share of a record, which is judged
+LEAST_PERIODS = 20.0  # periods of the dominant line in that part, where the record has them
+N_HALF_BLOCKS = 5  # blocks of each half of that part, whose mean squares show a transient
+MIN_REL_TRANSIENT = 0.05  # least change of mean square over that of the second half: a transient
+MAX_REST_OVER_TRANSIENT = 0.2  # range of mean squares in the second half over the transient
+N_QUARTERS = 4  # parts of a window, whose peaks show whether they still change
+LEAST_ROWS = 8  # fewest rows of a period whose peaks are compared
 
 
 @dataclass(frozen=True)
@@ -33,17 +33,18 @@ class TorqueLevels:
     Attributes
     ----------
     mean, rms, peak_to_peak : float
-        rms is that of the fluctuation about the mean.
+        Mean, RMS of the fluctuation about the mean, and peak to peak.
     mean_low, mean_high, rms_low, rms_high : float
-        95 % bounds of mean and rms, of what the window leaves open.
+        95 % bounds of mean and RMS by the finite length of the window.
     peak_scatter : float
-        By which the peak to peak of the quietest quarter of the window is smaller.
+        Peak to peak of the window less that of its quietest quarter.
     frequency_hz : float
-        Of the dominant line; NaN where the signal is flat, the window has fewer than three periods
-        of any line, or rows are too far apart to tell it.
+        Frequency of the dominant line; NaN where the signal is flat, the window has fewer than
+        three periods of any line, or rows are too far apart.
     line, harmonic_2, harmonic_3 : float
         RMS of the dominant line and at twice and three times its frequency, each within 1.5 %
-        (three bins at least) of its frequency; 0 where there is none, NaN where rows do not tell.
+        (three bins at least) of that frequency; 0 where there is none, NaN where rows are too far
+        apart.
     """
 
     mean: float
@@ -69,9 +70,10 @@ def last_window(time: np.ndarray, signal: np.ndarray, means: np.ndarray | None =
     Parameters
     ----------
     time, signal : ndarray (rows,)
-        Equally spaced, s.
+        Equally spaced times [s], and the signal there.
     means : ndarray (rows,) or None
-        Over the time since the row before: a line that folds then counts as none.
+        Means of the signal over the time since the row before. With them a line that is folded
+        counts as none.
     """
     if len(time) < 2:
         return slice(0, len(time))
@@ -85,12 +87,12 @@ def judged_part(rows: int) -> slice:
 
 
 def step_of(time: np.ndarray) -> float:
-    """Between rows (m,) [s], two or more."""
+    """Time [s] between rows at times (m,), two or more."""
     return float(time[-1] - time[0]) / (len(time) - 1)
 
 
 def window_of_line(time: np.ndarray, signal: np.ndarray, frequency: float) -> slice:
-    """The `last_window` of a record whose judged part has a dominant line [Hz]; NaN for none."""
+    """The `last_window` of a record, by the dominant line [Hz] of its judged part; NaN for none."""
     rows, part = len(time), judged_part(len(time))
     count = rows - part.start
     if np.isfinite(frequency):
@@ -102,7 +104,7 @@ def window_of_line(time: np.ndarray, signal: np.ndarray, frequency: float) -> sl
 
 
 def _begins_with_transient(signal: np.ndarray) -> bool:
-    """Whether the mean squares of the first half go over to those of the second, which stay."""
+    """Whether mean squares of the first half differ much from those of the second, which stay."""
     first, second = np.array_split(block_mean_squares(signal, 2 * N_HALF_BLOCKS), 2)
     transient = float(np.abs(first - second.mean()).max())
     return (
@@ -123,9 +125,9 @@ class TorqueSums:
     Attributes
     ----------
     mean, variance : ndarray
-        Over the time since the row before, the variance about that mean.
+        Mean over the time since the row before, and variance about that mean.
     least, most : ndarray
-        Extremes there.
+        Extremes over that time.
     """
 
     mean: np.ndarray
@@ -144,12 +146,12 @@ class TorqueSums:
 
     @classmethod
     def of_rows(cls, torque: np.ndarray) -> TorqueSums:
-        """Sums of rows alone, each taken for all of the time since the one before."""
+        """Sums of rows alone, each of which stands for the time since the row before."""
         return cls(torque, np.zeros_like(torque), torque, torque)
 
     @property
     def side_by_side(self) -> TorqueSums:
-        """The sums of one run with a first axis of 1, (1, rows)."""
+        """The sums of one run as those of several, (1, rows)."""
         return TorqueSums(self.mean[None], self.variance[None], self.least[None], self.most[None])
 
     @classmethod
@@ -159,16 +161,16 @@ class TorqueSums:
         return cls(*(np.array([getattr(part_sums, name) for part_sums in sums]) for name in names))
 
     def at(self, runs: np.ndarray) -> TorqueSums:
-        """The sums of some of several runs."""
+        """The sums of the runs with these indices."""
         return TorqueSums(self.mean[runs], self.variance[runs], self.least[runs], self.most[runs])
 
     def squares(self, mean: np.ndarray | float) -> np.ndarray:
-        """Mean squares about a mean (...) of all, in each row."""
+        """Mean squares (.., rows) between rows, about one mean (..) for all rows."""
         squares: np.ndarray = self.variance + (self.mean - np.asarray(mean)[..., None]) ** 2
         return squares
 
     def extent(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean and peak to peak (m,) of several runs, and which of them move beyond round-off."""
+        """Mean and peak to peak (m,) of several runs, and a mask of those beyond round-off."""
         mean = self.mean.mean(axis=1)
         largest, smallest = self.most.max(axis=1), self.least.min(axis=1)
         half_swing = np.maximum(np.abs(largest - mean), np.abs(smallest - mean))
@@ -176,7 +178,7 @@ class TorqueSums:
         return mean, largest - smallest, moves & (torque.shape[1] > 1)
 
     def quietest_quarter(self) -> np.ndarray:
-        """Least peak to peak (m,) of a quarter of several runs; of a half where rows are few."""
+        """Least peak to peak (m,) of a quarter of each run; of a half where rows are few."""
         rows = self.least.shape[1]
         count = min(N_QUARTERS if rows >= LEAST_ROWS * N_QUARTERS else 2, rows)
         starts = [part[0] for part in np.array_split(np.arange(rows), count)]
@@ -194,9 +196,9 @@ def torque_levels(
     Parameters
     ----------
     time, torque : ndarray (rows,)
-        The window only, equally spaced, s and N m; all finite, one row or more.
+        Equally spaced times [s] and torque [N m] of the window; all finite, one row or more.
     sums : TorqueSums or None
-        Of the same rows. Mean and RMS are then those of whole periods of the dominant line.
+        Sums of the same rows. With them mean and RMS are over whole periods of the dominant line.
     """
     step = step_of(time) if len(time) > 1 else 0.0
     return levels_side_by_side(step, torque[None], sums and sums.side_by_side)[0]
@@ -245,7 +247,7 @@ def levels_side_by_side(
 
 
 def plain_levels(time: np.ndarray, torque: np.ndarray, sums: TorqueSums | None) -> np.ndarray:
-    """RMS, mean and peak to peak (3,) as `torque_levels` tells them, without bounds and lines."""
+    """RMS, mean and peak to peak (3,) of `torque_levels`, without bounds and lines."""
     step = step_of(time) if len(time) > 1 else 0.0
     return plain_levels_side_by_side(step, torque[None], sums and sums.side_by_side)[0]
 
@@ -272,9 +274,9 @@ def plain_levels_side_by_side(
 
 
 def errors_by_rows(torque: np.ndarray) -> np.ndarray:
-    """Errors (3,) of RMS, mean and peak to peak of a window that are made from its rows alone.
+    """Errors (3,) of RMS, mean and peak to peak that are computed from the rows of a window alone.
 
-    The largest change where every other row is left out; zeros for fewer than four rows.
+    Each is the larger change if every other row is left out; zeros for fewer than four rows.
     """
     if len(torque) < 4:
         return np.zeros(3)
@@ -285,9 +287,9 @@ def errors_by_rows(torque: np.ndarray) -> np.ndarray:
 
 
 def period_swings(sums: TorqueSums, width: float) -> np.ndarray:
-    """Peaks to peak (periods,) of single periods of `width` rows, from the end back.
+    """Peak to peak (periods,) of single periods of `width` rows, counted from the end backwards.
 
-    Empty of fewer than three periods and of periods of fewer than eight rows.
+    Empty for fewer than three periods, and for periods of fewer than eight rows.
     """
     count = int(len(sums.least) / width) if width >= LEAST_ROWS else 0
     if count < LINE_PERIODS:
@@ -297,7 +299,7 @@ def period_swings(sums: TorqueSums, width: float) -> np.ndarray:
 
 
 def swing_spread(sums: TorqueSums, width: float) -> float:
-    """Range of the `period_swings` over their mean; NaN of none, and without a swing."""
+    """Range of the `period_swings` over their mean; NaN without any, or where nothing swings."""
     swings = period_swings(sums, width)
     if not len(swings) or not swings.mean() > FLUCTUATION_ROUND_OFF * np.abs(sums.mean).max():
         return np.nan

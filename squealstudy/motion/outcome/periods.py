@@ -1,12 +1,12 @@
-"""Periods of a motion: its frequency, and whether it comes back the same after each.
+"""Periods of a motion: its frequency, and whether it repeats after each.
 
-The frequency is that of the shortest time after which all of the motion comes back. The strongest
-line of a signal may be any harmonic of it, and of a torque often is the second: both directions of
-sliding load it.
+The period is the shortest time after which all of the motion repeats. The strongest line of a
+signal may be any harmonic of that frequency; that of a torque often is the second, since both
+directions of sliding load it.
 
-While all of the contact sticks, what went before is forgotten: a period that is like the one before
-is like all that follow, and linear growth at steady sliding says nothing of such a motion. Motion
-that sticks for a part of the period at most comes back the same where it is a limit cycle, or where
+While all of the contact sticks the motion forgets its past. So if one period is like the one
+before, all later ones will be, and linear growth at steady sliding does not apply to such a motion.
+Motion that sticks for a part of the period at most repeats where it is a limit cycle, or where
 small motion neither grows nor decays in the time that is judged.
 """
 
@@ -23,52 +23,53 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import JUDGED_SHARE, window_of_line
 from squealstudy.motion.outcome.torque import judged_line
 
-MAX_PERIODIC_RESIDUAL = 0.05  # RMS of what is left after a period, over that of the motion
-EXACT_PERIOD_RESIDUAL = 0.01  # the same: no longer period is looked for where as little is left
-# times what is left after a period: where a multiple of it is the period
+# the residual of a time is the RMS difference of the motion to itself so much later, over its RMS
+MAX_PERIODIC_RESIDUAL = 0.05  # largest residual of a period
+EXACT_PERIOD_RESIDUAL = 0.01  # residual up to which no multiple is tried as the period
+# residual of a multiple over that of a time, below which the multiple is the period
 MULTIPLE_RESIDUAL_RATIO = 0.25
-TRIED_MULTIPLES = (2, 3, 4)  # that are tried
-# of the way between rows: how far the next one is from where a period ends, at most
+TRIED_MULTIPLES = (2, 3, 4)
+# largest distance of the nearest row from the end of a period, over the distance of rows
 MAX_ROW_OFFSET_RATIO = 0.55
-# times what is left after one period, after two: no return, but two motions
+# residual after twice the time over that after once, above which two motions nearly meet there
 MAX_SECOND_RESIDUAL_RATIO = 1.5
-INTERPOLATION_RESIDUAL = 1e-3  # of what is left, that cubics between rows make
-# left half-way: a motion that never was as far from itself has no period
+INTERPOLATION_RESIDUAL = 1e-3  # residual by the cubics between rows
+# least residual between returns: a motion that never is so far from itself has no period
 MIN_HALF_WAY_RESIDUAL = 0.7
-MIN_PERIODS = 3  # periods in a record
-MAX_TRIED_PERIODS = 400  # places at which a period is looked for
-NEARLY_ALL = 1e-5  # of the variance may be in coordinates that are left out
-# square of the way between rows over that along slopes: less turns back between
+MIN_PERIODS = 3  # fewest periods in a record
+MAX_TRIED_PERIODS = 400  # most times at which a period is sought
+NEARLY_ALL = 1e-5  # share of the variance in coordinates that are left out, at most
+# squared change between rows over that along the slopes; less turns back between rows
 MIN_CHORD_OVER_SLOPE_SQUARED = 0.5
-# of a motion, by which cubics over two rows miss the row between: with more it may come back
-# nearer after several periods for the place of its rows alone (a sine of 5.3 rows a period)
+# largest relative difference of a row from the cubic through its neighbours: with more, a motion
+# may seem to repeat better after several periods, by where rows lie (a sine of 5.3 rows a period)
 MAX_MISSED_BY_CUBICS = 0.08
-VARIANCE_ROUND_OFF = 1e-20  # of the square of the values: a variance that is round-off
-NO_IMAGE = 1e-6  # imaginary part of a place, of the way between rows, that round-off makes
+VARIANCE_ROUND_OFF = 1e-20  # variance over the mean square that is round-off
+NO_IMAGE = 1e-6  # imaginary part of a root that is round-off
 
-# coefficients of 1, s, s^2, s^3: rows as they were, with opposite sign, and the cubic Hermite
-# polynomials of the values and slopes at both ends
+# coefficients of 1, s, s^2, s^3 in the difference of a cubic to the rows as they were: those rows
+# with a negative sign, then the cubic Hermite polynomials of values and slopes at both ends
 CUBIC = np.array(
     [[-1, 0, 0, 0], [1, 0, -3, 2], [0, 0, 3, -2], [0, 1, -2, 1], [0, 0, -1, 1]], dtype=float
 )
-POWER = np.add.outer(np.arange(4), np.arange(4))  # of s in products of two cubics
+POWER = np.add.outer(np.arange(4), np.arange(4))  # power of s in products of two cubics
 
-# of motion that comes back
-MIN_STICK_SHARE = 0.5  # share of the time and area that sticks
-ALL_STUCK_AREA_SHARE = 0.99  # share of the area, once in each period at least
-N_EQUAL_PERIODS = 5  # that must be alike
-# of a period, at least: fewer do not tell its level to `MAX_REL_PERIOD_SPREAD`
+# stick-slip
+MIN_STICK_SHARE = 0.5  # least mean share of the area that sticks
+ALL_STUCK_AREA_SHARE = 0.99  # least share of the area that sticks once in each period
+N_EQUAL_PERIODS = 5  # fewest periods that must be alike
+# fewest rows of a period: with fewer its level is not known to `MAX_REL_PERIOD_SPREAD`
 MIN_ROWS_PER_PERIOD = 40
-# relative: spread of the levels of successive periods, that of a row at its ends too
+# relative range of the levels of successive periods, which includes that by rows at their ends
 MAX_REL_PERIOD_SPREAD = 0.01
-DURATION_FACTOR = 1.25  # times: the least duration that is asked for
-# of motion that sticks for less
-MIN_JUDGED_PERIODS = 8.0  # periods in the window that is judged
-# of the RMS velocity: difference of the first and the second half of them
+DURATION_FACTOR = 1.25  # factor on the duration that is proposed
+# motion that sticks for less
+MIN_JUDGED_PERIODS = 8.0  # fewest periods in the window that is judged
+# largest relative difference of the RMS velocity between the halves of these
 MAX_HALVES_DIFFERENCE = 5e-3
-# of the contact, in the mean: its friction is not that of small motions
+# mean stuck share of the area from which on friction is not that of small motions
 MIN_MEAN_STICK_SHARE = 0.05
-WOULD_CHANGE = 0.25  # of the logarithm: what growth or decay of small motions would have made of it
+WOULD_CHANGE = 0.25  # least change of the logarithm by growth or decay of small motions
 
 
 class Fundamental(NamedTuple):
@@ -77,11 +78,11 @@ class Fundamental(NamedTuple):
     Attributes
     ----------
     hz : float
-        NaN where none is told.
+        Frequency, Hz; NaN where the motion has none.
     left : float
-        RMS of what is left after a period, over that of the motion.
+        Residual of the period: the RMS difference after a period over the RMS of the motion.
     error : float
-        Relative, of `hz`: what is left after several periods may be a shift in time.
+        Relative error of `hz`: the residual after several periods may be a shift in time.
     """
 
     hz: float = np.nan
@@ -90,22 +91,23 @@ class Fundamental(NamedTuple):
 
 
 def fundamental(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> Fundamental:
-    """Frequency of a motion that repeats within 5 %; NaN where it does not, or is not told.
+    """Frequency of a motion that repeats within 5 %; NaN where it does not, or rows are too few.
 
-    The first time after which displacements are as they were (the mean over the record, between
-    rows by cubics of displacement and velocity), or a multiple of it after which a quarter of what
-    was left is. A later time after which the motion is far nearer than before, but after twice that
-    less so, is where two motions of unlike frequencies nearly meet, no period. At least three
-    periods must be in the record.
+    The period is the first time after which displacements are as they were, in the mean over the
+    record; between rows displacements are interpolated by cubics with the velocities. It is a
+    multiple of that time if that leaves less than a quarter of the residual. A later time with a
+    small residual is no period if the residual after twice that time is larger: two motions of
+    different frequencies nearly meet there. The record must have three periods at least.
 
     Parameters
     ----------
     step : float
-        Between rows, s.
+        Time between rows, s.
     q, v : ndarray (rows, m)
         Displacements and velocities of modal coordinates.
     omega : ndarray (m,)
-        rad/s: coordinates count by the root of their elastic energy, rigid ones as slow ones.
+        Their frequencies, rad/s. Coordinates are weighted by them, so that squares are elastic
+        energies; rigid ones have the weight of the slowest.
     """
     if len(q) <= 2 * MIN_PERIODS:
         return Fundamental()
@@ -113,7 +115,7 @@ def fundamental(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) ->
 
 
 class _Record:
-    """A record x (rows, m) with its changes along the slopes over a step, and what comes back."""
+    """A record of weighted displacements x (rows, m), with slopes (rows, m) times the step."""
 
     def __init__(self, step: float, x: np.ndarray, slope: np.ndarray) -> None:
         self.step, self.x, self.slope = step, x, slope
@@ -161,7 +163,7 @@ class _Record:
         )
 
     def _roughly_known(self) -> bool:
-        """Whether rows do not tell what the motion does between them."""
+        """Whether rows are too far apart to know the motion between them."""
         x, slope = self.x, self.slope
         missed = 0.5 * (x[:-2] + x[2:]) + 0.25 * (slope[:-2] - slope[2:]) - x[1:-1]
         return bool((missed**2).sum() > MAX_MISSED_BY_CUBICS**2 * self.variance)
@@ -171,13 +173,13 @@ class _Record:
         return len(self.x) // MIN_PERIODS
 
     def _places(self) -> Iterator[tuple[int, bool]]:
-        """Rows later near which a period may end, and whether it is the first near return.
+        """Delays in rows near which a period may end, and whether each is the first one.
 
-        There rows are nearer to what they were than one sooner or later.
+        Residuals at these delays are less than one row sooner or later.
         """
         rows, longest = len(self.x), self._longest
         size = np.concatenate([[0.0], np.cumsum((self.x**2).sum(axis=1))])
-        length = next_fast_len(rows + longest + 2, real=True)  # no longer delay is looked at
+        length = next_fast_len(rows + longest + 2, real=True)  # longer delays are not needed
         spectrum = np.fft.rfft(self.x, length, axis=0)
         product = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=1), length)[: longest + 2]
         later = np.arange(longest + 2)
@@ -195,7 +197,7 @@ class _Record:
             yield first + 1 + minimum, minimum == minima[0]
 
     def _best(self, minimum: int) -> tuple[float, float]:
-        """Rows within one of a place after which least is left, and how much."""
+        """The delay [rows] of least residual within one row of a minimum, and that residual."""
         candidates = [self._between(k) for k in (minimum - 1, minimum) if k > 0]
         return min(candidates, key=lambda pair: pair[1])
 
@@ -211,7 +213,7 @@ class _Record:
                 gram[i, j] = gram[j, i] = np.vdot(a, parts[j])
         expected = self.variance * count / len(self.x)
 
-        terms = CUBIC.T @ gram @ CUBIC  # of the powers of the way from k to k + 1
+        terms = CUBIC.T @ gram @ CUBIC  # products of powers of s, the share of the way to k + 1
         square = np.bincount(POWER.ravel(), weights=terms.ravel())
         turning = np.roots((square[1:] * np.arange(1, len(square)))[::-1])
         inside = turning.real[np.abs(turning.imag) < NO_IMAGE]
@@ -221,7 +223,7 @@ class _Record:
         return k + float(ways[best]), float(np.sqrt(max(squared_residual[best], 0.0) / expected))
 
     def _multiple(self, period: float, residual: float) -> tuple[float, float]:
-        """The period, or the multiple of it at which far less is left: a doubled one."""
+        """The period, or a multiple of it whose residual is far less, as of a doubled period."""
         for n in TRIED_MULTIPLES:
             if n * period < self._longest:
                 longer, longer_residual = self._best(round(n * period))
@@ -230,7 +232,7 @@ class _Record:
         return period, residual
 
     def _refined(self, period: float, residual: float) -> tuple[float, int, float]:
-        """The period from as many as still come back, twice as many each time; what is left."""
+        """The period from as many periods as still repeat, by doubling; number and residual."""
         count = 1
         while 2 * count * period < self._longest:
             longer, longer_residual = self._best(round(2 * count * period))
@@ -242,9 +244,10 @@ class _Record:
 
 
 def judged_window(run: Motion) -> slice:
-    """Rows of a run that are judged: `levels.last_window` of its torque, made once a run.
+    """Rows of a run that are judged: `levels.last_window` of its torque, computed once.
 
-    Where that is longer than the last 40 %, and the motion comes back in these alone: these.
+    Where that window is longer than the last 40 %, and the motion repeats only in these, it is the
+    last 40 %.
     """
     if "judged" not in run.windows:
         window = window_of_line(run.times, run.history["torque"], judged_line(run))
@@ -257,7 +260,7 @@ def judged_window(run: Motion) -> slice:
 
 
 def judged_rows(run: Motion) -> slice:
-    """The rows of `judged_window` whose sums say something: without that of the start."""
+    """The rows of `judged_window` without that of the start, whose sums have no steps."""
     window, last = judged_window(run), len(run.times) - 1
     return slice(max(window.start, min(1, last)), window.stop)
 
@@ -274,7 +277,7 @@ def own_frequency(run: Motion, window: slice) -> Fundamental:
 
 
 def sticks_mostly(run: Motion) -> bool:
-    """Whether contact sticks for most of the last part of a run, and all of it at a time."""
+    """Whether half of the contact sticks in the mean of the last 40 %, and all of it at a time."""
     stick = run.history["stick"][_last(run)]
     return bool(
         len(stick) and stick.mean() >= MIN_STICK_SHARE and stick.max() >= ALL_STUCK_AREA_SHARE
@@ -282,7 +285,7 @@ def sticks_mostly(run: Motion) -> bool:
 
 
 def repeats_stick_slip(run: Motion) -> bool:
-    """Whether the last part of a run is stick-slip that comes back the same, five times or more."""
+    """Whether the last 40 % of a run are stick-slip that repeats, five times or more."""
     last = _last(run)
     period = 1.0 / (_hz(run) * _step(run)) if sticks_mostly(run) else np.nan
     count = int(len(run.times[last]) / period) if period >= MIN_ROWS_PER_PERIOD else 0
@@ -294,14 +297,14 @@ def repeats_stick_slip(run: Motion) -> bool:
         return False
     force = run.history["torque"]
     level = np.array([force[part].std() for part in parts])
-    mean = np.array([force[part].mean() for part in parts])  # a peak is one row's alone
+    mean = np.array([force[part].mean() for part in parts])  # a peak would be that of one row
     return all(bool(np.ptp(x) <= MAX_REL_PERIOD_SPREAD * level.mean()) for x in (level, mean))
 
 
 def decided_by(run: Motion) -> float:
-    """The duration after which stick-slip of a run would be known to repeat, s.
+    """The duration [s] after which stick-slip of a run would be known to repeat.
 
-    Infinite where the run has periods enough, which are not alike, or none that is told.
+    Infinite where the run has enough periods, which then are not alike, or no frequency.
     """
     hz, end = _hz(run), float(run.times[-1])
     until = DURATION_FACTOR * (N_EQUAL_PERIODS + 1) / (JUDGED_SHARE * hz) if hz > 0 else np.inf
@@ -323,10 +326,11 @@ def _hz(run: Motion) -> float:
 def comes_back(run: Motion) -> bool:
     """Whether a run has come to a periodic motion that small motions would not explain.
 
-    All modes that grow are followed, the sensed modes come back after a period within 1 %, at
-    least eight times and as fast in both halves of these; and a part of the contact sticks for a
-    while, or every followed complex mode would have changed the motion by a quarter. In the window
-    that is judged, or in its second half: growth may have filled the first.
+    All modes that grow are followed; the sensed modes repeat after a period within 1 %, at least
+    eight times, and with the same RMS velocity in both halves of these; and a part of the contact
+    sticks for a while, or every followed complex mode would have changed the motion by a quarter.
+    This has to hold in the window that is judged, or in its second half, as motion may still have
+    grown in the first.
     """
     modes = run.point.growing
     finite = run.outcome == "ok" and np.isfinite(run.modal_energy).all()

@@ -1,8 +1,8 @@
 """Whether a run has reached its levels, from when on it has them, and whether it may end there.
 
-The outcome of a run is known before its end where it has settled into a limit cycle or decayed. A
-limit cycle is known where its class, its level and the quiet of all other predicted instabilities
-are: a second one may rise for long behind the first, and change the level in the end.
+The outcome of a run is known before its end where it has settled into a limit cycle or decayed. It
+has settled where its class and its level are known, and no other predicted instability rises: a
+second one may grow for long behind the first, and change the level in the end.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from squealstudy.wording import STABLE, SUSTAINED
 
 MIN_AGREEMENT_HALF_WIDTH = 0.05  # least half-width of the band within which levels agree
 SETTLED, DECAYED = "settled", "decayed"
-LEAST_ROWS = 200  # of a record that is judged
-N_AGREEING_WINDOWS = 3  # windows in the last one whose levels must agree
-VANISHED_ENERGY_RATIO = 1e-6  # of the first energy
-DECAYED_ENERGY_RATIO = 0.25  # of the first energy, for a decay that agrees with the prediction
-MAX_REL_RATE_DIFFERENCE = 0.05  # of the predicted rate
+LEAST_ROWS = 200  # fewest rows of a record that is judged
+N_AGREEING_WINDOWS = 3  # parts of the last window whose levels must agree
+VANISHED_ENERGY_RATIO = 1e-6  # last energy over the first, below which the vibration is gone
+DECAYED_ENERGY_RATIO = 0.25  # the same where the decay agrees with the predicted one
+MAX_REL_RATE_DIFFERENCE = 0.05  # difference of the fitted and the predicted rate of that decay
 
 
 def settled(
@@ -49,18 +49,20 @@ def settled(
 ) -> tuple[bool, float]:
     """Whether the levels of the last 40 % agree, and the earliest time from which all do.
 
-    Those of a limit cycle or an irregular motion agree where the RMS of the vibration and that of
-    the torque neither trend (5 %, beyond three standard errors) nor scatter (10 % about the trend);
-    those of a stable run where both are at rest: below 1 % of the largest. Other runs have not
-    settled, nor has one of so few periods that the torque's levels are those of a longer part of
-    the record (`levels.last_window`) which was not settled from its start.
+    In a limit cycle or an irregular motion they agree where the RMS of the vibration and that of
+    the torque neither trend (by 5 %, and three standard errors) nor scatter (by 10 % about the
+    trend). In a stable run they agree where both are at rest: below 1 % of the largest. Other runs
+    have not settled. Nor has a run of so few periods that the torque's levels are those of a longer
+    part of the record (`levels.last_window`), if it was not settled from the start of that part.
 
     Parameters
     ----------
-    time, energy
-        As of `envelope.windows`.
+    time : ndarray (rows,)
+        Times of the rows, equally spaced, s.
+    energy : ndarray (rows,)
+        Energy of the vibration, J.
     torque : ndarray (rows,)
-        N m.
+        Torque, N m.
     name : str
         Class of the run.
 
@@ -99,9 +101,9 @@ def _start(levels: LevelWindows, differs: np.ndarray | None) -> float:
 
 
 def _away(levels: LevelWindows, name: str, round_off: float) -> np.ndarray | None:
-    """Which levels differ from those judged; None where the judged ones differ themselves.
+    """Mask of the levels that differ from those judged; None where the judged ones disagree.
 
-    What is below `round_off` is at rest.
+    Levels below `round_off` are at rest.
     """
     level, judged = levels.level, levels.level[levels.judged :]
     if name == STABLE:
@@ -114,7 +116,7 @@ def _away(levels: LevelWindows, name: str, round_off: float) -> np.ndarray | Non
 
 
 def _outside(values: np.ndarray, judged: int, mean: float, round_off: float) -> np.ndarray:
-    """Which values are off the mean by more than the band, `round_off` and all judged ones."""
+    """Mask of values farther from the mean than the band, `round_off` and every judged value."""
     off = np.abs(values - mean)
     is_outside: np.ndarray = off > max(
         MIN_AGREEMENT_HALF_WIDTH * abs(mean), round_off, 1.01 * float(off[judged:].max())
@@ -123,12 +125,12 @@ def _outside(values: np.ndarray, judged: int, mean: float, round_off: float) -> 
 
 
 def _shifted(torque: np.ndarray, levels: LevelWindows, mean: float, round_off: float) -> np.ndarray:
-    """Windows whose mean torque is not the one judged."""
+    """Mask of the windows whose mean torque differs from the judged mean."""
     return _outside(window_means(torque, len(levels.level)), levels.judged, mean, round_off)
 
 
 def _exceeds(swing: np.ndarray, levels: LevelWindows, round_off: float) -> np.ndarray:
-    """Windows in which the torque swings wider than in those judged."""
+    """Mask of the windows in which the torque swings wider than in those judged."""
     count = len(levels.level)
     cut = np.abs(swing[len(swing) % count :]).reshape(count, -1)
     peak = cut.max(axis=1)
@@ -142,24 +144,25 @@ def _exceeds(swing: np.ndarray, levels: LevelWindows, round_off: float) -> np.nd
 def known_outcome(run: Motion, duration: float, tolerance: float) -> str:
     """``settled``, ``decayed``, or empty where the run must go on, an undecided one included.
 
-    Settled: a limit cycle or an irregular motion by the tests of the whole record (`behaviour`),
-    the torque's RMS over the last window known within `tolerance`, equal within `tolerance` over
-    its thirds (the mean torque too), and no followed complex mode whose energy would rise
-    noticeably until `duration`.
+    A run has settled if it is a limit cycle or an irregular motion by the tests of the whole record
+    (`behaviour`), if the torque's RMS over the last window is known within `tolerance` and equal
+    within `tolerance` over its thirds (the mean torque too), and if no followed complex mode would
+    gain much energy until `duration`.
 
-    Decayed: stable, no predicted instability, and the energy of the vibration is gone (1e-6 of the
-    first) or a quarter of the first while the fitted decay agrees with the predicted one.
+    It has decayed if it is stable, no instability is predicted, and the energy of the vibration is
+    gone (1e-6 of the first), or a quarter of the first while the fitted decay agrees with the
+    predicted one.
 
-    A run with unstable modes that are not followed (above the band, or too many) goes on.
+    A run with unstable modes that are not followed (outside the band, or too many) goes on.
 
     Parameters
     ----------
     run : Motion
-        As far as it has come.
+        The run so far.
     duration : float
-        Its end otherwise, s.
+        When it ends otherwise, s.
     tolerance : float
-        Relative, for levels.
+        Relative error and difference of levels that is accepted.
     """
     modes = run.point.growing
     if modes.n_outside or modes.n_unstable > len(modes.lam) or len(run.times) < LEAST_ROWS:
@@ -175,7 +178,7 @@ def known_outcome(run: Motion, duration: float, tolerance: float) -> str:
 
 
 def _has_decayed(run: Motion, energy: np.ndarray) -> bool:
-    """Whether the vibration of a stable run is gone, or goes as predicted."""
+    """Whether the vibration of a stable run is gone, or decays as predicted."""
     part = max(1, len(energy) // 25)
     first, last = float(energy[:part].mean()), float(energy[-part:].mean())
     if last <= max(VANISHED_ENERGY_RATIO * first, energy_round_off(run)):
@@ -192,7 +195,7 @@ def _has_decayed(run: Motion, energy: np.ndarray) -> bool:
 def _has_settled(
     run: Motion, energy: np.ndarray, name: str, duration: float, tolerance: float
 ) -> bool:
-    """The cheap tests first."""
+    """Whether a run has settled (`known_outcome`); the cheap tests come first."""
     torque = run.history["torque"]
     window = judged_window(run)
     levels = torque_levels(run.times[window], torque[window])
@@ -209,9 +212,10 @@ def _has_settled(
 
 
 def level_drift(torque: np.ndarray) -> float:
-    """Largest difference of RMS and of mean between thirds of a window (rows,), relative.
+    """Largest relative difference of RMS and of mean between thirds of a window (rows,).
 
-    Hann-weighted, or thirds of a few periods each would differ by what they cut off.
+    They are Hann-weighted: thirds of a few periods would differ by the parts of periods at their
+    ends.
     """
     rows = len(torque) // N_AGREEING_WINDOWS
     cut, weight = (

@@ -1,7 +1,7 @@
-"""The slope of a line through a logarithm, and bounds that hold what else may bend it.
+"""The slope of a line through a logarithm, and its bounds.
 
-Beside noise that is the amplitude itself, where growth depends on it, what a start leaves, and
-other modes that a projection does not leave out.
+The bounds include noise and three other causes that bend a line: growth that depends on the
+amplitude, remains of the start, and other modes that a projection does not remove.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-FIT_BLOCKS = (48, 24, 12)  # block means of a line; fewer while neighbours are correlated
-MAX_CORRELATION = 0.3
-CURVE_ROUND_OFF = 1e-10  # bent part of a curve, relative, up to which it is straight
-# of a ratio of amplitudes: what is less after means over blocks turns too fast to tilt a line
+FIT_BLOCKS = (48, 24, 12)  # blocks of a line; fewer are used if neighbours are correlated
+MAX_CORRELATION = 0.3  # largest correlation of neighbouring blocks that counts as none
+CURVE_ROUND_OFF = 1e-10  # relative bent part of a curve up to which it is straight
+# block means of a ratio of amplitudes over its largest value; less turns too fast to tilt a line
 LEAST_SLOW_SHARE = 0.1
-LEAST_REL_ERROR = 1e-7  # of a slope: chosen, above the round-off of linear runs
+LEAST_REL_ERROR = 1e-7  # least relative error of a slope: chosen, above the round-off of runs
 
 
 def block_means(log: np.ndarray, width: int, real: bool) -> np.ndarray:
-    """Means of the logarithm over blocks of rows; of a real envelope the logarithm of its RMS.
+    """Means of a logarithm over blocks of rows; if `real`, the logarithm of the amplitude's RMS.
 
-    A rippling envelope comes close to zero, where the mean of its logarithm would be ruled by
-    the dips; noise on a complex amplitude leaves the mean of the logarithm unbiased instead.
+    A real envelope that ripples comes close to zero, and the mean of its logarithm would depend on
+    the dips. Noise on a complex amplitude does not bias the mean of the logarithm.
     """
     cut = in_blocks(log, width)
     if not real:
@@ -48,18 +48,18 @@ def slope_interval(
     step : float
         s.
     real : bool
-        Of a real envelope, not of a complex amplitude.
+        Whether it is that of a real envelope, not of a complex amplitude.
     mixed : sequence of ndarray (rows,) complex
-        Amplitudes of other modes over this one's. A step of finite length has left vectors of its
-        own: along those of the equations a share of the others is seen, too.
+        Amplitudes of other modes over this one's. Steps of finite length have other left vectors
+        than the equations, along which a share of the other modes is therefore observed, too.
 
     Returns
     -------
     slope, half_width : float
-        1/s, and half of its 95 % interval: HC3 variance, Student's t, widened by the correlation
-        that twelve blocks still have, and at least as far as a term beside the line may have tilted
-        it: one in the amplitude, for growth a (1 + b r) depends on it; one in its inverse, of what
-        dies away or stays; and one in each of `mixed`.
+        Slope and half-width of its 95 % interval, 1/s. The latter follows from the HC3 variance and
+        Student's t, and is widened by the correlation that twelve blocks still have. It is at least
+        the tilt of the line by other terms: one in the amplitude, as growth a (1 + b r) depends on
+        it; one in its inverse, for motion that dies away or stays; and one in each of `mixed`.
     time, level : float
         Mean time from the first row [s] and mean of the blocks: a point of the line.
     """
@@ -88,7 +88,7 @@ def slope_interval(
 
 
 def _slow_part(ratio: np.ndarray, width: int) -> np.ndarray | None:
-    """Block means (m, 2) of a complex ratio (rows,), as reals; None where it averages out."""
+    """Real and imaginary block means (m, 2) of a complex ratio (rows,); None where they vanish."""
     size = np.abs(ratio).max()
     mean = in_blocks(ratio, width).mean(axis=1) / (size or 1.0)
     if not np.abs(mean).max() > LEAST_SLOW_SHARE:

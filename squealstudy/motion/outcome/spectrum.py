@@ -1,4 +1,4 @@
-"""One-sided spectra of signals, by Hann windows; of several signals side by side."""
+"""One-sided spectra of signals with Hann windows; arrays hold several signals side by side."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from functools import lru_cache
 import numpy as np
 
 FLUCTUATION_ROUND_OFF = 1e-10  # fluctuation below this share of the largest value is round-off
-LINE_PERIODS = 3.0  # of a line in the window; slower ones are drift
-LINE_WIDTH = 0.015  # of its frequency, either side; what counts as one line
-# of the level of a line in means between rows, what it may lack of that of its frequency: a line
-# that folds has less, and by a tenth where it is told a tenth too low
+LINE_PERIODS = 3.0  # fewest periods of a line in the window; slower ones are drift
+LINE_WIDTH = 0.015  # half-width of a line over its frequency
+# share that a line's level in means between rows may lack of the expected one; a folded line lacks
+# more
 MAX_MISSING_SHARE = 0.1
 
 
@@ -32,7 +32,7 @@ class Spectrum:
     resolution: float
 
     def peak(self) -> np.ndarray:
-        """Frequency of the highest line (...) [Hz], between two bins of the Hann window."""
+        """Frequency of the highest line (...) [Hz], interpolated between bins; NaN without one."""
         first, bins = int(LINE_PERIODS), self.power.shape[-1]
         if bins < first + 2:
             return np.full(self.power.shape[:-1], np.nan)[()]
@@ -45,12 +45,12 @@ class Spectrum:
         is_line = at_line > 0.0
         ratio = np.maximum(before, after) / np.where(is_line, at_line, 1.0)
         shift = np.maximum(0.0, (2 * ratio - 1) / (ratio + 1))
-        is_line &= ratio < 1.0  # else the flank of slower drift
+        is_line &= ratio < 1.0  # if not it is the flank of slower drift
         lines: np.ndarray = np.where(is_line, (k + side * shift) * self.resolution, np.nan)[()]
         return lines
 
     def level(self, frequency: np.ndarray | float) -> np.ndarray:
-        """RMS (...) of what lies around a frequency; 0 at NaN, NaN beyond the Nyquist frequency."""
+        """RMS (...) of the line at a frequency; 0 at NaN, NaN beyond the Nyquist frequency."""
         bins, every = self.power.shape[-1], np.zeros(np.shape(frequency))
         spectra = self.power.reshape(-1, bins)
         for k, hz in enumerate(np.ravel(frequency).tolist()):
@@ -69,7 +69,7 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
     rows = signal.shape[-1]
     x = np.arange(rows) - 0.5 * (rows - 1)
     fluctuation = signal - signal.mean(axis=-1, keepdims=True)
-    # sums of each signal by itself: a product of matrices rounds by how many there are
+    # one sum for each signal: the round-off of a matrix product depends on the number of signals
     fluctuation = (
         fluctuation - x * ((fluctuation * x).sum(axis=-1) / max(float(x @ x), 1.0))[..., None]
     )
@@ -87,20 +87,20 @@ def spectrum(step: float, signal: np.ndarray) -> Spectrum:
 def folds(
     lines: Spectrum, frequency: np.ndarray | float, step: float, means: np.ndarray
 ) -> np.ndarray:
-    """Whether lines of rows are above their Nyquist frequency, folded onto lower ones.
+    """Whether lines of signals are really above the Nyquist frequency, and folded onto lower ones.
 
-    Means over the time between rows hold sinc(f step) of a line at f, which is less for every
-    frequency that folds onto it.
+    Means over the time between rows have sinc(f step) of the level of a line at f, and less of one
+    that is folded onto f.
 
     Parameters
     ----------
     lines : Spectrum
-        Of rows (..., n) that are `step` seconds apart.
+        Spectrum of signals (..., n) with rows `step` seconds apart.
     frequency : ndarray (...)
-        Of the line of each, Hz.
+        Frequency of the line of each signal, Hz.
     step : float
     means : ndarray (..., n)
-        Of the signals over the time since the row before.
+        Means of the signals over the time since the row before.
 
     Returns
     -------
@@ -119,7 +119,8 @@ def folds(
 def unfolded_line(step: float, signal: np.ndarray, means: np.ndarray | None) -> np.ndarray:
     """Frequency of the highest line (...) [Hz] of signals (..., rows); NaN where there is none.
 
-    Also where means (..., m), to the signals' end, show that it is a folded one.
+    NaN also where it is a folded line, which the means (..., m) between rows show (`folds`). The
+    means end with the signals.
     """
     lines = spectrum(step, signal)
     frequency = lines.peak()
@@ -132,7 +133,7 @@ def unfolded_line(step: float, signal: np.ndarray, means: np.ndarray | None) -> 
 
 @lru_cache(maxsize=16)
 def hann(rows: int) -> np.ndarray:
-    """Weights (rows,) that cut off no part of a period; read-only."""
+    """Weights (rows,) of a Hann window; read-only."""
     weight: np.ndarray = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(rows) + 0.5) / rows)
     weight.flags.writeable = False
     return weight

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MAX_REL_SLOPE_DIFFERENCE = 0.01  # of the slope, by which the slopes of the halves may differ
-SLOPE_SIGMAS = 4.0  # standard errors that their difference, and a bend, may take
-LEAST_SCATTER = 1e-3  # below this a longer stretch is the better one
-MAX_REL_CURVATURE = 0.2  # difference of the halves' slopes over the slope, of the least bent line
+MAX_REL_SLOPE_DIFFERENCE = 0.01  # difference of the halves' slopes over the slope: accepted
+SLOPE_SIGMAS = 4.0  # difference of the halves' slopes over its standard error: accepted
+LEAST_SCATTER = (
+    1e-3  # scatter below which the longer stretch is better, not the one of less scatter
+)
+MAX_REL_CURVATURE = 0.2  # difference of the halves' slopes over the slope, if none is accepted
 
 
 @dataclass(frozen=True)
@@ -19,14 +21,14 @@ class FittedLines:
     Attributes
     ----------
     slope : ndarray (m,)
-        A step of the sequence.
+        Slope of the line, per step of the sequence.
     difference : ndarray (m,)
-        Of the slopes of the two halves.
+        Slope of the second half less that of the first.
     deviation : ndarray (m,)
-        Its standard error, from the scatter about the two lines.
+        Standard error of `difference`, from the scatter about the two lines.
     error : ndarray (m,)
-        Standard error of the stretch's rise end to end, its scatter about one line taken as
-        independent and not below `LEAST_SCATTER`.
+        Standard error of the stretch's rise from end to end, if its scatter about one line, which
+        is taken as `LEAST_SCATTER` at least, is independent.
     """
 
     slope: np.ndarray
@@ -43,7 +45,7 @@ class FittedLines:
 
 
 def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> FittedLines:
-    """Compare the halves of the stretches [first, last) of y, each of six values or more."""
+    """Lines through the stretches [first, last) of y, of six values or more, and their halves."""
     sums = _Sums(y)
     middle = (first + last) // 2
     slope, residual, _ = sums.line(first, last)
@@ -57,7 +59,7 @@ def straightness(y: np.ndarray, first: np.ndarray, last: np.ndarray) -> FittedLi
 
 
 class _Sums:
-    """Running sums of a sequence, from which any stretch has its line at once."""
+    """Running sums of a sequence, from which the line through any stretch follows at once."""
 
     def __init__(self, y: np.ndarray) -> None:
         x, y = np.arange(len(y)) - 0.5 * len(y), y - y.mean()
@@ -75,10 +77,11 @@ class _Sums:
 
 
 def best_stretch(y: np.ndarray, count: int, begin: int | None) -> tuple[int, int] | None:
-    """The straight stretch of `count` values or more that gives a rising slope best.
+    """The straight stretch [first, last) of `count` values or more that gives a rising slope best.
 
-    It is that of least relative error of the slope; without one the least bent, or none. With
-    `begin` all start there and none ends after the line first bends.
+    It is the one of least relative error of the slope. If none is straight it is the least bent
+    one, or None where that bends by more than `MAX_REL_CURVATURE`. With `begin` all stretches start
+    there, and none ends after the line has first bent.
     """
     if begin is None:
         first, last = np.triu_indices(len(y) + 1, count)

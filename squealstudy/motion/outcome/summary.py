@@ -35,15 +35,15 @@ from squealstudy.motion.outcome.torque import find_levels, find_lines, levels_of
 from squealstudy.motion.outcome.verdict import run_verdict
 from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
 
-LEAST_ROWS = 10  # of a history that says anything
-PASSING = (STABLE, GROWING)  # classes of motion that is another one later
-MOST_LONGER = 100.0  # times a run: a longer one to decide it is not named
-FREQUENCY_ERROR = 0.1  # relative: by another step, from which on it is of another period
+LEAST_ROWS = 10  # fewest rows of a history that is summarised
+PASSING = (STABLE, GROWING)  # classes of motion that does not last
+MOST_LONGER = 100.0  # largest duration that is proposed, over that of the run
+FREQUENCY_ERROR = 0.1  # relative error beyond which another step has another period
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Columns of the points table, and rows of the modes and growth tables."""
+    """Columns of a run in the points table, and its rows in the modes and growth tables."""
 
     point: Mapping[str, Any]
     modes: list[dict[str, Any]]
@@ -55,15 +55,15 @@ def summarise(
 ) -> Summary:
     """Levels, growth, class and shares of a run: the columns of its row.
 
-    A failed run is summarised up to where it got, with the class ``failed``. Of a record of fewer
-    than ten rows nothing is said but how the integration went and what is predicted.
+    A failed run is summarised up to its failure, with the class ``failed``. For a record of fewer
+    than ten rows there are only the class, the course of the integration and the forecast.
 
     Parameters
     ----------
     run : Motion
     by_step : callable
-        Finds out what its step does to levels, told whether the run lasts. By default bounds are
-        those of the window alone.
+        Returns the errors of levels by the step; called with whether the motion lasts. By default
+        bounds are those of the window alone.
     """
     if run.point.schedule is not None:
         return _changing(run)
@@ -91,7 +91,7 @@ def summarise(
 
 
 def look_ahead(runs: Iterable[Motion]) -> None:
-    """Find side by side what summaries of the runs of a batch look up: lines and levels."""
+    """Compute lines and levels for the summaries of a batch of runs, side by side."""
     steady = [
         run
         for run in runs
@@ -102,9 +102,10 @@ def look_ahead(runs: Iterable[Motion]) -> None:
 
 
 def _changing(run: Motion) -> Summary:
-    """Summary of a run whose speed or pressure changes: only the forecast is of one speed.
+    """Summary of a run whose speed or pressure changes: its course, forecast and contact shares.
 
-    That is of the design point's own steady sliding. Shares of the contact are those of all of it.
+    The forecast is that of steady sliding at the design point's own speed. Shares of the contact
+    are those over the whole run.
     """
     ok = run.outcome == "ok" and bool(np.isfinite(run.modal_energy).all())
     point = {**_course(run), **_forecast(run), "class": CHANGING if ok else FAILED}
@@ -120,7 +121,7 @@ def _changing(run: Motion) -> Summary:
 
 
 def _course(run: Motion) -> dict[str, Any]:
-    """How the integration went."""
+    """Columns on the course of the integration."""
     return {
         "iterations_mean": run.mean_iterations,
         "iterations_max": run.max_iterations,
@@ -134,7 +135,7 @@ def _course(run: Motion) -> dict[str, Any]:
 
 
 def _forecast(run: Motion) -> dict[str, Any]:
-    """Forecast by the complex modes of the same system."""
+    """Columns of the forecast by the complex modes of the same system."""
     modes = run.point.growing
     lam = modes.lam[0] if len(modes.lam) else complex(np.nan, np.nan)
     return {
@@ -152,8 +153,8 @@ def run_levels(
 ) -> tuple[dict[str, Any], slice]:
     """Torque columns of the last window, and that window.
 
-    Levels of motion that `passes` are those of this window, and no other one is meant: where its
-    step is known, bounds are the step's.
+    Levels of motion that `passes` describe this window only. So where the errors by the step were
+    computed, bounds are by the step alone.
     """
     torque = run.history["torque"]
     window = judged_window(run)
@@ -199,21 +200,21 @@ def run_levels(
 
 
 def told_frequency(hz: float, error: float) -> tuple[float, float]:
-    """Own frequency [Hz] and its relative error, NaN where another step gives another period.
+    """Own frequency [Hz] and its relative error; NaN where another step gives another period.
 
-    A motion that nearly repeats after one burst and fully after two has a period or twice that.
+    A motion that nearly repeats after one burst, and fully after two, may have either period.
     """
     return (np.nan, np.nan) if error > FREQUENCY_ERROR else (hz, error)
 
 
 def _least_swing(sums: TorqueSums, width: float) -> float:
-    """Least peak to peak of a single period; that of the window where none is told."""
+    """Least peak to peak of a single period; that of the window if there are too few periods."""
     swings = period_swings(sums, width)
     return float(swings.min() if len(swings) else sums.most.max() - sums.least.min())
 
 
 def _rows_of(run: Motion, hz: float) -> float:
-    """Rows in a period of a frequency; NaN without."""
+    """Rows in a period of a frequency [Hz]; NaN if that is NaN."""
     return 1.0 / (hz * float(run.times[-1] - run.times[0]) / max(len(run.times) - 1, 1))
 
 
@@ -227,13 +228,13 @@ def _class(run: Motion, energy: np.ndarray) -> RunClass:
 
 
 def _class_columns(verdict: RunClass, time: float) -> dict[str, Any]:
-    """Class, and the duration that would decide: none where it is no use to name it."""
+    """Class, and the duration that would decide; infinite beyond `MOST_LONGER` times the run."""
     until = np.inf if verdict.until > MOST_LONGER * time else verdict.until
     return {"class": verdict.name, "undecided_until": until}
 
 
 def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, Any]:
-    """Class, settled or not, and which mode took over."""
+    """Columns on the class, on whether the run has settled, and on which mode took over."""
     torque = run.history["torque"]
     is_settled, since = settled(run.times, energy, torque, verdict.name)
     first, last, when = transfer(run.times, run.sensed_v**2, run.sensed, held_energies(run))
@@ -248,13 +249,13 @@ def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, 
 
 
 def _contact(run: Motion, window: slice) -> dict[str, Any]:
-    """Shares of the contact area that stick or are open, and how fast what sticks creeps.
+    """Shares of the contact area that stick or are open, and the creep of sticking points.
 
     `stick_creep` is the largest sliding speed of a point that sticks, at any step of the last
-    window, over that of its steady sliding, also where the imposed speed changes: the slope of
-    friction lets it move. A point sticks while its friction is below the bound, which is where it
-    slides slower than bound / k_t: the regularisation speed, or more where its pressure exceeds
-    the highest of steady sliding. NaN where nothing sticks.
+    window, over that of its steady sliding, also where the imposed speed changes. Such a point
+    creeps by the slope of friction: it sticks while its friction is below the bound, where it
+    slides slower than bound / k_t. That is the regularisation speed, or more where its pressure
+    exceeds the highest of steady sliding. NaN where nothing sticks.
     """
     stick, opened = (over_steps(run, f"{name}_mean", name, window) for name in ("stick", "open"))
     most, widest = (over_steps(run, f"{name}_max", name, window) for name in ("stick", "open"))
@@ -270,9 +271,10 @@ def _contact(run: Motion, window: slice) -> dict[str, Any]:
 
 
 def over_steps(run: Motion, summed: str, at_rows: str, window: slice) -> np.ndarray:
-    """A column summed over every step, of the rows of a window, or the one at the rows.
+    """The rows of a window of the column that is summed over every step, if there is one.
 
-    Integrators outside the kernels, and old histories, have no sums.
+    Else those of the column at the rows: integrators outside the kernels, and old histories, have
+    no sums.
     """
     history = run.history.get(summed)
     if history is None or not np.isfinite(history[window]).all():
@@ -294,9 +296,9 @@ def _leader(run: Motion, shares: ModalShares) -> dict[str, Any]:
 
 
 def energies_of_steps(run: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Energies of the sensed modes (rows, ns) and of all modes (rows,) since the row before, J.
+    """Energies of the sensed modes (rows, ns) and of all modes (rows,), J.
 
-    Means over every step where the integrator sums them, else those of the rows.
+    Means over the time since the row before where the integrator sums them, else those at the rows.
     """
     total = run.history.get("modal_energy_mean")
     squares = run.squares[1:]

@@ -1,4 +1,4 @@
-"""Line and levels of the torque of a run, found once; of the runs of a batch side by side."""
+"""Line and levels of a run's torque, computed once; those of a batch of runs side by side."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def judged_line(run: Motion) -> float:
 
 
 def levels_of(run: Motion, rows: slice) -> TorqueLevels:
-    """`torque_levels` of some rows, by sums over every step, or rows taken for these."""
+    """`torque_levels` of some rows, from sums over every step, or from rows in their place."""
     key = LEVELS, rows.start, rows.stop
     if key not in run.windows:
         torque = run.history["torque"][rows]
@@ -61,7 +61,7 @@ def plain_levels_of(run: Motion, rows: slice) -> np.ndarray:
 
 
 def find_lines(runs: Iterable[Motion]) -> None:
-    """`judged_line` of runs of a batch."""
+    """Compute `judged_line` of the runs of a batch, and store it with each run."""
     judged_runs = [(run, judged_part(len(run.times))) for run in runs if len(run.times) > 1]
     for group in _windows_of_equal_rows(judged_runs):
         rows = group[0][1]
@@ -75,7 +75,7 @@ def find_lines(runs: Iterable[Motion]) -> None:
 
 
 def find_levels(windows: Iterable[RowsOfRun]) -> None:
-    """`levels_of` rows of runs of a batch."""
+    """Compute `levels_of` rows of the runs of a batch, and store them with each run."""
     for group in _windows_of_equal_rows(windows):
         torque, sums = _together(group)
         levels = levels_side_by_side(step_of(group[0][0].times), torque, sums)
@@ -84,7 +84,7 @@ def find_levels(windows: Iterable[RowsOfRun]) -> None:
 
 
 def find_plain_levels(windows: Iterable[RowsOfRun]) -> None:
-    """`plain_levels_of` rows of runs of a batch."""
+    """Compute `plain_levels_of` rows of the runs of a batch, and store them with each run."""
     for group in _windows_of_equal_rows(windows):
         torque, sums = _together(group)
         levels = plain_levels_side_by_side(step_of(group[0][0].times), torque, sums)
@@ -93,7 +93,7 @@ def find_plain_levels(windows: Iterable[RowsOfRun]) -> None:
 
 
 def _windows_of_equal_rows(windows: Iterable[RowsOfRun]) -> Iterator[list[RowsOfRun]]:
-    """Windows of runs that were summed over every step, those of the same rows together."""
+    """Groups of windows with the same rows, of runs whose torque was summed over every step."""
     groups: dict[tuple[int, int, int, float], list[RowsOfRun]] = {}
     for run, rows in windows:
         if _means(run) is not None and len(run.times) > 1 and rows.stop > rows.start:
@@ -110,6 +110,6 @@ def _together(group: Sequence[RowsOfRun]) -> tuple[np.ndarray, TorqueSums]:
 
 
 def _means(run: Motion) -> np.ndarray | None:
-    """Means of the torque between rows, where it was summed over every step."""
+    """Means of the torque between rows; None where it was not summed over every step."""
     means = run.history.get("torque_mean")
     return means if means is not None and np.isfinite(means).all() else None

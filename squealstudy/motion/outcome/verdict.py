@@ -1,4 +1,4 @@
-"""Class of a run: that of its motion, unless a predicted instability may still change it."""
+"""Class of a run: that of its motion, unless another instability may still change it."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from squealstudy.motion.outcome.periods import (
 from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.wording import IRREGULAR, LIMIT_CYCLE, STABLE, UNDECIDED
 
-NEARLY_ALL = 0.8  # energy share of a mode that is the whole motion but for harmonics
+NEARLY_ALL = 0.8  # energy share of a mode that is the whole motion except for harmonics
 JUDGED_ROWS = 40  # fewest rows of a history whose modes are judged
-MIN_ENERGY_SHARE = 0.05  # share of the energy from which on a mode is in the motion
+MIN_ENERGY_SHARE = 0.05  # least energy share of a mode that is part of the motion
 MAX_RISING_SHARE = 0.3  # energy share above which a rising mode leads the motion (a choice)
 ENERGY_SHARE_ROUND_OFF = 1e-10  # energy share that may be round-off of contact forces
-RISE_LINES = 8  # stretches where a rise behind another motion is sought
+RISE_LINES = 8  # stretches of a window by which a rise behind another motion is sought
 RISE_PERIODS = 4.0  # fewest periods of the mode in each of them
 GROWTH_SIGMAS = 5.0  # standard errors that such a rise must exceed, as many modes are tested
 MIN_LN_GROWTH = 0.1  # least rise of ln amplitude over the window
-MIN_GROWTH_HALF_RATIO = 0.6  # rise in the second half over that in the first, at least
+MIN_GROWTH_HALF_RATIO = 0.6  # least rise in the second half over that in the first
 SMALLEST_POSITIVE = 1e-300
-MAX_FORECAST_DURATIONS = 1e3  # forecast time over the run's duration, at most
+MAX_FORECAST_DURATIONS = 1e3  # largest forecast time over the run's duration
 N_TORQUE_BLOCKS = 10  # blocks of the judged part whose torque levels are compared
 DRIFT_DURATION_FACTOR = 2.0  # proposed duration over that of a run whose torque still drifts
 N_LINE_STRETCHES = 4  # stretches of a window in which the line of a mode is measured
@@ -44,14 +44,15 @@ LINE_REL_HALF_WIDTH = 0.1
 
 
 def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
-    """Class of what a run has done, from its `moving_energy`.
+    """Class of a run so far, from its `moving_energy`.
 
     A run that seems to decay is undecided until the motion shows that all modes with predicted
-    growth decay too. That can be seen only of modes that are followed (not of those above the band,
-    or of too many) and that something has moved. A limit cycle is undecided while a mode that is no
-    part of it rises, or while the torque drifts to another level: one mode may feed another at the
-    same energy. Stick-slip that repeats is a limit cycle: linear growth says nothing of contact
-    that sticks for most of a period. Other undecided motion that repeats is a limit cycle too.
+    growth decay too. It can show that only for modes that are followed (those outside the band are
+    not, nor are too many), and only if something has moved. A limit cycle is undecided while a mode
+    that is no part of it rises, or while the torque drifts to another level: one mode may feed
+    another at the same energy. Stick-slip that repeats is a limit cycle, since linear growth does
+    not apply to contact that sticks for most of a period. Other undecided motion that repeats is a
+    limit cycle too.
     """
     initial = 0.0 if run.point.continued else float(run.modal_energy[0])
     run_class = classify(
@@ -60,7 +61,7 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     modes = run.point.growing
     judged = len(run.times) >= JUDGED_ROWS
     if run_class.name == IRREGULAR and judged and repeats_stick_slip(run):
-        return RunClass(LIMIT_CYCLE)  # its windows held parts of few periods
+        return RunClass(LIMIT_CYCLE)  # windows scattered since each had a part of a period
     if run_class.name == UNDECIDED and judged:
         if sticks_mostly(run):
             repeats = repeats_stick_slip(run) or comes_back(run)
@@ -97,8 +98,9 @@ def torque_drifts(run: Motion) -> bool:
 def _predicted_pace(run: Motion) -> float:
     """Rate at which the level of the final motion would change by the complex modes alone, 1/s.
 
-    With instabilities: the sum of the followed ones' growth rates times their energy shares, where
-    these are in the motion. Without: the decay of the lightest mode, if it has nearly all energy.
+    With unstable modes it is the sum of the growth rates of the followed ones that are part of the
+    motion, times their energy shares. Without it is the decay rate of the least damped mode, if
+    that has nearly all energy; else 0.
     """
     rows, modes = len(run.times), run.point.growing
     if rows < JUDGED_ROWS or not len(modes.lam):
@@ -112,7 +114,7 @@ def _predicted_pace(run: Motion) -> float:
 
 
 def grows_until(run: Motion, k: int) -> float:
-    """When an unstable mode would have all the energy, s; 0 where the motion shows its decay."""
+    """Time at which unstable mode `k` would have all the energy, s; 0 where the mode decays."""
     rows = len(run.times)
     if rows < JUDGED_ROWS:
         return np.inf
@@ -126,11 +128,11 @@ def grows_until(run: Motion, k: int) -> float:
 
 
 def rises_until(run: Motion) -> float:
-    """Duration of a run long enough to judge a mode that rises behind the leading motion, s.
+    """Duration [s] of a run that is long enough to judge modes that rise behind the leading one.
 
-    The mode may be followed and unstable, or sensed without predicted growth: a limit cycle may
-    shed energy into modes whose frequencies add up to its own. The judged part of that run begins
-    where the mode would have all the energy. Infinite where none rises, or too slowly.
+    Such a mode may be followed and unstable, or only sensed, without predicted growth: a limit
+    cycle may lose energy to modes whose frequencies add up to its own. The judged part of that run
+    begins where the mode would have all the energy. Infinite where no mode rises, or too slowly.
     """
     rows = len(run.times)
     if rows < JUDGED_ROWS:
@@ -148,13 +150,14 @@ def rises_until(run: Motion) -> float:
 
 
 def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scale: float) -> float:
-    """When an amplitude that rises at a constant pace would have all the energy, s, or infinity.
+    """Time [s] at which an amplitude that rises at a constant pace would have all the energy.
 
-    A mode with a third of the energy is the motion itself, which is judged by its level.
+    Infinite where it does not rise so; also where it has 30 % of the energy, as such a mode is the
+    motion itself, which is judged by its level.
     """
     time, frequency = run.times[window], omega / (2 * np.pi)
     length = float(time[-1] - time[0])
-    if frequency * length < RISE_LINES * RISE_PERIODS:  # a drift, a line cannot be told from it
+    if frequency * length < RISE_LINES * RISE_PERIODS:  # so slow a line may be a drift
         return np.inf
     size = line_sizes(time, amplitude[window], frequency, RISE_LINES)
     share = scale * float(size[-1]) ** 2
@@ -173,17 +176,20 @@ def _rises(run: Motion, window: slice, amplitude: np.ndarray, omega: float, scal
 
 
 def _foreseen(run: Motion, share: float, rate: float) -> float:
-    """When a share of the energy would be all of it, s; infinite beyond the horizon."""
+    """Time [s] at which a share of the energy would have grown to all of it, or infinity.
+
+    It is infinite beyond `MAX_FORECAST_DURATIONS`.
+    """
     end = float(run.times[-1])
     until = end + max(0.0, -0.5 * float(np.log(share)) / rate)
     return until if until <= MAX_FORECAST_DURATIONS * end else np.inf
 
 
 def mode_course(run: Motion, k: int, window: slice) -> tuple[float, float, float]:
-    """How the followed mode `k` goes on through the rows of a window, 16 or more.
+    """Energy share and growth of the followed mode `k` over a window of 16 rows or more.
 
-    It is seen through its left vector, around its own frequency: there the lines of a limit cycle
-    of another mode are not.
+    It is observed through its left vector, near its own frequency: so the lines of another mode's
+    limit cycle do not count.
 
     Returns
     -------
@@ -202,7 +208,7 @@ def mode_course(run: Motion, k: int, window: slice) -> tuple[float, float, float
 def expected_rise(run: Motion, window: slice, duration: float) -> float:
     """Largest energy that a followed complex mode would gain until `duration`, over all energy.
 
-    Its growth over the window, where that is beyond its standard error, is taken to go on.
+    Growth over the window that exceeds its standard error is taken to continue.
 
     Parameters
     ----------
@@ -210,7 +216,7 @@ def expected_rise(run: Motion, window: slice, duration: float) -> float:
     window : slice
         Rows that are judged, 16 or more.
     duration : float
-        s.
+        End of the run, s.
     """
     worst = 0.0
     for k in range(len(run.point.growing.lam)):
@@ -224,9 +230,10 @@ def expected_rise(run: Motion, window: slice, duration: float) -> float:
 def line_sizes(
     time: np.ndarray, amplitude: np.ndarray, frequency_hz: float, lines: int = N_LINE_STRETCHES
 ) -> np.ndarray:
-    """RMS of an amplitude (rows,) near a frequency, in successive stretches (lines,).
+    """RMS (lines,) of an amplitude (rows,) near a frequency, in successive stretches.
 
-    Hann-windowed, within `LINE_REL_HALF_WIDTH` of the frequency on either side of zero.
+    Each stretch has a Hann window. All within `LINE_REL_HALF_WIDTH` of plus or minus the frequency
+    counts.
     """
     step = float(time[-1] - time[0]) / (len(time) - 1)
     rows = len(time) // lines
@@ -240,7 +247,7 @@ def line_sizes(
 
 
 def _growth(width: float, size: np.ndarray) -> tuple[float, float]:
-    """Rate of the logarithm of sizes `width` seconds apart, 1/s, and its standard error."""
+    """Growth rate [1/s] of sizes that are `width` seconds apart, and its standard error."""
     y = np.log(np.maximum(size, SMALLEST_POSITIVE))
     x = width * (np.arange(len(y)) - 0.5 * (len(y) - 1))
     rate = float(x @ y / (x @ x))
