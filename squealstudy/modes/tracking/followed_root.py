@@ -1,10 +1,10 @@
 """Onset of instability by one root that is followed alone, without the other modes.
 
-At each value of the parameter the root and both its vectors are brought to convergence by residual
-inverse iteration (Neumaier, SIAM J. Numer. Anal. 22, 1985) on both sides: the two-sided Rayleigh
-functional errs by the product of the errors of both vectors, and one factor serves neighbouring
-values. A root found so is exact; that it is the right one is told by its shape. Where that is not
-sure there is no answer, and all modes must be solved.
+At each value of the parameter the root and both its vectors are iterated by two-sided residual
+inverse iteration (Neumaier, SIAM J. Numer. Anal. 22, 1985). The error of the two-sided Rayleigh
+functional is the product of the errors of both vectors, and one factor is enough for neighbouring
+values. The converged root is exact; its shape shows whether it is the right one. Where that is not
+certain there is no answer, and all modes must be solved.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from squealstudy.modes.tracking.onsets import Onset, bracketed_crossing
 from squealstudy.modes.tracking.pairing import mac
 from squealstudy.modes.tracking.refinement import Modes
 
-MIN_MAC = 0.9  # least MAC of a followed mode with that at both ends
-MAX_OTHER_MAC = 0.7  # and the largest of any other mode of the ends with it
-ROOT_TOLERANCE = 1e-12  # change of the root, of its modulus
+MIN_MAC = 0.9  # least MAC of a followed mode with that mode at both ends
+MAX_OTHER_MAC = 0.7  # its largest MAC with any other mode at the ends
+ROOT_TOLERANCE = 1e-12  # last change of the root over its modulus
 RESIDUAL_TOLERANCE = 1e-9  # |Q(lambda) x| / |lambda^2 x| of both vectors
 MAX_TURNS = 8  # iterations with one factor
-MAX_FACTORS = 3  # at one value of the parameter
-MAX_CONDITION = 1e3  # condition of a root: next to an exceptional point there are two to follow
+MAX_FACTORS = 3  # factors at one value of the parameter
+MAX_CONDITION = 1e3  # condition of a root; next to an exceptional point two roots would be followed
 
 
 class RootState(NamedTuple):
@@ -35,8 +35,9 @@ class RootState(NamedTuple):
     Attributes
     ----------
     lam : complex
-        rad/s.
+        The root, rad/s.
     right, left : ndarray (n,) complex
+        Vectors with Q(lam) right = 0 and left^H Q(lam) = 0.
     """
 
     lam: complex
@@ -45,13 +46,13 @@ class RootState(NamedTuple):
 
 
 class RootFollower:
-    """Brings a root and its vectors from one pencil to the next, with as few factors as will do."""
+    """Follows a root and its vectors from one pencil to the next, with few factorisations."""
 
     def __init__(self) -> None:
         self._factor: ShiftedFactor | None = None
 
     def at(self, pencil: QuadraticPencil, start: RootState) -> RootState:
-        """The root of a pencil that lies near one of a neighbouring pencil, guessed by `start`.
+        """The root of a pencil nearby `start`, a guess from neighbouring pencils.
 
         Raises
         ------
@@ -71,7 +72,7 @@ class RootFollower:
 def _converged(
     pencil: QuadraticPencil, factor: ShiftedFactor, state: RootState
 ) -> tuple[RootState, bool]:
-    """The root after some turns with one factor, and whether it has converged."""
+    """The root after some iterations with one factor, and whether it has converged."""
     lam, x, y = state
     adjoint, last = pencil.adjoint(), np.inf
     for _ in range(MAX_TURNS):
@@ -100,7 +101,7 @@ def _converged(
 
 
 def _nearest_zero(coefficients: list[complex], guess: complex) -> complex:
-    """Zero of a quadratic polynomial, of falling powers, nearest a value."""
+    """Zero nearest to `guess` of a quadratic polynomial with coefficients of falling powers."""
     zeros = np.roots(coefficients)
     if not len(zeros):
         raise ConvergenceError("lost", "vectors of a root that is followed are orthogonal")
@@ -115,9 +116,9 @@ class FollowedEnd(NamedTuple):
     x : float
         Value of the parameter.
     modes : Modes
-        All there.
+        All modes at that value.
     place : int
-        Of the mode among them.
+        Index of the followed mode.
     """
 
     x: float
@@ -130,7 +131,7 @@ class FollowedEnd(NamedTuple):
         return complex(self.modes.lam[self.place])
 
     def is_this(self, shape: np.ndarray) -> bool:
-        """Whether a shape (k,) is that of the mode and of no other one here."""
+        """Whether a shape (k,) is like the mode's and like no other mode's here."""
         likeness = mac(shape[None], self.modes.shapes)[0]
         likeness_of_mode = likeness[self.place]
         return bool(
@@ -140,12 +141,12 @@ class FollowedEnd(NamedTuple):
 
 
 class PencilLine(NamedTuple):
-    """Design points along a parameter, of which one root at a time is asked.
+    """Design points along a parameter, at which single roots are solved.
 
     Attributes
     ----------
     pencil : callable
-        At a value of the parameter; ConvergenceError where there is none.
+        Returns the pencil at a value of the parameter; ConvergenceError where there is none.
     basis : ndarray (n, k)
         Orthonormal columns: shapes of `Modes` are coordinates on them.
     """
@@ -163,15 +164,15 @@ def followed_onset(
     ----------
     line : PencilLine
     ends : (low, high)
-        Of the bracket; the mode is unstable at one of them.
+        The mode at both ends of the bracket; it is unstable at one of them.
     tolerance, precision : float
-        As of `onsets.refine_onset`.
+        Those of `onsets.refine_onset`.
 
     Returns
     -------
     Onset or None
-        None where the mode is not clearly one and the same at both ends and at all values between
-        them, or where there is no answer for another reason: then all modes tell.
+        None where the mode is not clearly the same at both ends and at all values between them, or
+        where there is no answer for another reason: then all modes have to be solved.
     """
     low, high = ends
     sure = low.is_this(high.modes.shapes[high.place]) and high.is_this(low.modes.shapes[low.place])
@@ -190,7 +191,7 @@ def followed_onset(
 
 
 class _Followed:
-    """One mode between two ends, each value of the parameter solved once."""
+    """One mode between two ends; each value of the parameter is solved once."""
 
     def __init__(self, line: PencilLine, ends: tuple[FollowedEnd, FollowedEnd]) -> None:
         self._line, self._ends, self._follower = line, ends, RootFollower()
@@ -222,4 +223,4 @@ class _Followed:
         end = min(self._ends, key=lambda end: abs(end.x - x))
         right = self._line.basis @ end.modes.shapes[end.place].astype(complex)
         right = right / np.linalg.norm(right)
-        return RootState(lam, right, right.conj())  # left vectors of a symmetric pencil
+        return RootState(lam, right, right.conj())  # the left vector of a symmetric pencil: a guess

@@ -1,9 +1,10 @@
 """Modes between two structures, from their matrices interpolated in common coordinates.
 
 A structure in between would cost a reduction of its own. Its matrices in the real modes of the
-first one are near those of both ends, brought there by the rotation of their mode shapes and taken
-linearly between (Amsallem and Farhat, SIAM J. Sci. Comput. 33, 2011): accurate enough to tell which
-mode goes on as which, where they veer or cross.
+first structure are interpolated linearly between those of both ends; the matrices of the second
+structure are first rotated to these modes by the mode shapes of both (Amsallem and Farhat, SIAM J.
+Sci. Comput. 33, 2011). That is accurate enough to see which mode continues as which where modes
+veer or cross.
 """
 
 from __future__ import annotations
@@ -17,20 +18,21 @@ from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.modes.tracking.pairing import LOW_MAC, squares
 from squealstudy.modes.tracking.refinement import Modes
 
-BAND_TOP_FACTOR = (
-    1.5  # real modes up to this times the band: those far above it may not be told apart
-)
+# real modes up to this factor times the top of the band are used: places may not distinguish those
+# far above it
+BAND_TOP_FACTOR = 1.5
 
 
 class ModalMatrices(NamedTuple):
-    """A design point in k real modes of its structure, ascending in frequency, of unit mass.
+    """A design point in k real modes of unit mass of its structure, ascending in frequency.
 
     Attributes
     ----------
     C, K : ndarray (k, k)
         Damping [rad/s] and stiffness [(rad/s)^2].
     seen : ndarray (s, k)
-        The modes at places that correspond between structures (PreparedModel.sensor_shapes).
+        Displacements of the modes at places that correspond between structures
+        (PreparedModel.sensor_shapes).
     """
 
     C: np.ndarray
@@ -39,7 +41,7 @@ class ModalMatrices(NamedTuple):
 
 
 class InterpolatedModes:
-    """Modes on the straight way from a design point a to b of another structure.
+    """Modes on the straight line from a design point a to a point b of another structure.
 
     Parameters
     ----------
@@ -47,7 +49,7 @@ class InterpolatedModes:
     x_a, x_b : ndarray (p,)
         Coordinates of both points.
     band : (low, high)
-        Of the modes, rad/s.
+        Band of the modes, rad/s.
     """
 
     def __init__(
@@ -67,7 +69,7 @@ class InterpolatedModes:
         self._x_a, self._way, self._band = x_a, x_b - x_a, band
 
     def solve(self, x: np.ndarray) -> Modes:
-        """Oscillating modes at coordinates (p,) on the way, in the coordinates of a."""
+        """Oscillating modes at coordinates (p,) on the line; shapes in the real modes of a."""
         t = float((x - self._x_a) @ self._way / (self._way @ self._way))
         C, K = ((1 - t) * A + t * B for A, B in zip(self._a, self._b, strict=True))
         lam, psi = dense_roots(C, K, self._band)
@@ -75,15 +77,15 @@ class InterpolatedModes:
         return Modes(lam[oscillates], psi.T[oscillates])
 
     def at_a(self, modes: Modes) -> Modes:
-        """Modes of a, their shapes (m, k) in its own real modes, in these coordinates."""
+        """Modes of a with shapes in the real modes that are used; `modes` has them in all."""
         return Modes(modes.lam, modes.shapes[:, : len(self._turn)])
 
     def at_b(self, modes: Modes) -> Modes:
-        """Modes of b, in the coordinates of a."""
+        """Modes of b with shapes in the real modes of a; `modes` has them in those of b."""
         return Modes(modes.lam, modes.shapes[:, : len(self._turn)] @ self._turn.T)
 
     def foreign(self, modes: Modes) -> np.ndarray:
-        """Modes of b that are for the most part no motion of the real modes of a (m,)."""
+        """Mask (m,) of the modes of b that are for the most part no motion of a's real modes."""
         a, b = self._seen
         motion_of_b = b @ modes.shapes[:, : len(self._turn)].T
         part_in_a = la.qr(a, mode="economic")[0].T @ motion_of_b
@@ -92,5 +94,5 @@ class InterpolatedModes:
 
 
 def _count(point: ModalMatrices, limit: float) -> int:
-    """How many real modes lie below a frequency, rad/s."""
+    """Number of real modes up to a frequency, rad/s."""
     return int((np.diagonal(point.K) <= limit**2).sum())

@@ -1,4 +1,4 @@
-"""Track numbers of modes along a tree of design points; joining of tracks that are one mode."""
+"""Track numbers of modes along a tree of design points; tracks of the same mode are joined."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.steps import Pairings, Shapes, Stepper
 from squealstudy.modes.tracking.tree import tree_of_modes
 
-MIN_STRAIGHT_COSINE = 0.999  # cosine above which two steps lie on one line
-# share of the last change by which roots are extrapolated: all of it overshoots where frequencies
-# come together and lock in, none of it lags where they cross
+MIN_STRAIGHT_COSINE = 0.999  # cosine between two steps above which they lie on one line
+# share of the last change by which roots are extrapolated: all of it would overshoot where
+# frequencies come together and lock in, none of it would lag where they cross
 EXTRAPOLATED_SHARE = 0.5
 MAX_STEP_RATIO = 3.0  # longest extrapolation over the step before
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """Labels of all modes of all points: a row a point, an entry a mode.
+    """Labels of all modes of all points: one row for each point, one entry for each mode.
 
     Attributes
     ----------
     labels : Ragged of int
-        Track numbers from 1, by frequency at the root; modes that turn up later are numbered on.
+        Track numbers from 1, by frequency at the root of the tree; tracks that begin later have
+        higher numbers.
     macs : Ragged
         MAC with the track's mode at the parent point, NaN where the track begins.
     ambiguous : Ragged of bool
-        The pairing with the parent point is in doubt; or the track ends or begins here, and may
-        continue under another number (`broken`).
+        Whether the pairing with the parent point is in doubt, or the track ends or begins here and
+        may continue under another number (`broken`).
     """
 
     labels: Ragged
@@ -47,26 +48,27 @@ class Tracks:
 
 
 class TrackTree:
-    """Which design points are compared, and in which order.
+    """The design points that are compared, and their order.
 
-    Children of a point without modes attach to its nearest ancestor with modes; where there is
-    none, to the first of them.
+    Children of a point without modes attach to its nearest ancestor with modes; without one, to the
+    first point with modes below the same root (`tree_of_modes`).
 
     Parameters
     ----------
     parents : ndarray (n,) of int
         Parent of each point, -1 for a root.
     lams : Ragged
-        Roots of each point [rad/s], none of a failed one.
+        Roots of each point [rad/s]; an empty row for a failed point.
     coordinates : ndarray (n, p) or None
-        Design points; with them roots are extrapolated along straight lines of the tree.
+        Coordinates of the points; with them roots are extrapolated along straight lines of the
+        tree.
     band : (low, high) or None
-        Of the roots, rad/s, at whose edges modes come and go.
+        Band of the roots, rad/s, at whose edges modes come and go.
 
     Attributes
     ----------
     parents : ndarray (n,) of int
-        Among the points that have modes.
+        Parents in the tree of the points that have modes.
     step : ndarray (n,)
         Share of the last change of the roots that is expected to continue to each point.
 
@@ -93,11 +95,11 @@ class TrackTree:
             self.step = _steps(x, self.parents)
 
     def stepper(self, shapes: Shapes) -> Stepper:
-        """The object that pairs modes of points with those of their parents."""
+        """The `Stepper` that pairs modes of points with those of their parents."""
         return Stepper(self.parents, self.step, self.lams, shapes, self.band)
 
     def label(self, pairings: Pairings) -> Tracks:
-        """Labels of all points: a child inherits those of its parent. They depend on the tree."""
+        """Labels of all modes: a mode inherits the label of the parent's mode that it continues."""
         lams, point = self.lams, self.lams.owner
         number = np.arange(len(point))
         parent = self.parents[point]
@@ -120,7 +122,7 @@ class TrackTree:
         return Tracks(lams.with_flat(labels), lams.with_flat(macs), ambiguous)
 
     def _breaks(self, pairings: Pairings) -> np.ndarray:
-        """Points of steps on which modes end and others begin."""
+        """Points to which a step leads on which modes end and others begin."""
         paired = np.bincount(
             pairings.partner.owner[pairings.partner.flat >= 0], minlength=len(self.parents)
         )
@@ -129,10 +131,10 @@ class TrackTree:
         return broken_at
 
     def _numbers(self, root: np.ndarray) -> np.ndarray:
-        """Track of each mode (N,) by the mode at which its track begins.
+        """Track number (N,) of each mode from `root` (N,), the mode at which its track begins.
 
-        Those begin to count at the root of the tree, then by depth; oscillating modes first, by
-        frequency.
+        Tracks are numbered by the depth at which they begin; at the same depth oscillating modes
+        come first, by frequency.
         """
         new = np.flatnonzero(root == np.arange(len(root)))
         lam, depth = self.lams.flat[new], self._depth[self.lams.owner[new]]
@@ -143,7 +145,7 @@ class TrackTree:
 
 
 def _roots(origin: np.ndarray) -> np.ndarray:
-    """Last entry of each entry's chain: an entry holds the index of the next, the last its own."""
+    """Last entry of each entry's chain: each has the index of the next one, the last its own."""
     while not np.array_equal(further := origin[origin], origin):
         origin = further
     return origin
@@ -156,7 +158,7 @@ def _normalised(x: np.ndarray) -> np.ndarray:
 
 
 def _steps(x: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """Share of the last change that is expected to continue to each point (n,); 0 off a line."""
+    """Share (n,) of the last change that is expected to continue to each point; 0 off a line."""
     with_grandparent = np.flatnonzero(parents >= 0)
     with_grandparent = with_grandparent[parents[parents[with_grandparent]] >= 0]
     p, g = parents[with_grandparent], parents[parents[with_grandparent]]
@@ -171,7 +173,7 @@ def _steps(x: np.ndarray, parents: np.ndarray) -> np.ndarray:
     return step
 
 
-MAX_VOTES_ASKED = 20  # neighbours that are asked about two tracks
+MAX_VOTES_ASKED = 20  # most pairs of neighbouring points at which two tracks are compared
 Pair = tuple[int, int]
 
 
@@ -179,8 +181,8 @@ def join_tracks(tracks: Tracks, lams: Ragged, edges: np.ndarray, shapes: Shapes)
     """Give one number to tracks that neighbouring points show to be of one mode.
 
     A mode that comes into the band on several lines of a grid gets a number on each of them. Two
-    tracks are joined where neighbours of different branches pair them without doubt, and where no
-    point has both; those that most neighbours pair come first.
+    tracks are joined if neighbouring points of different branches pair them without doubt, and no
+    point has both. Tracks that most neighbours pair are joined first.
 
     Parameters
     ----------
@@ -220,7 +222,7 @@ def _differ(labels: Ragged, edges: np.ndarray) -> np.ndarray:
 def _may_join(
     lam_a: np.ndarray, labels_a: np.ndarray, lam_b: np.ndarray, labels_b: np.ndarray
 ) -> list[Pair]:
-    """Pairs of tracks near in frequency, each of which only one of two points has."""
+    """Pairs of tracks that are near in frequency; each track is at only one of the two points."""
     a = np.flatnonzero(~np.isin(labels_a, labels_b))
     b = np.flatnonzero(~np.isin(labels_b, labels_a))
     ratio = np.abs(lam_a[a])[:, None] / np.abs(lam_b[b])
@@ -234,7 +236,7 @@ def _ordered(tracks_a: np.ndarray, tracks_b: np.ndarray) -> list[Pair]:
 
 
 def _votes(a: int, b: int, tracks: Tracks, lams: Ragged, shapes: Shapes) -> list[Pair]:
-    """Pairs of tracks whose modes at two points are one mode."""
+    """Pairs of tracks whose modes at points a and b are paired without doubt."""
     at_a, at_b = (shapes_of_point[0] for shapes_of_point in shapes.of(np.array([a]), np.array([b])))
     pairs = pair_modes(lams[a], at_a, lams[b], at_b)
     i = np.flatnonzero((pairs.partner >= 0) & ~pairs.ambiguous & (pairs.trust > JOINING_TRUST))
@@ -244,7 +246,7 @@ def _votes(a: int, b: int, tracks: Tracks, lams: Ragged, shapes: Shapes) -> list
 
 
 def _joined(votes: Counter[Pair], labels: Ragged) -> np.ndarray:
-    """New number of each track, without gaps and in the order of the old ones."""
+    """New number of each track by its old one, without gaps and in the same order."""
     last_label = int(labels.flat.max(initial=0))
     order = np.argsort(labels.flat, kind="stable")
     ends = np.searchsorted(labels.flat[order], np.arange(last_label + 2))

@@ -1,8 +1,8 @@
-"""Onsets of many modes at once: the root finding of `onsets.refine_onset` in step for all.
+"""Onsets of many modes at once: the root finding of `onsets.refine_onset` in all brackets.
 
-Every iteration solves one design point for each bracket, all in one batch, by Chandrupatla's
-method (1997). What does not go smoothly, a mode that is lost, a bracket whose ends are of two
-modes, a jump, is left to the way one by one.
+Every iteration of Chandrupatla's method (1997) solves one design point for each bracket, all in one
+batch. Brackets with a difficulty are left to `onsets.refine_onset`: those whose mode is lost, whose
+ends are of two modes, or in which the damping ratio jumps.
 """
 
 from __future__ import annotations
@@ -24,30 +24,32 @@ from squealstudy.modes.tracking.pairing import pair_many
 
 
 class ManyModes(NamedTuple):
-    """Oscillating modes of design points with as many each.
+    """Oscillating modes of n design points with m modes each.
 
     Attributes
     ----------
     lam : ndarray (n, m) complex
-        rad/s.
+        Roots, rad/s.
     shapes : ndarray (n, m, k) complex
+        Shapes.
     """
 
     lam: np.ndarray
     shapes: np.ndarray
 
     def at(self, rows: np.ndarray) -> ManyModes:
-        """The modes at some of the points."""
+        """The modes at the points with these indices."""
         return ManyModes(self.lam[rows], self.shapes[rows])
 
 
-# values (r,) of the parameter on some brackets (r,) -> modes, and which have as many as the others
+# (indices (r,) of brackets, values (r,) of the parameter in them) -> modes, and a mask (r,) of the
+# values that have modes, as many as all others
 SolveMany = Callable[[np.ndarray, np.ndarray], tuple[ManyModes, np.ndarray]]
 
 
 @dataclass
 class _Ends:
-    """One end of all brackets: value, damping ratio plus tolerance, modes, the followed one."""
+    """One end of all brackets: value, damping ratio plus tolerance, modes, index of the mode."""
 
     x: np.ndarray
     f: np.ndarray
@@ -68,12 +70,15 @@ class _Ends:
 
 
 class ManyOnsets(NamedTuple):
-    """Refined onsets of n brackets; NaN and 0 where one is left to the way one by one.
+    """Refined onsets of n brackets.
 
     Attributes
     ----------
     value, frequency_hz : ndarray (n,)
+        Value of the parameter, and frequency of the mode there; NaN where there is no answer, and
+        `onsets.refine_onset` has to find it.
     evaluations : ndarray (n,) of int
+        Number of design points that were solved, also of brackets without an answer.
     """
 
     value: np.ndarray
@@ -96,13 +101,15 @@ def refine_onsets_together(
     x : (low, high), each ndarray (n,)
         Values of the parameter at both ends.
     modes : (low, high)
-        At both ends, as many at each.
+        Modes at both ends; all points have the same number.
     mode_numbers : (low, high), each ndarray (n,) of int
-        Of the mode among them.
+        Index of the followed mode at both ends.
     solve : callable
+        Solves one point in each of some brackets (`SolveMany`).
     tolerance : float
+        A mode is unstable where its damping ratio is below minus this.
     precision : float
-        Absolute, of the value.
+        Absolute error of the value.
     """
     n = len(x[0])
     ends = [
@@ -182,9 +189,9 @@ def _excess(lam: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _followed(a: _Ends, b: _Ends, rows: np.ndarray, modes_between: ManyModes) -> np.ndarray:
-    """Place (r,) of the modes of brackets among those found between; -1 where one is lost.
+    """Index (r,) of each bracket's mode among the modes between its ends; -1 where it is lost.
 
-    Both ends are asked, and where they disagree the pairing of more trust counts.
+    It is paired from both ends; where these disagree the pairing of more trust counts.
     """
     best, partner = np.full(len(rows), -np.inf), np.full(len(rows), -1)
     each = np.arange(len(rows))
@@ -205,7 +212,7 @@ def _followed(a: _Ends, b: _Ends, rows: np.ndarray, modes_between: ManyModes) ->
 def _step(
     a: _Ends, b: _Ends, third_x: np.ndarray, third_f: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:
-    """Share (r,) of the way from a to b: inverse quadratic where that is safe, else the middle."""
+    """Next point as a share (r,) of the way from a to b: inverse quadratic if safe, else 0.5."""
     x1, x2, x3 = a.x[rows], b.x[rows], third_x[rows]
     f1, f2, f3 = a.f[rows], b.f[rows], third_f[rows]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

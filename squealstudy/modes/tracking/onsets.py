@@ -1,6 +1,7 @@
-"""Onset of instability on a mode that is followed between two design points, by root finding.
+"""Onset of instability of a mode that is followed between two design points, by root finding.
 
-Between points so close that a polynomial through them is accurate, there is no root finding.
+Between points so close that a polynomial through them is accurate, the onset is the polynomial's
+zero (`cubic_onsets`).
 """
 
 from __future__ import annotations
@@ -15,35 +16,36 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.modes.tracking.refinement import Modes
 
-MOST_ITERATIONS = 40
-MIN_JUMP = 0.1  # change of zeta across the root over its largest value, from which it is a jump
+MOST_ITERATIONS = 40  # of Brent's or Chandrupatla's method
+MIN_JUMP = 0.1  # change of zeta + tolerance across the zero over its largest value: a jump
 NO_CROSSING = "no_crossing"  # status of the error: the unstable mode stays so over the bracket
-# values beside a jump over the jump: a square-root onset is as steep, but zero on one side
+# least value beside a jump over the jump: a square-root onset is as steep, but zero on one side
 MIN_VALUE_BESIDE_JUMP = 0.02
-# distance of another root over that of the mode's own, up to which the mode was exchanged
+# change to another root over the change of the mode's own root, below which they were exchanged
 EXCHANGED_DISTANCE_RATIO = 0.25
-# change of a root, of its modulus, across a bracket as narrow as an onset's error
+# largest relative change of a root across a bracket as narrow as an onset's error
 MAX_REL_ROOT_CHANGE = 0.05
-HALVINGS = 50
+HALVINGS = 50  # bisections for the zero of a cubic
 MOST_HALVINGS = 4  # halvings of a step in which a mode is lost
-N_CHECKED = 9  # values of the parameter between both ends
-# on the error of a cubic: with it 0 of 2,300 onsets of random families err by more, without it 1
+N_CHECKED = 9  # values of the parameter at which the error of a cubic is evaluated
+# factor on the error of a cubic: with it 0 of 2,300 onsets of random families had a larger error,
+# without it 1
 CUBIC_SAFETY_FACTOR = 2.0
-# largest relative change of the slope from one pair of points to the next
+# largest change of the slope from one pair of points to the next, over the least slope
 MAX_REL_SLOPE_CHANGE = 0.5
 
 
 class Onset(NamedTuple):
-    """Value of the parameter at which a mode turns unstable, and what finding it took.
+    """Value of the parameter at which a mode turns unstable.
 
     Attributes
     ----------
     value : float
-        Of the parameter.
+        Value of the parameter.
     frequency_hz : float
         |lambda|/2 pi of the mode there.
     evaluations : int
-        Design points solved for it.
+        Number of design points that were solved for it.
     """
 
     value: float
@@ -57,10 +59,11 @@ class SolvedLine:
     Parameters
     ----------
     low, high : float
-        Values at both ends.
+        Values of the parameter at both ends.
     at_low, at_high : Modes
+        Modes at both ends.
     solve : callable
-        Modes at a value; ConvergenceError where there are none.
+        Returns the modes at a value; raises ConvergenceError where there are none.
     """
 
     def __init__(
@@ -88,16 +91,16 @@ class SolvedLine:
 
 
 class FollowedMode:
-    """One mode between two design points, at whose ends it is known.
+    """One mode between two design points, of which one end or both are known.
 
-    A value in between is paired with its nearest known neighbours on both sides; where they
-    disagree, the pairing of more trust counts: near a lock-in one of them is ambiguous.
+    The modes at a value in between are paired with those at the nearest known values on both sides.
+    Where these disagree the pairing of more trust counts: near a lock-in one is ambiguous.
 
     Parameters
     ----------
     samples : SolvedLine
     at_low, at_high : int or None
-        Index of the mode at both ends; None to follow it from the other end alone.
+        Index of the mode at both ends; None at one end to follow it from the other.
     """
 
     def __init__(self, samples: SolvedLine, at_low: int | None, at_high: int | None) -> None:
@@ -118,7 +121,7 @@ class FollowedMode:
         return self._samples.at(x).lam, self._index_at[x]
 
     def outwards(self, values: list[float]) -> list[float]:
-        """Values in the order in which the mode is best followed: from where it is known."""
+        """Values by their distance from those where the mode is known, nearest first."""
         return sorted(values, key=lambda x: min(abs(x - known_x) for known_x in self._followed_x))
 
     def _follow(self, x: float, halvings: int) -> bool:
@@ -158,25 +161,25 @@ def refine_onset(
 ) -> Onset:
     """Value at which the damping ratio of a mode passes -tolerance, by Brent's method.
 
-    Where the two ends are not of one mode (a wrong label), the damping ratio jumps between them;
-    then the unstable mode alone is followed.
+    Where the two ends are of different modes (by a wrong label), the damping ratio jumps between
+    them. Then the mode is followed from its unstable end only.
 
     Parameters
     ----------
     samples : SolvedLine
-        Values at which other modes have been sought narrow the bracket.
+        Values that have been solved for other modes narrow the bracket.
     at_low, at_high : int
         Index of the mode at both ends, at one of which it is unstable.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     precision : float
-        Absolute, of the value.
+        Absolute error of the value.
 
     Raises
     ------
     ConvergenceError
-        Where the mode cannot be followed, or a point has no modes; of status NO_CROSSING where the
-        unstable mode does not turn stable between the points.
+        Where the mode cannot be followed, or a point has no modes; with status NO_CROSSING where
+        the unstable mode does not turn stable between the points.
     """
     before = len(samples.values)
     low, high = (samples.at(x).lam[i] for x, i in ((samples.low, at_low), (samples.high, at_high)))
@@ -195,7 +198,7 @@ def refine_onset(
 def _root(
     mode: FollowedMode, solved_values: list[float], tolerance: float, precision: float
 ) -> tuple[float, bool]:
-    """First zero of zeta + tolerance, and whether it is a jump instead."""
+    """First change of sign of zeta + tolerance, and whether that is a jump instead of a zero."""
     for x in mode.outwards(solved_values):
         mode.root(x)
     crossing = bracketed_crossing(mode.root, solved_values, tolerance, precision)
@@ -210,11 +213,11 @@ class Crossing(NamedTuple):
     Attributes
     ----------
     value : float
-        Of the parameter.
+        Value of the parameter.
     around : (float, float)
         The nearest values on both sides at which the root is known.
     jumps : bool
-        The damping ratio or the root leaps between these.
+        Whether the damping ratio or the root jumps between these.
     """
 
     value: float
@@ -230,12 +233,12 @@ def bracketed_crossing(
     Parameters
     ----------
     root : callable
-        Root of a mode [rad/s] at a value of the parameter.
+        Returns the root of a mode [rad/s] at a value of the parameter.
     solved_values : list of float
         Values at which the root is known, ascending. The bracket is the first two between which
         the sign changes.
     precision : float
-        Absolute, of the value.
+        Absolute error of the value.
 
     Raises
     ------
@@ -281,15 +284,15 @@ def bracketed_crossing(
 def exchanged(
     low: np.ndarray, high: np.ndarray, at_low: np.ndarray, at_high: np.ndarray
 ) -> np.ndarray:
-    """Whether a mode is one root at the lower end of each pair (n,) and another at the upper.
+    """Mask (n,) of brackets whose ends are two different modes that seem to change places.
 
-    At both ends another root is much closer to the mode's root at the other end than its own is:
-    two modes that only seem to change places. Where two modes merge both are as close.
+    There the mode's root at either end is much closer to another root at the other end than to the
+    mode's own. Where two modes merge both are equally close.
 
     Parameters
     ----------
     low, high : ndarray (n, m) complex
-        All roots at both places.
+        All roots at the lower and the upper end of each bracket.
     at_low, at_high : ndarray (n,) of int
         Index of the mode among them.
     """
@@ -308,19 +311,20 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     x : ndarray (n, 6)
-        Ascending; the first and the last may be NaN where a line ends.
+        Values of the parameter, ascending; the first and the last may be NaN where a line ends.
     f : ndarray (n, 6)
-        Of opposite signs, or zero, at the third and fourth.
+        Values of the function, with opposite signs, or zero, at the third and fourth point.
 
     Returns
     -------
     value : ndarray (n,)
+        Zeros of the cubics.
     error : ndarray (n,)
         CUBIC_SAFETY_FACTOR times the largest distance between a cubic and a parabola through three
         of the four points, anywhere in the interval, over the least slope there. The largest third
-        difference of all points is taken: that of four points may vanish by chance.
-        Infinite where there are four points only, or where the slope between the points changes by
-        more than MAX_REL_SLOPE_CHANGE: at a kink, a square-root onset, a mode wrongly followed.
+        difference of all points is used, as that of four points may vanish by chance. Infinite
+        where there are four points only, or where the slope between the points changes by more than
+        MAX_REL_SLOPE_CHANGE: at a kink, at a square-root onset, and where the mode is not the same.
     """
     inner, at = slice(1, 5), x[:, 1:5]
     c = _divided_differences(at, f[:, inner])
@@ -342,7 +346,7 @@ def cubic_onsets(x: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _secants_agree(x: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """Whether the secants agree (n,): a third difference may vanish at a kink by chance."""
+    """Mask (n,) of lines whose secants agree; at a kink a third difference may vanish by chance."""
     secants = np.diff(f, axis=1) / np.diff(x, axis=1)
     size, middle = np.nanmin(np.abs(secants), axis=1), np.sign(secants[:, 2:3])
     same = ((np.sign(secants) == middle) | np.isnan(secants)).all(axis=1)
@@ -364,7 +368,7 @@ def _zero(x: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def _divided_differences(x: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """Coefficients (n, k) of Newton's form."""
+    """Coefficients (n, k) of the interpolating polynomials in Newton's form."""
     c = np.array(f, dtype=float)
     for order in range(1, x.shape[1]):
         c[:, order:] = (c[:, order:] - c[:, order - 1 : -1]) / (x[:, order:] - x[:, :-order])

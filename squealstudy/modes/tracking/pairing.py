@@ -1,4 +1,4 @@
-"""Which complex mode of one design point goes on as which mode of the next."""
+"""Pairing of the complex modes of one design point with those of the next."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ import numpy as np
 
 from squealstudy.root_pairs import least_assignment
 
-FREQUENCY_WINDOW = 0.2  # relative change of |lambda| from which on two modes are never paired
-DAMPING_WINDOW = 0.5  # change of zeta that weighs as much as the whole frequency window
+FREQUENCY_WINDOW = 0.2  # change of ln|lambda| from which on two modes are never paired
+DAMPING_WINDOW = 0.5  # change of zeta that costs as much as the whole frequency window
 UNPAIRED_COST = 1.0  # cost of leaving a mode without a partner
-# between two equal pairings the growth decides, by this cost for each unit of zeta
+# cost of a unit of zeta, by which growth decides between two pairings of equal cost
 TIE_COST = 1e-3
 # another pairing is nearly as good if it costs less than this multiple of the chosen one
 RIVAL_COST_RATIO = 1.5
 LOW_MAC = 0.5  # MAC below which a pair is ambiguous
-# two modes without partner that are this near may be one, in the middle of the band too
+# two modes without partner may be one mode if their distance (a cost) is less than this, also far
+# from the edges of the band
 LONE_MODES_DISTANCE = 0.8
-# limits of `Pairing.trust`, by which a pair is ambiguous up to 1
+# limits of `Pairing.trust`: a pair is ambiguous up to 1
 HALVING_TRUST = 1.5  # trust up to which the step is halved; a larger value halves steps sooner
-JOINING_TRUST = 1.5  # above it a pair shows that two tracks are one
-PASSING_TRUST = 1.2  # the most of a pair whose frequency passes that of another,
-CROSSING_MAC = 0.99  # unless its MAC is above this: the two modes cross
-# a mode may come or go at an edge of the band within this times the largest change
+JOINING_TRUST = 1.5  # trust above which a pair shows that two tracks are one
+PASSING_TRUST = 1.2  # largest trust of a pair whose frequency passes that of another,
+CROSSING_MAC = 0.99  # unless its MAC is above this: then the two modes cross
+# distance from an edge of the band within which a mode may come or go, over the largest change
 BAND_END_CHANGE_FACTOR = 1.5
-COST_ROUND_OFF = 1e-9  # costs nearer to each other are told apart by the assignment alone
-# modes whose MAC is taken together: only those within the frequency window count
+COST_ROUND_OFF = 1e-9  # for costs that differ by less the assignment problem is solved
+# modes whose MAC is computed together: only pairs within the frequency window are needed
 MODES_PER_BLOCK = 40
 
 
@@ -39,17 +40,17 @@ class Pairing(NamedTuple):
     Attributes
     ----------
     partner : ndarray (ma,) of int
-        Mode of b that continues each mode of a; -1 where there is none.
+        Index of the mode of b that continues each mode of a; -1 where there is none.
     mac : ndarray (ma,)
         MAC of each pair, NaN without partner.
     ambiguous : ndarray (ma,) of bool
-        Another pairing is nearly as good, or the MAC is low.
+        Whether another pairing is nearly as good, or the MAC is low.
     trust : ndarray (ma,)
-        How far a pair is from being ambiguous, which it is up to 1: the smaller of the cost of the
-        next best pairing over RIVAL_COST_RATIO times its own, and of its MAC over LOW_MAC. At most
-        PASSING_TRUST where two frequencies pass each other and the MAC is below CROSSING_MAC. It
-        is 1 for a mode without partner where one of b has none either and may be the same mode
-        (`may_be_one`).
+        How far a pair is from being ambiguous, which it is up to 1. It is the smaller of two
+        ratios: cost of the next best pairing over RIVAL_COST_RATIO times its own, and MAC over
+        LOW_MAC. It is at most PASSING_TRUST where two frequencies pass each other and the MAC is
+        below CROSSING_MAC. For a mode without partner it is infinite, or 1 where a mode of b has
+        none either and may be the same mode (`may_be_one`).
     """
 
     partner: np.ndarray
@@ -64,7 +65,7 @@ def mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     a, b : ndarray (ma, k), (mb, k)
-        One shape a row, coordinates in an orthonormal basis.
+        Shapes in rows, as coordinates in an orthonormal basis.
 
     Returns
     -------
@@ -75,7 +76,7 @@ def mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def pair_macs(a: np.ndarray, b: np.ndarray, partner: np.ndarray) -> np.ndarray:
-    """MAC of shapes (ma, k) with their partners' among (mb, k), NaN where there is none (ma,)."""
+    """MAC (ma,) of shapes a (ma, k) with those of their partners in b (mb, k); NaN without one."""
     macs = np.full(len(partner), np.nan)
     paired = partner >= 0
     if paired.any():
@@ -107,21 +108,22 @@ def pair_modes(
 ) -> Pairing:
     """One-to-one pairing of the modes of two neighbouring design points.
 
-    A pair costs 1 - MAC, plus its distance in frequency and in damping as shares of
-    FREQUENCY_WINDOW and DAMPING_WINDOW; the pairing of least total cost is taken, in which a mode
-    may stay alone. Where two modes coalesce their shapes are near-parallel and their distance in
-    the complex plane decides.
+    A pair costs 1 - MAC, plus its distance in frequency over FREQUENCY_WINDOW and in damping over
+    DAMPING_WINDOW. The pairing of least total cost is taken, in which a mode may have no partner.
+    Where two modes coalesce their shapes are nearly parallel, and their distance in the complex
+    plane decides.
 
     Parameters
     ----------
     lam_a, lam_b : ndarray (ma,), (mb,) complex
         Roots, rad/s.
     shapes_a, shapes_b : ndarray (ma, k), (mb, k) complex
-        One shape a row, coordinates in one orthonormal basis.
+        Shapes in rows, as coordinates in one orthonormal basis.
     expected : ndarray (ma,) complex or None
-        Where the roots of a are expected at b; None: where they are at a.
+        The roots of a as they are expected at b; None where they are expected not to change.
     band : (low, high) or None
-        Of the roots, rad/s, at whose edges modes come and go; None: they do so nowhere.
+        Band of the roots, rad/s, at whose edges modes come and go; None if they come and go
+        nowhere.
     """
     expected_lam = lam_a if expected is None else expected
     pairing_of_one = pair_many(
@@ -138,7 +140,7 @@ def pair_many(
     expected: np.ndarray,
     band: Band | None = None,
 ) -> Pairing:
-    """`pair_modes` of n pairs of design points that have as many modes each: arrays (n, ...)."""
+    """`pair_modes` of n pairs of design points, each with ma and mb modes: arrays (n, ...)."""
     n, count = lam_a.shape
     if not count or not lam_b.shape[1]:
         unpaired, unknown = np.full((n, count), -1), np.full((n, count), np.nan)
@@ -165,15 +167,15 @@ def pair_many(
 
 
 def _values_in_columns(table: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """The value in its column (n, ma) of each row of tables (n, ma, mb)."""
+    """The value (n, ma) in each row of tables (n, ma, mb), in the column (n, ma) of that row."""
     return np.take_along_axis(table, column[:, :, None], axis=2)[:, :, 0]
 
 
 def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distance of each pair (n, ma, mb) as a cost, and what decides between equal pairings.
+    """Distance of each pair (n, ma, mb) as a cost, and the term that decides between equal costs.
 
-    At an undamped lock-in both pairings cost the same: a term far below all others then sends the
-    mode of lower frequency on with the higher growth, so that rounding does not decide.
+    At an undamped lock-in both pairings cost the same. A term far below all others then pairs the
+    mode of lower frequency with the root of higher growth, so that rounding does not decide.
     """
     size_a, size_b = np.maximum(np.abs(expected), 1e-300), np.maximum(np.abs(lam_b), 1e-300)
     zeta_a, zeta_b = -expected.real / size_a, (-lam_b.real / size_b)[:, None, :]
@@ -184,9 +186,10 @@ def _distance(expected: np.ndarray, lam_b: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _macs(a: np.ndarray, b: np.ndarray, candidates: np.ndarray) -> np.ndarray:
-    """MAC (n, ma, mb) of the pairs that are near enough; zero or MAC of others.
+    """MAC (n, ma, mb) of the candidate pairs; for others the MAC or zero.
 
-    Modes come roughly by frequency, so that a block of them sees a part of the others only.
+    Modes are roughly in order of frequency, so that a block of them needs only a part of the
+    others.
     """
     a2, b2 = squares(a), squares(b)
     if a.shape[1] <= MODES_PER_BLOCK:
@@ -204,10 +207,11 @@ def _macs(a: np.ndarray, b: np.ndarray, candidates: np.ndarray) -> np.ndarray:
 
 
 def _partners(cost: np.ndarray) -> np.ndarray:
-    """Column of each row in the assignment of least total cost (n, ma), -1 where none is worth it.
+    """Column (n, ma) of each row in the assignment of least total cost, or -1.
 
-    Where the cheapest columns of all rows are different ones, by more than rounding, they are the
-    assignment: no other can be as cheap. What is left is solved one by one.
+    A row has -1 where all its costs reach `UNPAIRED_COST`. If the cheapest columns of all rows
+    differ, and are the cheapest by more than rounding, they are the assignment: no other can be as
+    cheap. The other tables are solved one by one.
     """
     lowest_cost, best = cost.min(axis=2), cost.argmin(axis=2)
     other_costs = cost.copy()
@@ -227,12 +231,12 @@ def _partners(cost: np.ndarray) -> np.ndarray:
 
 
 def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Cost of the next best choice of each chosen pair, relative to its own cost (n, ma).
+    """Ratio (n, ma) of the cost of each pair's next best choice to its own cost.
 
-    It exchanges partners with another pair, and then the costs of both count; or it takes a mode
-    that has no partner at all. Infinite where there is no other choice.
+    The next best choice exchanges partners with another pair, where the costs of both pairs count,
+    or takes a mode that has no partner. Infinite where there is no other choice.
     """
-    min_cost = 1e-300  # the cost of a pair that did not change is zero but for rounding
+    min_cost = 1e-300  # the cost of a pair that did not change is zero except for rounding
     n, count = column.shape
     swapped = np.take_along_axis(cost, np.broadcast_to(column[:, None, :], (n, count, count)), 2)
     pair_cost = np.einsum("nii->ni", swapped)
@@ -259,15 +263,15 @@ def _rivals(cost: np.ndarray, paired: np.ndarray, column: np.ndarray) -> np.ndar
 
 
 def _passing(lam_a: np.ndarray, lam_b: np.ndarray, paired: np.ndarray) -> np.ndarray:
-    """Pairs (n, ma) whose frequency passes that of another pair.
+    """Mask (n, ma) of the pairs whose frequency passes that of another pair.
 
-    Whether two modes cross or veer, their shapes tell at close quarters only.
+    Shapes show only over a short step whether two modes cross or veer.
     """
     sizes = (np.where(paired, np.abs(lam), np.inf) for lam in (lam_a, lam_b))
     order_a, order_b = (size.argsort(axis=1, kind="stable") for size in sizes)
     rank = np.empty_like(order_b)
     np.put_along_axis(rank, order_b, np.arange(rank.shape[1])[None, :], axis=1)
-    ranks = np.take_along_axis(rank, order_a, axis=1)  # ascending but for modes that pass
+    ranks = np.take_along_axis(rank, order_a, axis=1)  # ascending except for modes that pass
     least_after = np.minimum.accumulate(ranks[:, ::-1], axis=1)[:, ::-1]
     passing = (np.maximum.accumulate(ranks, axis=1) > ranks) | (least_after < ranks)
     is_passing = np.empty_like(passing)
@@ -278,21 +282,21 @@ def _passing(lam_a: np.ndarray, lam_b: np.ndarray, paired: np.ndarray) -> np.nda
 def may_be_one(
     size_a: np.ndarray, size_b: np.ndarray, partner: np.ndarray, band: Band | None = None
 ) -> np.ndarray:
-    """Modes of a and of b that have no partner and may be one mode, in a step too long to show it.
+    """Pairs of a mode of a and a mode of b without partners that may be one and the same mode.
 
-    Their distance does not matter: a mode may move by any amount in one step. Left out are two
-    modes that are both at an edge of the band, since one may have left it and the other come in.
-    An edge is as wide as BAND_END_CHANGE_FACTOR times the largest change of a frequency among the
-    pairs.
+    Their distance does not matter, as a mode may move by any amount in a long step. Two modes that
+    are both at an edge of the band are left out: one may have left the band, and the other have
+    come in. A mode is at an edge if it is nearer to it than BAND_END_CHANGE_FACTOR times the
+    largest change of ln|lambda| among the pairs.
 
     Parameters
     ----------
     size_a, size_b : ndarray (n, ma), (n, mb)
         |lambda| of the modes of n steps, rad/s.
     partner : ndarray (n, ma) of int
-        As of Pairing.
+        `Pairing.partner` of each step.
     band : (low, high) or None
-        As of `pair_modes`.
+        Band of the roots, rad/s; None without edges.
 
     Returns
     -------
@@ -302,17 +306,17 @@ def may_be_one(
     is_unpaired = np.ones(size_b.shape, dtype=bool)
     i, row = np.nonzero(paired)
     is_unpaired[i, partner[i, row]] = False
-    both: np.ndarray = ~paired[:, :, None] & is_unpaired[:, None, :]
-    if band is None or not both.any():
-        return both
+    both_unpaired: np.ndarray = ~paired[:, :, None] & is_unpaired[:, None, :]
+    if band is None or not both_unpaired.any():
+        return both_unpaired
     log_a, log_b = (np.log(np.maximum(size, 1e-300)) for size in (size_a, size_b))
     change = np.zeros(size_a.shape)
     change[i, row] = np.abs(log_b[i, partner[i, row]] - log_a[i, row])
     reach = BAND_END_CHANGE_FACTOR * change.max(axis=1, initial=0.0)[:, None]
     edges = np.log(np.maximum(np.array(band), 1e-300))
     at_a, at_b = (np.abs(x[:, :, None] - edges).min(axis=2) <= reach for x in (log_a, log_b))
-    both &= ~(at_a[:, :, None] & at_b[:, None, :])
-    return both
+    both_unpaired &= ~(at_a[:, :, None] & at_b[:, None, :])
+    return both_unpaired
 
 
 def broken(
@@ -322,18 +326,18 @@ def broken(
     band: Band | None = None,
     lost: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Modes that end at a point a, and those that begin at b, where they may be one.
+    """Modes that end at a point a, and modes that begin at b, which may be the same modes.
 
     Parameters
     ----------
     lam_a, lam_b : ndarray (ma,), (mb,) complex
         Roots, rad/s.
     partner : ndarray (ma,) of int
-        As of Pairing.
+        `Pairing.partner`.
     band : (low, high) or None
-        As of `pair_modes`.
+        Band of the roots, rad/s; None without edges.
     lost : ndarray (ma,) of bool or None
-        Modes of a that may be ones of b; None: all that stay alone.
+        Modes of a that may continue in b; None for all without partner.
 
     Returns
     -------

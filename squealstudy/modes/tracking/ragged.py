@@ -1,4 +1,4 @@
-"""Arrays of different lengths, one a design point, stored in one array."""
+"""Arrays of different lengths, one for each design point, stored in one array."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ class Ragged:
     counts : ndarray (n,) of int
         Length of each row.
     starts : ndarray (n,) of int
-        Index of its first value in `flat`.
+        Index in `flat` of the first value of each row.
+
+    Raises
+    ------
+    ValueError
+        Where `counts` do not add up to the number of values.
     """
 
     def __init__(self, flat: np.ndarray, counts: np.ndarray) -> None:
@@ -38,7 +43,7 @@ class Ragged:
         return len(self.counts)
 
     def __getitem__(self, row: int) -> np.ndarray:
-        """Values of a row, no copy."""
+        """Values (m,) of a row, a view."""
         start = self.starts[row]
         values: np.ndarray = self.flat[start : start + self.counts[row]]
         return values
@@ -49,7 +54,7 @@ class Ragged:
 
     @property
     def owner(self) -> np.ndarray:
-        """Row of each value (N,)."""
+        """Index (N,) of the row of each value."""
         return np.repeat(np.arange(len(self)), self.counts)
 
     def with_flat(self, flat: np.ndarray) -> Ragged:
@@ -57,7 +62,7 @@ class Ragged:
         return Ragged(flat, self.counts)
 
     def block(self, rows: np.ndarray, count: int) -> np.ndarray:
-        """Indices in `flat` (r, count) of rows of this length."""
+        """Indices (r, count) in `flat` of the values of rows (r,) that all have this length."""
         positions: np.ndarray = self.starts[rows][:, None] + np.arange(count)
         return positions
 

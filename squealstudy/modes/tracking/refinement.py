@@ -1,4 +1,4 @@
-"""Doubtful pairings resolved by design points in between."""
+"""Doubtful pairings are resolved by design points in between."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from squealstudy.modes.tracking.pairing import (
     pair_modes,
 )
 
-DEPTH = 4  # halvings of a step
+DEPTH = 4  # most halvings of a step
 
 
 class Modes(NamedTuple):
@@ -29,26 +29,27 @@ class Modes(NamedTuple):
     shapes: np.ndarray
 
 
-Solve = Callable[[np.ndarray], Modes]  # modes at coordinates (p,); SquealstudyError where none
+# coordinates (p,) of a design point -> its modes; raises SquealstudyError where there are none
+Solve = Callable[[np.ndarray], Modes]
 
 
 @dataclass
 class StepRefinement:
-    """Bisects the step between two design points as far as its pairings are in doubt.
+    """Bisects the step between two design points while its pairings are in doubt.
 
     Parameters
     ----------
     solve : callable
-        Modes at the coordinates (p,) of an intermediate design point.
+        Returns the modes at the coordinates (p,) of an intermediate design point.
     depth : int
-        Times that a step is halved at most.
+        Most times that a step is halved.
     band : (low, high) or None
-        Of the modes that `solve` gives, rad/s.
+        Band of the modes that `solve` returns, rad/s.
 
     Attributes
     ----------
     points : int
-        Intermediate points solved so far.
+        Number of intermediate points so far, failed ones included.
     """
 
     solve: Solve
@@ -66,14 +67,14 @@ class StepRefinement:
     ) -> Pairing:
         """Pairing of the modes of two design points at coordinates x_a, x_b (p,).
 
-        Modes whose pairing is in doubt take the partner to which the smaller steps lead, and are
-        ambiguous only where one of these still is: at a coalescence, or where two modes pass each
-        other in the smallest step without keeping their shapes. Nothing is forced.
+        Modes whose pairing is in doubt get the partner to which the smaller steps lead. They are
+        ambiguous only where a smaller step still is: at a coalescence, or where two modes pass each
+        other in the smallest step and change their shapes.
 
         Parameters
         ----------
         expected : ndarray (ma,) complex or None
-            As of `pair_modes`.
+            The roots of a as expected at b, rad/s (`pair_modes`).
         """
         all_modes = np.ones(len(a.lam), dtype=bool)
         return self._pair(a, b, x_a, x_b, all_modes, expected, self.depth)
@@ -111,14 +112,15 @@ class StepRefinement:
 
 
 def unresolved(pairing: Pairing, modes_to_pair: np.ndarray | None = None) -> Pairing:
-    """A pairing that is not refined any more: pairs that should have been are ambiguous.
+    """A pairing that is not refined further, with its doubtful pairs marked as ambiguous.
 
-    Frequencies that pass each other in one step may as well have veered.
+    Modes whose frequencies pass each other in one step may have veered.
 
     Parameters
     ----------
+    pairing : Pairing
     modes_to_pair : ndarray (ma,) of bool or None
-        Modes that matter; None: all.
+        Modes whose pairs count; None for all.
     """
     doubtful = (pairing.trust <= PASSING_TRUST) & (pairing.partner >= 0)
     doubtful &= True if modes_to_pair is None else modes_to_pair
@@ -126,7 +128,7 @@ def unresolved(pairing: Pairing, modes_to_pair: np.ndarray | None = None) -> Pai
 
 
 def _onward(lam_a: np.ndarray, lam_m: np.ndarray, partner: np.ndarray) -> np.ndarray:
-    """Where the roots at the middle are expected at the end of the second half."""
+    """The roots of the middle point as expected at the end of the step."""
     expected = lam_m.astype(complex)
     i = np.flatnonzero(partner >= 0)
     expected[partner[i]] += EXTRAPOLATED_SHARE * (lam_m[partner[i]] - lam_a[i])
@@ -136,7 +138,7 @@ def _onward(lam_a: np.ndarray, lam_m: np.ndarray, partner: np.ndarray) -> np.nda
 def _composed(
     a: Modes, b: Modes, direct: Pairing, first: Pairing, second: Pairing, doubtful: np.ndarray
 ) -> Pairing:
-    """Pairing through the middle point where it is complete; else the direct one, if still free."""
+    """Pairing through the middle point; where that has no partner the direct one, if it is free."""
     via, trust = np.full(len(a.lam), -1), first.trust.copy()
     i = np.flatnonzero(first.partner >= 0)
     via[i] = second.partner[first.partner[i]]

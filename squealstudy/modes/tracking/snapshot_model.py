@@ -1,7 +1,7 @@
 """A reduced brake on a basis of its modes at a few design points, for points between those.
 
 Tracking follows modes through points that are in no table. A basis of right vectors at some design
-points (snapshots) gives the modes of the others to some 1e-4, in a fifth of the time.
+points (snapshots) gives the modes of other points with errors of some 1e-4, in a fifth of the time.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from squealstudy.reduction.prepared import PreparedModel, unit_shapes
 from squealstudy.system.linearise import linearise, reduced_structure
 from squealstudy.system.parametric import ParametricSystem
 
-# modes up to this times the band's top are snapshots: they may come into the band
+# modes up to this factor times the band's top are snapshots, as they may come into the band
 SNAPSHOT_BAND_FACTOR = 1.1
-# singular values over the largest from which directions of the snapshots are kept: of the medium
-# brake over friction and pressure 148 of 618, with errors of roots of 1e-4 at most
+# least singular value, over the largest, of directions that are used: 148 of 618 for the medium
+# brake over friction and pressure, with errors of roots of 1e-4 at most
 MIN_SINGULAR_VALUE = 1e-3
 
 
@@ -35,8 +35,8 @@ def snapshots(
 ) -> np.ndarray:
     """Real and imaginary parts (n, 2 m) of the modes of a design state, those below the band too.
 
-    Where a basis spans only a part of a mode, its root comes out too high; modes below the band
-    are snapshots so that theirs do not come out in it.
+    A basis that spans only a part of a mode gives too high a frequency. Modes below the band are
+    snapshots so that they do not appear in it.
 
     Raises
     ------
@@ -63,8 +63,9 @@ class SnapshotModel:
     ----------
     prepared : PreparedModel
     V : ndarray (n, r)
-        Orthonormal.
+        Orthonormal columns of the basis.
     band_hz : (low, high)
+        Band of the modes, Hz.
     """
 
     def __init__(
@@ -101,8 +102,8 @@ class SnapshotModel:
 def unlikeness(exact: Modes, other: Modes, band: tuple[float, float], edge: float) -> float:
     """Largest distance of a mode of one set from the nearest of another, both ways.
 
-    The distance is |lam - other lam| / |lam| + 1 - MAC. Modes within `edge` (relative) of an end of
-    the band [rad/s] are passed over: their partners may be beyond that end.
+    The distance is |lam - other lam| / |lam| + 1 - MAC, where lam is the exact root. Modes within
+    `edge` (relative) of an end of the band [rad/s] do not count: their partners may be beyond it.
     """
     size = np.maximum(np.abs(exact.lam), 1e-300)
     distances = np.abs(exact.lam[:, None] - other.lam) / size[:, None]

@@ -10,14 +10,14 @@ import numpy as np
 from squealstudy.modes.tracking.pairing import PASSING_TRUST, Band, Pairing, pair_many
 from squealstudy.modes.tracking.ragged import Ragged
 
-AT_ONCE = 16_384  # entries of the tables of costs that are made together: they fit a cache
+AT_ONCE = 16_384  # entries of cost tables that are computed together: they fit a cache
 
 
 class Shapes(Protocol):
-    """Shapes of the modes of design points, two points of a step in common coordinates."""
+    """Shapes of the modes of design points; those at both ends of a step in common coordinates."""
 
     def sort(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """A number for each step (n,): those of one number have as many coordinates."""
+        """Number (n,) of the sort of each step: steps of one sort have as many coordinates."""
         ...
 
     def of(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -26,21 +26,21 @@ class Shapes(Protocol):
 
 
 class Pairings:
-    """Pairings of steps, each of them known by the point that it leads to.
+    """Pairings of steps; a step is named by the point that it leads to.
 
     Parameters
     ----------
     parents : ndarray (n,) of int
-        Where each point's step begins, -1 where none leads to it.
+        Point at which the step to each point begins, -1 where no step leads to it.
     counts : ndarray (n,) of int
-        Modes of each point.
+        Number of modes of each point.
 
     Attributes
     ----------
     partner, mac, ambiguous, trust : Ragged
-        As of a Pairing: a row a point, with an entry for each mode of its parent.
+        The arrays of `Pairing`: one row for each point, with an entry for each mode of its parent.
     source : ndarray (N,) of int
-        Mode of the parent that each mode of each point continues, -1 where there is none.
+        Index of the parent's mode that each mode of each point continues; -1 where there is none.
     """
 
     def __init__(self, parents: np.ndarray, counts: np.ndarray) -> None:
@@ -51,7 +51,7 @@ class Pairings:
         self.ambiguous = self.partner.with_flat(np.zeros(total, dtype=bool))
         self.trust = self.partner.with_flat(np.full(total, np.inf))
         self.source = np.full(int(counts.sum()), -1, dtype=np.int32)
-        self._first = np.cumsum(counts) - counts  # mode of each point
+        self._first = np.cumsum(counts) - counts  # index of each point's first mode in `source`
 
     def __getitem__(self, point: int) -> Pairing:
         """The pairing of the step to a point."""
@@ -59,7 +59,7 @@ class Pairings:
         return Pairing(*(part[point] for part in parts))
 
     def enter(self, points: np.ndarray, pairing: Pairing, count: int) -> np.ndarray:
-        """Write pairings (r, ma) of steps to points with `count` modes; which partners changed."""
+        """Store pairings (r, ma) of steps to points with `count` modes; mask (r,) of new ones."""
         rows = self.partner.block(points, pairing.partner.shape[1])
         changed: np.ndarray = (self.partner.flat[rows] != pairing.partner).any(axis=1)
         parts = (self.partner, self.mac, self.ambiguous, self.trust)
@@ -73,14 +73,14 @@ class Pairings:
     def unresolved(self, refined: np.ndarray) -> None:
         """Mark doubtful pairs as ambiguous, except on the `refined` steps.
 
-        What `refinement.unresolved` does for one pairing.
+        `refinement.unresolved` does the same for one pairing.
         """
         settled = np.zeros(len(self.partner), dtype=bool)
         settled[refined] = True
         self.ambiguous.flat[self._doubtful() & ~np.repeat(settled, self.partner.counts)] = True
 
     def count_unresolved(self) -> int:
-        """Number of pairs that are ambiguous where nothing is refined."""
+        """Number of pairs that are ambiguous if no step is refined."""
         return int((self.ambiguous.flat | self._doubtful()).sum())
 
     def _doubtful(self) -> np.ndarray:
@@ -91,21 +91,21 @@ class Pairings:
 class Stepper:
     """Pairs the modes of points with those of their parents.
 
-    Where the line of a tree goes on straight, roots are expected to do so too, by the pairing of
-    the step before. All steps are paired together, each supposing that modes keep their places on
-    the step before; where that turns out wrong, the step after is paired again. What remains is
-    what pairing in order would have found.
+    Where a branch of the tree is straight, roots are extrapolated by the pairing of the step
+    before. All steps are paired together, as if modes had the same order at both ends of the step
+    before. Where that turns out wrong, the step after is paired again. The final pairings are those
+    that pairing in order would give.
 
     Parameters
     ----------
     parents : ndarray (n,) of int
     step : ndarray (n,)
-        Share of the last change of the roots that is expected to go on; 0 off a straight line.
+        Share of the last change of the roots that is expected to continue; 0 off a straight line.
     lams : Ragged
         Roots of each point, rad/s.
     shapes : Shapes
     band : (low, high) or None
-        Of the roots, as of `pair_modes`.
+        Band of the roots, rad/s (`pair_modes`).
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Stepper:
         self.pair(pairings, np.setdiff1d(self._followers(changed), refined), refined)
 
     def pair(self, pairings: Pairings, points: np.ndarray, refined: np.ndarray) -> None:
-        """Pair the steps to points, and those after them again where the pairing has changed."""
+        """Pair the steps to points, and again the steps after those whose pairing has changed."""
         while len(points):
             batches = self._paired(pairings, points)
             changed = [
@@ -148,9 +148,9 @@ class Stepper:
             points = np.setdiff1d(self._followers(np.concatenate(changed)), refined)
 
     def expected(self, pairings: Pairings, points: np.ndarray) -> np.ndarray:
-        """Where the roots of the parents are expected at points (r, ma), rad/s.
+        """The parents' roots (r, ma) as expected at points (r,), rad/s.
 
-        Points of equal counts at their parents.
+        All parents must have the same number of modes.
         """
         p = self._parents[points]
         rows = self._lams.block(p, int(self._lams.counts[p[0]]))
@@ -162,7 +162,7 @@ class Stepper:
         return lam
 
     def _followers(self, points: np.ndarray) -> np.ndarray:
-        """Points on straight lines one step after others, ascending."""
+        """Points one step after these on straight lines, ascending."""
         parents = self._parents[self._after]
         first, last = (np.searchsorted(parents, points, side) for side in ("left", "right"))
         count = last - first

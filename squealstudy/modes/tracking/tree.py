@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-DENSE_LIMIT = 2000  # points up to which every pair is an edge
-NEIGHBOURS = 12  # edges a point beyond that
+DENSE_LIMIT = 2000  # number of points up to which every pair is an edge
+NEIGHBOURS = 12  # edges from each point if there are more points
 POINTS_PER_QUERY = 2**16  # points whose neighbours are sought at once
 
 
@@ -20,11 +20,12 @@ def tracking_tree(
 ) -> np.ndarray:
     """Parent of each design point.
 
-    A grid has lines along its first parameter, whose first points are chained along the second,
-    those of the planes along the third, and so on; parameters that change the structure come after
-    all others, so that no more steps than needed lead from one structure to the next. Points of a
-    line follow one another by value, in whatever order a study lists the values. Any other design
-    has the minimum spanning tree of its points, each parameter scaled to [0, 1].
+    The tree of a grid has lines along the first parameter; the first points of the lines form a
+    line along the second parameter, the first points of the planes a line along the third, and so
+    on. Parameters that change the structure come after all others, so that as few steps as possible
+    lead from one structure to the next. Points of a line are in order of value, in whatever order a
+    study lists the values. The tree of any other design is the minimum spanning tree of its points,
+    with each parameter scaled to [0, 1].
 
     Parameters
     ----------
@@ -38,8 +39,8 @@ def tracking_tree(
     Returns
     -------
     ndarray (n,) of int
-        -1 for the root: the point of least values of a grid, else the one nearest to the middle of
-        the box.
+        Index of the parent; -1 for the root, which is the point of least values of a grid, else the
+        point nearest to the middle of the box.
 
     Raises
     ------
@@ -59,10 +60,10 @@ def tracking_tree(
 def cross_edges(
     coordinates: np.ndarray, parents: np.ndarray, grid_shape: tuple[int, ...] | None = None
 ) -> np.ndarray:
-    """Neighbouring design points (e, 2) that the tree does not connect.
+    """Pairs (e, 2) of neighbouring design points that the tree does not connect.
 
-    In a grid those whose values of one parameter are next to each other, all others equal; else
-    the nearest points of each, two for every parameter.
+    Neighbours in a grid differ in one parameter only, by one place among its values. In any other
+    design they are the nearest points of each point, two for every parameter.
     """
     n = len(parents)
     if grid_shape is not None:
@@ -83,12 +84,12 @@ def cross_edges(
 
 
 def value_orders(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> list[np.ndarray]:
-    """Places of each parameter's values in its list, ascending in value: (n_k,) of each.
+    """Indices (n_k,) that sort the listed values of each parameter of a grid.
 
     Parameters
     ----------
     coordinates : ndarray (n, p)
-        Of the points of a grid, the first parameter varying fastest.
+        Values at the points of the grid; the first parameter varies fastest.
     grid_shape : tuple of int (p,)
     """
     strides = np.cumprod((1, *grid_shape))[:-1]
@@ -97,7 +98,7 @@ def value_orders(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> list[n
 
 
 def grid_places(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> np.ndarray:
-    """Rank (n, p) of each point's values among those of its parameters, from 0."""
+    """Rank (n, p), from 0, of each point's values among the values of each parameter."""
     listed = np.unravel_index(np.arange(len(coordinates)), grid_shape, order="F")
     orders = value_orders(coordinates, grid_shape)
     indices = np.zeros((len(coordinates), len(grid_shape)), dtype=int)
@@ -107,7 +108,7 @@ def grid_places(coordinates: np.ndarray, grid_shape: tuple[int, ...]) -> np.ndar
 
 
 def _grid_tree(x: np.ndarray, shape: tuple[int, ...], order: Sequence[int]) -> np.ndarray:
-    """One step back along the first parameter in order that is not at its least value."""
+    """Parents (n,): one step back along the first parameter in `order` not at its least value."""
     index = np.arange(np.prod(shape, dtype=int))
     parents = np.full(len(index), -1)
     strides = np.cumprod((1, *shape))[:-1]
@@ -148,7 +149,8 @@ def _spanning_tree(x: np.ndarray) -> np.ndarray:
 def _neighbour_graph(x: np.ndarray) -> sp.csr_matrix:
     """Edges to the nearest points, and a chain along each parameter that joins far clusters.
 
-    Lengths are raised by one, which changes no spanning tree: a sparse zero would be no edge.
+    Lengths are raised by one, since a zero in a sparse matrix would be no edge; that changes no
+    spanning tree.
     """
     n = len(x)
     chains = [np.lexsort((*x.T, column)) for column in x.T]
@@ -159,9 +161,10 @@ def _neighbour_graph(x: np.ndarray) -> sp.csr_matrix:
 
 
 def _nearest(x: np.ndarray, count: int) -> np.ndarray:
-    """Each point of x (n, p) with its `count` nearest others: sorted keys of the pairs (e,).
+    """Sorted keys (e,) of the pairs of each point of x (n, p) with its `count` nearest others.
 
-    Some points at a time, and a number a pair: a million points have 12 million neighbours.
+    Points are queried in blocks, and a pair is one number, since a million points have 12 million
+    neighbours.
     """
     from scipy.spatial import cKDTree
 
@@ -181,7 +184,7 @@ def _keys(a: np.ndarray, b: np.ndarray, n: int) -> np.ndarray:
 
 
 def _once(key: np.ndarray) -> np.ndarray:
-    """The numbers sorted, each once: np.unique hashes them, which takes several times as long."""
+    """The distinct numbers, sorted (in place): np.unique would take several times as long."""
     key.sort()
     first = np.ones(len(key), dtype=bool)
     np.not_equal(key[1:], key[:-1], out=first[1:])
@@ -206,10 +209,11 @@ def tree_of_modes(parents: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, 
     Returns
     -------
     attached : ndarray (n,) of int
-        Nearest ancestor with modes; where there is none, the first point with modes below the
-        same root, by depth, then by number; -1 for that one and for points without modes.
+        New parent of each point: the nearest ancestor with modes. Without one it is the first
+        point with modes below the same root, by depth, then by number. -1 for that first point and
+        for points without modes.
     depth : ndarray (n,) of int
-        Of each point in that tree; 0 for points without modes.
+        Depth of each point in the new tree; 0 for points without modes.
 
     Raises
     ------
@@ -238,7 +242,7 @@ def tree_of_modes(parents: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, 
 def _depths(parents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth and root of each point; ValueError where parents form a cycle.
 
-    Each round doubles the distance to the ancestor that a point knows.
+    Each round doubles the distance to the ancestor that is known of each point.
     """
     n = len(parents)
     ancestor, depth = np.where(parents < 0, np.arange(n), parents), (parents >= 0).astype(np.int64)
