@@ -1,4 +1,4 @@
-"""Checks of the modes that a rung from outside yields, before anyone reads them."""
+"""Checks of the modes that a rung from outside the package yields, before they are used."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ REAL, COMPLEX = "f", "fc"  # kinds of dtypes
 def checked(
     item: Any, name: str, problem: Problem, points: Sequence[Point], answered: Collection[int]
 ) -> PointAnswer:
-    """An item that the rung `name` yields for some points, its modes in order and under its name.
+    """Check an item that the rung `name` yields; its modes in order and under the rung's name.
 
     Raises
     ------
     TypeError
-        An item of another type, or for a point in `answered`: those have been yielded already.
+        An item of another type, an index of no point, or a point in `answered`, which has been
+        yielded already.
     ValueError
-        Modes with figures that no mode of the point has: these would stand in tables.
+        Modes with numbers that no mode of the point can have: these would be written in tables.
     """
     if not isinstance(item, tuple) or len(item) != 2:
         raise TypeError(f"expected to yield an index and modes, got {type(item).__name__}")
@@ -51,7 +52,7 @@ def checked(
 
 
 def _fault(modes: PointModes, problem: Problem) -> str:
-    """Fault of the modes, and what was expected; '' where they may stand in tables."""
+    """What is wrong with the modes, and what was expected; '' where nothing is."""
     m = np.size(modes.lam)
     model, width = problem.prepared.model, problem.prepared.shape_rows.shape[0]
     components = len(model.offsets) if isinstance(model, ReducedModel) else 0
@@ -97,7 +98,7 @@ def _outside(modes: PointModes, band: tuple[float, float]) -> str:
 
 
 def _values_text(problem: Problem, point: Point) -> str:
-    """Values of a point in parameters that vary, to find it by."""
+    """Values of a point in the parameters that vary, in words."""
     ends = np.ones(problem.swept.dimension)
     low, high = (problem.point_at(theta).values for theta in (-ends, ends))
     named = [f"{name} = {x:g}" for name, x in point.values.items() if low[name] != high[name]]

@@ -1,4 +1,4 @@
-"""Stability by roots within their errors, and which errors count."""
+"""Stability of roots within their errors, and the errors that count."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ UNSTABLE, STABLE, UNCERTAIN = "unstable", "stable", "uncertain"  # column `stabi
 
 
 def settled(lam: np.ndarray, error: np.ndarray, tolerance: float) -> np.ndarray:
-    """Roots (m,) for judging their stability: those that grow by less than their error are neutral.
+    """Roots (m,) for judging stability: those that grow by less than their error become neutral.
 
     A model without damping has roots on the imaginary axis, which an approximate method moves to
-    either side of it. Errors beyond the tolerance, relative to |lambda|, excuse no growth.
+    either side of it. Roots whose error exceeds `tolerance` (relative to |lambda|) stay as they
+    are.
     """
     neutral = (lam.real > 0) & (lam.real <= error) & (error <= tolerance * np.abs(lam))
     return np.where(neutral, 1j * lam.imag, lam)
 
 
 def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.ndarray:
-    """Roots (m,) that may be stable or unstable: |Re lam| <= error, both rad/s.
+    """Mask (m,) of roots that may be stable or unstable: |Re lam| <= error, both rad/s.
 
-    An error within the damping ratio `neutral` that stability is not judged by tells of nothing:
-    roots of undamped models lie on the imaginary axis but for round-off, and count as stable. A
-    root whose error is not known (NaN) may be either.
+    Errors up to the damping ratio `neutral`, within which modes neither grow nor decay, do not
+    count: roots of undamped models lie on the imaginary axis except for round-off, and are stable.
+    A root whose error is not known (NaN) may be either.
     """
     error = np.nan_to_num(error, nan=np.inf)
     error_counts = error > neutral * np.abs(lam)
@@ -33,7 +34,7 @@ def uncertain_roots(lam: np.ndarray, error: np.ndarray, neutral: float) -> np.nd
 
 
 def light_or_growing(lam: np.ndarray) -> np.ndarray:
-    """Which roots (m,) errors are judged by: |damping ratio| < LIGHT, or growing."""
+    """Mask (m,) of roots whose errors count: |damping ratio| < LIGHT_DAMPING, or growing."""
     judged: np.ndarray = (np.abs(lam.real) < LIGHT_DAMPING * np.abs(lam)) | (lam.real > 0)
     return judged
 
@@ -41,22 +42,23 @@ def light_or_growing(lam: np.ndarray) -> np.ndarray:
 def worst_errors(
     lam: np.ndarray, error: np.ndarray, point: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Largest relative error of the light or growing roots of each point, and where it is.
+    """Largest relative error of the light or growing roots of each point, and its root.
 
     Parameters
     ----------
     lam, error : ndarray (m,)
-        Roots of all points and their estimated errors, rad/s; NaN where there is none.
+        Roots of all points and their estimated errors, rad/s; NaN where there is no estimate.
     point : ndarray (m,) of int
+        Index of the point of each root.
     count : int
         Number of points.
 
     Returns
     -------
     worst : ndarray (count,)
-        Of |lam|; 0 where no root is judged.
+        Largest error over |lam|; 0 where no root counts, or no error is known.
     worst_modes : ndarray (count,) of int
-        Which of the m roots, -1 where none.
+        Index among the m roots; -1 where no root counts.
     """
     size = np.abs(lam)
     judged = np.flatnonzero(light_or_growing(lam))
@@ -81,6 +83,6 @@ def unstable_roots(lam: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def stability_names(unstable: np.ndarray, uncertain: np.ndarray) -> np.ndarray:
-    """Name of each mode (m,) of str: uncertain whatever its sign, else by `unstable`."""
+    """Stability (m,) of each mode in words: `UNCERTAIN` if it is, else by `unstable`."""
     names: np.ndarray = np.where(uncertain, UNCERTAIN, np.where(unstable, UNSTABLE, STABLE))
     return names.astype(object)

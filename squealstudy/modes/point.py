@@ -22,7 +22,6 @@ from squealstudy.root_pairs import angular_band, by_modulus
 from squealstudy.system.energies import reduced_energy_shares
 from squealstudy.system.linearise import LinearisedModel, linearise, reduced_structure
 
-# relative: modes on an end of the band are in it, whatever round-off says
 DENSE = "dense"
 EIGENVALUE_REL_ROUND_OFF = 1e-13  # round-off of a dense eigenvalue over its modulus
 
@@ -34,19 +33,20 @@ class PointModes:
     Attributes
     ----------
     lam : ndarray (m,) complex
-        rad/s; oscillating modes ascending in |lambda|, then overdamped (real) roots.
+        Roots, rad/s: oscillating modes ascending in |lambda|, then overdamped (real) roots.
     residual : ndarray (m,)
-        Normwise backward error of each pair in the reduced problem.
+        Normwise backward error of each pair in the reduced problem; NaN where it was not computed.
     energies : ndarray (n_components + 1, m)
+        Share of each component, then of the interfaces, in the elastic energy of each mode.
     shapes : ndarray (m, k) complex64
-        Coordinates on PreparedModel.shape_basis, unit norm.
+        Coordinates of unit norm on PreparedModel.shape_basis.
     working_point : WorkingPoint or None
-        None of a model without contact.
+        None for a model without contact.
     error_rung : ndarray (m,)
-        |lam - lam of the component-mode model|, 1/s; of a family, of the full model. NaN where it
-        is not known.
+        Distance of each root from that of the component-mode model, 1/s; in a family of matrices
+        from that of the full model. NaN where it is not known.
     method : str
-        The rung of reanalysis that found them.
+        Name of the rung that computed them.
     """
 
     lam: np.ndarray
@@ -70,9 +70,10 @@ def oscillating_first(lam: np.ndarray) -> np.ndarray:
 
 
 def working_point_error(point: WorkingPoint | None, lam: np.ndarray) -> np.ndarray:
-    """How far the imbalance of a working point may have moved its roots (m,), rad/s.
+    """Bound (m,) of the shift of roots by the imbalance of their working point, rad/s.
 
-    Contact stiffness holds at most all of a mode's elastic energy: half of its relative change.
+    If contact stiffness had all of a mode's elastic energy, the relative shift would be half of the
+    stiffness's relative error.
     """
     error = 0.0 if point is None else point.tangent_error
     shift: np.ndarray = 0.5 * error * np.abs(lam)
@@ -85,13 +86,13 @@ def state_working_point(
     known_gap: np.ndarray | None = None,
     near: np.ndarray | None = None,
 ) -> WorkingPoint:
-    """Working point of a design, component changes taken exactly (Woodbury).
+    """Working point of a design, with its component changes exactly (Woodbury).
 
-    Gaps `known_gap` that balance are taken as they are. Otherwise Newton's method starts from the
-    nominal gaps, never from a neighbour's: results do not depend on the order of points. Only along
-    a curve of designs, which has an order, does it start from the gaps `near`. Where it fails, it
-    starts once more from uniform gaps. Raises ConvergenceError where that fails too, or where a
-    registered law contradicts itself there.
+    Gaps `known_gap` that are in balance are returned as they are. Otherwise Newton's method starts
+    from the nominal gaps, so that results do not depend on the order of points; only along a curve
+    of designs, which has an order, it starts from the gaps `near`. Where it fails it starts once
+    more from uniform gaps. Raises ConvergenceError where that fails too, or where a registered law
+    contradicts itself there.
     """
     omega = reduced_structure(prepared.model).frequencies
     changes = {
@@ -124,11 +125,11 @@ class BandModes(NamedTuple):
     Attributes
     ----------
     lam : ndarray (m,) complex
-        rad/s.
+        Roots, rad/s.
     psi : ndarray (n, m) complex
         Right vectors of unit 2-norm.
     error : ndarray (m,)
-        Of the roots, rad/s.
+        Errors of the roots, rad/s.
     residual : ndarray (m,)
         Normwise backward error of each pair.
     """
@@ -157,7 +158,7 @@ def band_modes(
 
 
 def _known_count(system: LinearisedModel, top: float) -> int | None:
-    """How many real modes the search for roots up to `top` [rad/s] has to know of, if it is known.
+    """Number of real modes that the search for roots up to `top` [rad/s] needs; None if not known.
 
     Friction's part of the symmetric stiffness is left out.
     """
@@ -179,10 +180,10 @@ def solve_point(
     prepared : PreparedModel
     state : DesignState
     band_hz : (low, high)
-        Roots that cannot be told from zero are never listed: motion of a free body, whose growth
-        has a random sign.
+        Band in Hz. Roots that are zero within their error are never listed: they are motion of a
+        free body, whose growth has a random sign.
     gap : ndarray (nc,) or None
-        Known working-point gaps; verified and polished by the same Newton.
+        Gaps of the working point if known; they are verified.
 
     Raises
     ------

@@ -1,6 +1,7 @@
-"""Design points of one structure as a rung sees them, whatever the model, and what they tell.
+"""Design points of one structure as a rung needs them, for any kind of model.
 
-Beside its roots a table tells energies and shapes of vectors in the coordinates of a basis.
+Roots and vectors of a rung become modes with energies and shapes here, whatever basis the vectors
+are in.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Point(Protocol):
 
 
 class Coordinates(Protocol):
-    """Design points as coordinates in which modes vary smoothly: theta in [-1, 1]^d."""
+    """Map from design points to coordinates theta in [-1, 1]^d, in which modes vary smoothly."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -42,7 +43,7 @@ class Coordinates(Protocol):
         ...
 
     def theta(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates (n, d) of design points given by the values (n, d) of what varies."""
+        """Coordinates (n, d) of design points with values (n, d) of the parameters that vary."""
         ...
 
     def design_at(self, theta: np.ndarray) -> Any:
@@ -61,15 +62,16 @@ class Problem:
     swept : SweptProblem
         Terms and weights of the model over the box of all its design points.
     chart : Coordinates
-        From design points to coordinates in that box and back.
+        Map from design points to coordinates in that box and back.
     tolerance : float
         Largest error of lightly damped and of growing roots, relative to their moduli.
     exact : callable
-        Complex modes of a design point by the exact rung of the model; ConvergenceError.
+        Returns the complex modes of a design point by the exact rung of the model; may raise
+        ConvergenceError.
     full_order : callable
         The same in the unreduced model.
     load_basis : callable
-        The sweep basis over the box; it is there where a rung asks for one.
+        Returns the sweep basis over the box, which was made if the rung is `over_a_basis`.
     """
 
     prepared: PreparedModel | PreparedFamily
@@ -93,7 +95,7 @@ class Problem:
 
     @cached_property
     def basis(self) -> SweepBasis:
-        """The sweep basis over the box, read once."""
+        """The sweep basis over the box, loaded once."""
         return self.load_basis()
 
     @cached_property
@@ -107,7 +109,7 @@ class Problem:
         return Reader(self.prepared, self.basis.V)
 
     def modes(self, outcome: Outcome) -> PointModes | ConvergenceError:
-        """Roots of a rung as modes, oscillating ones first, or why there are none."""
+        """Modes of a rung's roots, oscillating ones first; or the error of a point without any."""
         if isinstance(outcome, ConvergenceError):
             return outcome
         order = oscillating_first(outcome.lam)
@@ -126,14 +128,14 @@ class Problem:
 
 
 class Reader:
-    """Energies and comparable shapes of vectors (r, m) in the coordinates of a basis.
+    """Computes energies and comparable shapes of vectors (r, m) in the coordinates of a basis.
 
     Parameters
     ----------
     prepared : PreparedModel or PreparedFamily
-        The latter has no energies.
+        The model; a family of matrices has no energies.
     V : ndarray (n, r) or None
-        The basis; None for full coordinates themselves.
+        The basis; None for vectors in full coordinates.
     """
 
     def __init__(self, prepared: PreparedModel | PreparedFamily, V: np.ndarray | None) -> None:

@@ -27,15 +27,16 @@ class Scope(NamedTuple):
     Attributes
     ----------
     reduced : bool
-        The model has component-mode coordinates, be they complete; a family of matrices has none.
+        Whether the model has component-mode coordinates, complete or not; a family of matrices has
+        none.
     varied : int
-        Parameters that vary within a structure.
+        Number of parameters that vary within a structure.
     points : int
-        Design points a structure.
+        Number of design points of each structure.
     damped : str
         Name of the damping ratio of all assembly modes where a design point has one, or ''.
     single : str
-        Name of a damping ratio of a single assembly mode that is not that of all, or ''.
+        Name of a damping ratio of a single assembly mode that differs from that of all, or ''.
     """
 
     reduced: bool
@@ -46,12 +47,13 @@ class Scope(NamedTuple):
 
 
 class Offer(NamedTuple):
-    """Whether a rung saves time over exact solves of a study, and why or why not; '' where unasked.
+    """Whether a rung saves time over exact solves of a study, and why or why not.
 
     Attributes
     ----------
     pays : bool
     reason : str
+        Empty for a rung that is never offered.
     """
 
     pays: bool
@@ -70,18 +72,19 @@ class Rung(ABC):
     description : str
         One line.
     exact : bool
-        Its error is that of the eigensolver: it has no tolerance, and other rungs fall back on it.
+        Whether its only error is that of the eigensolver: it has no tolerance, and other rungs fall
+        back on it.
     unreduced : bool
-        It solves the full-order model, so that points have no error of a reduction.
+        Whether it solves the full-order model, so that points have no error of a reduction.
     keeps_tolerance : bool
-        A point whose estimated error exceeds the study's tolerance, or is not known, is solved
-        exactly instead. Rungs whose points are not are for comparison.
+        Whether a point whose estimated error exceeds the study's tolerance, or is not known, is
+        solved exactly instead. Rungs that do not keep it are for comparison.
     over_a_basis : bool
-        It reads the problem's sweep basis, which is made before its points are solved.
+        Whether it needs the problem's sweep basis, which is then made before its points are solved.
     shares_work : bool
-        Points of a box are cheaper together than one by one. Where times and errors are measured,
-        at a few points of a study, all points are then solved; without, these few alone. Searches
-        for the cheapest settings try such rungs beside the exact one.
+        Whether points of a box are cheaper together than one by one. Where times and errors are
+        measured at a few points of a study, all points are solved with such a rung, and only these
+        few with others. Searches for the cheapest settings try such rungs beside the exact one.
     """
 
     name: ClassVar[str]
@@ -97,9 +100,9 @@ class Rung(ABC):
         """Complex modes of design points of one structure, in any order.
 
         It is called with many points, and by tracking and onsets with one at a time, of the same
-        problem: what a box costs may be kept by (problem, box), the problem as a weak key. Each
-        worker process has its own. A rung has no options of its own: constants of its file are
-        part of the identity of results.
+        problem. So results that belong to a box may be stored by (problem, box), with the problem
+        as a weak key; each worker process has its own. A rung has no options: constants of its file
+        are part of the identity of results.
 
         Parameters
         ----------
@@ -123,23 +126,23 @@ class Rung(ABC):
         Yields
         ------
         (int, PointModes or ConvergenceError)
-            Index among the points, and the modes or why there are none: then the point has failed.
-            All figures of the modes are this point's, its working point as well: copy those of an
-            exact point with `dataclasses.replace` and replace what is another. ``error_rung`` is
-            the error of each root that the rung answers for [1/s]; NaN where it is not known: with
-            ``keeps_tolerance`` such a point is solved exactly. ``residual`` is NaN where none was
-            computed. ``shapes`` have any complex phase: align it before they are interpolated.
+            Index among the points, and the modes, or the error that says why there are none: then
+            the point has failed. All numbers have to be those of this point, its working point too.
+            A copy of another point's modes by `dataclasses.replace` needs all that differs.
+            ``error_rung`` is the error of each root by the rung [1/s], NaN where it is not known:
+            with ``keeps_tolerance`` such a point is solved exactly. ``residual`` is NaN where it
+            was not computed. ``shapes`` have any complex phase: align them before interpolation.
 
         Raises
         ------
         ConvergenceError, LinAlgError, FloatingPointError, ValueError
-            Where the method fails. The points that it has not yielded, with an exception or
-            without, are solved exactly, and results tell the reason: to say why some are left
-            over, raise ``ConvergenceError("not_converged", why)`` after the last one is yielded.
-            A yielded ConvergenceError is final; its code is the status of the point in tables:
-            "not_converged", or that of the working point, which is passed on as it is.
+            Where the method fails. Points that were not yielded, with an exception or without, are
+            solved exactly, and results state the reason. To say why some are left over, raise
+            ``ConvergenceError("not_converged", why)`` after the last one is yielded. A yielded
+            ConvergenceError is final; its status is that of the point in tables: "not_converged",
+            or that of the working point, which is passed on as it is.
         ExtensionError
-            Raised by the caller for all other exceptions, and for what is no answer.
+            Raised by the caller for all other exceptions, and for anything but such a pair.
         """
 
     def modes_at(self, problem: Problem, point: Point, box: Box) -> Modes:
@@ -164,31 +167,31 @@ class Rung(ABC):
 
     @property
     def setup_solves(self) -> int:
-        """Exact solves that cost as much as what a structure needs before its points, about.
+        """Cost of the work for a structure before its points, in exact solves, about.
 
-        Those of nodes belong here, not in `relative_cost`.
+        Solves at nodes belong here, not in `relative_cost`.
         """
         return 0
 
     def relative_cost(self, points: int, varied: int) -> float:
-        """Seconds of a design point over those of an exact solve, about.
+        """Time of a design point over that of an exact solve, about.
 
         Parameters
         ----------
         points : int
-            Design points a structure.
+            Number of design points of a structure.
         varied : int
-            Parameters that vary in them.
+            Number of parameters that vary in them.
         """
         return 1.0
 
     def offer(self, scope: Scope) -> Offer:
-        """Whether an ``auto`` study is to be served by this rung; by default never."""
+        """Whether an ``auto`` study should use this rung; by default never."""
         return Offer(False, "")
 
     @property
     def source_hash(self) -> str:
-        """Hash of the file of a rung from outside; '' of the package's, whose code results know."""
+        """Hash of the file of a rung from outside the package; '' for the package's own."""
         if type(self).__module__.startswith("squealstudy."):
             return ""
         return hash_of(Path(inspect.getfile(type(self))))
@@ -206,9 +209,9 @@ def answers(
     ------
     ExtensionError
         A rung from outside that ends with another exception than `Rung.solve` allows, or whose
-        modes are none of these points' or have figures that no mode has.
+        modes are not those of these points or have numbers that no mode can have.
     ConvergenceError, LinAlgError, FloatingPointError, ValueError
-        As `Rung.solve`.
+        Those of `Rung.solve`.
     """
     if not rung.source_hash:
         yield from rung.solve(problem, points, box)
@@ -233,7 +236,7 @@ def answers(
 
 
 def _fault_of(rung: Rung, error: Exception, text: str) -> ExtensionError:
-    """An error of a rung from outside: its file, the last line there that is at fault."""
+    """An error of a rung from outside, with its file and the last line there in the traceback."""
     path = Path(inspect.getfile(type(rung)))
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if Path(frame.filename) == path]

@@ -25,7 +25,7 @@ class TurningEffect:
     frequency : float
         Largest relative change of a frequency.
     decided : int
-        Modes that grow with gyroscopic terms and not without them, or without and not with them.
+        Number of modes that grow with gyroscopic terms and not without them, or the reverse.
     decided_growth : float
         Largest change of the growth rate of one of these, 1/s.
     """
@@ -43,25 +43,26 @@ def turning_effect(
     band_hz: tuple[float, float],
     neutral: float,
 ) -> TurningEffect | None:
-    """Modes of a design state beside those without gyroscopic terms, or with them if it has none.
+    """Compare the modes of a design state with and without gyroscopic terms.
 
-    First order would not do: a skew matrix has no product of a real mode with itself, what it
-    changes goes over other modes.
+    The other modes are computed anew. First order would not be enough: a skew matrix acts on a real
+    mode only by its coupling with other modes.
 
     Parameters
     ----------
     prepared : PreparedModel
     state : DesignState
+        The design; it may have gyroscopic terms or not.
     lam : ndarray (m,) complex
         Its roots in the band, rad/s.
     band_hz : (low, high)
     neutral : float
-        Damping ratio below which, in size, a mode neither grows nor decays.
+        Magnitude of the damping ratio up to which a mode neither grows nor decays.
 
     Returns
     -------
     TurningEffect or None
-        None of a structure without such terms.
+        None for a structure without such terms.
 
     Raises
     ------

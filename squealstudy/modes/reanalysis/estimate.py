@@ -12,26 +12,28 @@ from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.reanalysis.problem import Linearisation, SweptProblem, in_band
 from squealstudy.system.parametric import Columns, Weights
 
-# largest share of inertia in what a basis lacks: its response is then ten times the static one
+# largest share of inertia that is used: with it a response is ten times the static one
 MOST_INERTIA = 0.9
-SIGNED_FACTOR = 1.2  # on first-order errors
-CANCELLING_SHARE = 0.1  # share of an error in which no part would cancel another
-EIGENVALUE_REL_ROUND_OFF = 1e-13  # relative: round-off of a dense eigenvalue
+SIGNED_FACTOR = 1.2  # factor on first-order errors in an estimate
+CANCELLING_SHARE = 0.1  # factor on the error without cancelling that is added
+EIGENVALUE_REL_ROUND_OFF = 1e-13  # round-off of a dense eigenvalue over its modulus
 
 
 class _Residuals(NamedTuple):
-    """Residuals r_x = Q x, r_y = Q^H y of pairs, and the parts of what they may move roots by.
+    """Residuals of pairs, and the parts of the shifts of roots by them.
 
     Attributes
     ----------
     lam : ndarray (m,) complex
+        Roots, rad/s.
     rx, ry : ndarray (n, m) complex
+        Residuals Q x and Q^H y.
     response : ndarray (n, m) complex
-        K0^-1 r_x.
+        Static response K0^-1 r_x.
     first : ndarray (m,) complex
-        y^H r_x: nothing where the small model is an exact projection.
+        y^H r_x, which is zero where the small model is an exact projection.
     slope : ndarray (m,) complex
-        y^H Q'(lam) x, infinite where it vanishes.
+        y^H Q'(lam) x; infinite where it vanishes.
     """
 
     lam: np.ndarray
@@ -55,14 +57,14 @@ class _Residuals(NamedTuple):
         return cls(lam, rx, ry, response, first, np.where(slope == 0, np.inf, slope))
 
     def signed(self, problem: SweptProblem) -> np.ndarray:
-        """First-order error of each root (m,) complex."""
+        """First-order error (m,) complex of each root, rad/s."""
         second = np.einsum("ij,ij->j", self.ry.conj(), self.response)
         second = second / (1.0 - _inertia_share(problem, self.lam, self.response, self.rx))
         signed: np.ndarray = (self.first - second) / self.slope
         return signed
 
     def without_cancelling(self, problem: SweptProblem) -> np.ndarray:
-        """Size of the error (m,) from energies of both static responses, which cannot cancel."""
+        """Size (m,) of the error from energies of both static responses, which cannot cancel."""
         product = np.ones(len(self.lam))
         for r, response in ((self.rx, self.response), (self.ry, problem.flexibility(self.ry))):
             energy = np.abs(np.einsum("ij,ij->j", r.conj(), response))
@@ -71,7 +73,7 @@ class _Residuals(NamedTuple):
         return size
 
     def through_each_other(self, pairs: Eigenpairs) -> np.ndarray:
-        """Error (m,) by coupling with the other pairs, where they are no exact projection."""
+        """Error (m,) by coupling with the other pairs; zero for an exact projection."""
         through = np.abs(self.ry.conj().T @ pairs.X) * np.abs(pairs.Y.conj().T @ self.rx).T
         gap = np.abs(self.lam[:, None] - self.lam)
         np.fill_diagonal(gap, np.inf)
@@ -87,13 +89,14 @@ def two_sided_error(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) 
         (y^H r_x  -  r_y^H K0^-1 r_x / (1 - q)) / (y^H Q'(lam) x),   r_x = Q x, r_y = Q^H y
 
     in the full problem (THEORY.md eq. (39)). The first part vanishes where the small model is an
-    exact projection, the second is what its basis lacks; q is the share of inertia in that.
+    exact projection. The second is by motion that its basis lacks, in which q is the share of
+    inertia.
     """
     return _Residuals.of(problem, weights, pairs).signed(problem)
 
 
 def next_term(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
-    """Size of the next term (m,) of an expansion of roots whose pairs are no projection, rad/s."""
+    """Size (m,) of the next term of an expansion of roots whose pairs are no projection, rad/s."""
     of_pairs = _Residuals.of(problem, weights, pairs)
     size: np.ndarray = np.abs(of_pairs.signed(problem)) + of_pairs.through_each_other(pairs)
     return size
@@ -102,8 +105,8 @@ def next_term(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.
 def two_sided_estimate(problem: SweptProblem, weights: Weights, pairs: Eigenpairs) -> np.ndarray:
     """Estimated errors (m,) of roots, rad/s, which the true ones hardly ever exceed.
 
-    More than the size of `two_sided_error`, parts of which may cancel by chance. How
-    it held: THEORY.md, section 7.
+    They are larger than the size of `two_sided_error`, parts of which may cancel by chance. For
+    true errors over estimates see THEORY.md, section 7.
     """
     of_pairs = _Residuals.of(problem, weights, pairs)
     size: np.ndarray = SIGNED_FACTOR * np.abs(of_pairs.signed(problem))
@@ -114,10 +117,10 @@ def two_sided_estimate(problem: SweptProblem, weights: Weights, pairs: Eigenpair
 def _inertia_share(
     problem: SweptProblem, lam: np.ndarray, response: np.ndarray, load: np.ndarray
 ) -> np.ndarray:
-    """Inertia of static responses (n, m) to loads at |lam| over their stiffness, (m,), at most .9.
+    """Inertia at |lam| over stiffness (m,) in static responses (n, m) to loads, at most .9.
 
-    Of one mode beyond the basis it is (|lam| / omega)^2, and 1 / (1 - it) what its response is over
-    the static one.
+    If the response is one mode beyond the basis the ratio q is (|lam| / omega)^2, and its dynamic
+    response is 1 / (1 - q) times the static one.
     """
     inertia = np.einsum("ij,ij->j", response.conj(), problem.mass_product(response)).real
     stiffness = np.einsum("ij,ij->j", response.conj(), load).real
@@ -128,7 +131,7 @@ def _inertia_share(
 
 
 def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """Estimates |error| (m,), rad/s, not below round-off."""
+    """Sizes |error| (m,) of estimates, rad/s, but round-off at least."""
     size: np.ndarray = np.maximum(np.abs(error), EIGENVALUE_REL_ROUND_OFF * np.abs(lam))
     return size
 
@@ -136,11 +139,11 @@ def bounded(error: np.ndarray, lam: np.ndarray) -> np.ndarray:
 def residuals(
     problem: SweptProblem, weights: Weights, pairs: Eigenpairs
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Backward errors (m,) of pairs, and how far they may have moved the roots (m,), rad/s.
+    """Backward errors (m,) of pairs, and bounds (m,) of the shifts of roots by them, rad/s.
 
-    The first are |Q x| / (2 |lam|^2 |M x|), the second |y|^T |Q x| by entry with y^H Q'(lam) x = 1:
-    near a coalescence round-off alone moves a root by far more than its share, beside a stiff
-    spring by far less than its size there.
+    The first are |Q x| / (2 |lam|^2 |M x|), the second |y|^T |Q x| by entries, where y is scaled to
+    y^H Q'(lam) x = 1. Near a coalescence round-off shifts a root by much more than the backward
+    error; beside a stiff spring, where residuals are large, by much less.
     """
     residual = problem.system.apply(weights, pairs.lam, pairs.X)
     r = np.linalg.norm(residual, axis=0)
@@ -156,7 +159,7 @@ class EstimatedRoots(NamedTuple):
     ----------
     at : Linearisation
     lam : ndarray (m,) complex
-        rad/s, ascending in modulus.
+        Roots, rad/s, ascending in modulus.
     X : ndarray (n or r, m) complex
         Right vectors, in full coordinates where `full`, else in those of the sweep basis.
     error : ndarray (m,)
@@ -164,10 +167,11 @@ class EstimatedRoots(NamedTuple):
     residual : ndarray (m,)
         Backward error of each pair.
     method : str
-        Name of the rung that found them.
+        Name of the rung that computed them.
     full : bool
+        Whether X is in full coordinates.
     complete : bool
-        No other root may lie in the band, as far as the estimates tell.
+        Whether no other root can be in the band, by the estimates.
     """
 
     at: Linearisation
@@ -181,7 +185,7 @@ class EstimatedRoots(NamedTuple):
 
 
 Estimate = Callable[[SweptProblem, Weights, Eigenpairs], np.ndarray]
-Outcome = EstimatedRoots | ConvergenceError  # of a design point: roots, or why it has none
+Outcome = EstimatedRoots | ConvergenceError  # roots of a design point, or why it has none
 
 
 def solve_alone(
@@ -191,9 +195,9 @@ def solve_alone(
     solve: Callable[[Weights], Eigenpairs],
     estimate: Estimate = two_sided_estimate,
 ) -> Outcome:
-    """Roots of a design point (d,) by `solve`: from its weights to pairs in full coordinates.
+    """Roots of a design point (d,) by `solve`, which returns pairs in full coordinates.
 
-    `estimate` gives their errors (m,) against the full problem.
+    `estimate` returns their errors (m,) against the full problem.
     """
     linearisation = problem.samples(np.asarray(theta)[None])[0]
     if isinstance(linearisation, ConvergenceError):

@@ -1,8 +1,8 @@
 """A patch: a box of design points in which blocks of modes are interpolated between few nodes.
 
-At every node of the patch the modes are expressed through the left and right modes of its middle.
-Modes that mix there, by veering, lock-in or coalescence, belong to one block; of a block only its
-subspace is followed, which is analytic where single modes are not.
+At every node of the patch the modes are expressed by the left and right modes of its middle. Modes
+that mix, by veering, lock-in or coalescence, belong to one block. Only the subspace of a block is
+followed, which is analytic where single modes are not.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from scipy.sparse.csgraph import connected_components
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.reanalysis.polynomials import Interpolation, spread_points
 
-THRESHOLDS = (0.15, 0.3, 0.5)  # participation from which two modes mix
-MOST_MODES = 24  # in one block: beyond it a patch is better divided
+THRESHOLDS = (0.15, 0.3, 0.5)  # participations from which on two modes mix, tried in turn
+MOST_MODES = 24  # modes in one block; a patch with more is better divided
 FOLLOWED_BAND_FACTOR = 1.02  # factor on the band within which modes are followed
-UNFOLLOWED = 1.25  # others stay that far from it at nodes: between nodes they may come nearer
-# condition of a block's gauge: half the digits are left, Ritz values keep all
+# factor on the band outside which all other modes are at nodes: between nodes they may come nearer
+UNFOLLOWED = 1.25
+# largest condition of a block's gauge: half of the digits of bases are left, all of Ritz values
 WORST_CONDITION = 1e7
 
 
@@ -56,13 +57,13 @@ class Box:
         return theta
 
     def halves(self, axis: int) -> tuple[Box, Box]:
-        """The two boxes that a cut across direction `axis` leaves."""
+        """The two halves of the box along direction `axis`."""
         cut_low, cut_high = self.high.copy(), self.low.copy()
         cut_low[axis] = cut_high[axis] = self.middle[axis]
         return Box(self.low, cut_low), Box(cut_high, self.high)
 
     def holds(self, theta: np.ndarray) -> np.ndarray:
-        """Which points (b, d) lie in the box, faces included."""
+        """Mask (b,) of the points (b, d) in the box, faces included."""
         return np.asarray(((theta >= self.low) & (theta <= self.high)).all(axis=1))
 
 
@@ -75,14 +76,14 @@ class Patch:
     box : Box
     grid : Interpolation
     slices : tuple of (first column, size)
-        Of each block among the columns of X and Y.
+        First column of each block in X and Y, and its number of columns.
     X, Y : ndarray (q, r, m) complex
         Gauged right and left bases at the nodes.
     S, T : ndarray (q, sum of k^2) complex
         Gauged matrices of each block, flattened one after another.
     blocks : tuple of ModeBlock
     mixings : tuple of Mixing
-        Of each node with the middle.
+        Mixing of the modes of each node with those of the middle.
     reach : (low, high)
         Bounds of |lambda| [rad/s] within which all modes are followed.
     """
@@ -115,10 +116,10 @@ def make_patch(
     nodes: Sequence[NodeModes],
     band: tuple[float, float],
 ) -> Patch | np.ndarray:
-    """A patch, or where modes cannot be followed how much they mix along each direction (d,).
+    """A patch; where modes cannot be followed, how much they mix along each direction (d,).
 
-    `middle` and `nodes` hold all pairs of the small problem, conjugates too: no mode then enters or
-    leaves the set where a root turns real or its damping grows.
+    `middle` and `nodes` have all pairs of the small problem, conjugates included. So no mode enters
+    or leaves the set where a root turns real or its damping grows.
     """
     mixings = [mixing(middle, node) for node in nodes]
     for threshold in THRESHOLDS:
@@ -141,11 +142,11 @@ def _within_reach(
     nodes: Sequence[NodeModes],
     band: tuple[float, float],
 ) -> list[ModeBlock]:
-    """Blocks of which a mode is in the band anywhere in the box, not at the nodes alone.
+    """Blocks with a mode in the band somewhere in the box, not only at the nodes.
 
-    The mean root of a block is interpolated over the box; its roots keep the distance from their
-    mean that they have at some node. Where no mode is in the band, the nearest block is taken: such
-    points are served too, with no mode.
+    The mean root of a block is interpolated over the box; the distance of its roots from the mean
+    is taken as the largest at the nodes. Where no block has a mode in the band the nearest one is
+    returned: points without modes are solved by a patch, too.
     """
     if not blocks:
         return []
@@ -239,14 +240,14 @@ class NodeModes(NamedTuple):
 
 
 class Mixing(NamedTuple):
-    """How the modes of a node are made of those of the middle.
+    """Modes of a node as combinations of those of the middle.
 
     Attributes
     ----------
     right : ndarray (m0, m)
-        Participation of each middle mode in each right mode of the node.
+        Participation of each right mode of the middle in each right mode of the node.
     left : ndarray (m, m0)
-        The same of left modes.
+        The same for left modes.
     """
 
     right: np.ndarray
@@ -281,8 +282,8 @@ def mixing(middle: NodeModes, node: NodeModes) -> Mixing:
 def find_blocks(mixings: Sequence[Mixing], threshold: float) -> list[ModeBlock]:
     """Groups of modes whose participations in each other exceed the threshold.
 
-    Returns only groups of as many modes at every node as in the middle; the others are no
-    continuation of each other within the set of modes given.
+    Only groups with as many modes at every node as in the middle are returned: the modes of others
+    do not continue each other.
     """
     m0 = len(mixings[0].right)
     starts = np.cumsum([m0, *(x.right.shape[1] for x in mixings)])
@@ -334,8 +335,8 @@ def gauged(block: ModeBlock, number: int, node: NodeModes, mixed: Mixing) -> Sub
     Raises
     ------
     LinAlgError
-        Where the node's subspace has hardly anything of the middle's, or where one of both lies so
-        close to an exceptional point that its vectors do not span the subspace.
+        Where the node's subspace is nearly orthogonal to the middle's, or one of them is so close
+        to an exceptional point that its vectors do not span the subspace.
     """
     j = block.at_nodes[number]
     lam, X, Y = node.pairs.take(j)
@@ -349,7 +350,7 @@ def gauged(block: ModeBlock, number: int, node: NodeModes, mixed: Mixing) -> Sub
 
 
 def _condition(A: np.ndarray) -> float:
-    """Condition number, whatever the lengths of rows and columns."""
+    """Condition number of a matrix, after its rows and columns have been scaled to unit length."""
     if len(A) == 1:
         return 1.0 if A[0, 0] else np.inf
     A = A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300)

@@ -1,7 +1,7 @@
-"""Polynomials of total degree over boxes of any dimension, and what is made of few fixed parts.
+"""Polynomials of a total degree over boxes of any dimension, and expanded parametric systems.
 
-Interpolation through few well-placed nodes; a projected parametric system whose weights are
-expanded in few terms, so that a batch of its matrices is one product.
+There is interpolation through few well-placed nodes, and a projected parametric system whose
+weights are expanded in few terms, so that a batch of its matrices is one product.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import scipy.linalg as la
 
 from squealstudy.system.parametric import DAMPING, MASS, STIFFNESS, ParametricSystem, Weights
 
-MOST_CANDIDATES = 4000
-MOST_SPREAD = 250  # points that stand for a whole box
+MOST_CANDIDATES = 4000  # points of the grid that nodes are chosen from
+MOST_SPREAD = 250  # points that represent a whole box
 Matrices = tuple[np.ndarray, np.ndarray]
 
 
@@ -28,10 +28,11 @@ class Interpolation:
     Attributes
     ----------
     nodes : ndarray (q, d)
+        Points at which values are given.
     powers : tuple of tuples of int
         Chebyshev degrees of each of the q basis polynomials.
     inverse : ndarray (q, q)
-        Coefficients of each node's cardinal polynomial, one a column.
+        Coefficients of the cardinal polynomial of each node, in columns.
     """
 
     nodes: np.ndarray
@@ -63,7 +64,7 @@ def interpolation(degree: int, dimension: int) -> Interpolation:
 
 @lru_cache(maxsize=32)
 def spread_points(dimension: int) -> np.ndarray:
-    """Points (n, d) that stand for the box [-1, 1]^d: a regular grid with all its corners."""
+    """Points (n, d) that represent the box [-1, 1]^d: a regular grid with all its corners."""
     count = max(2, int(MOST_SPREAD ** (1 / max(dimension, 1))))
     line = np.linspace(-1.0, 1.0, count)
     return np.array(list(itertools.product(line, repeat=dimension)))
@@ -99,9 +100,9 @@ class ExpandedWeights:
     Attributes
     ----------
     order : int
-        Power of lambda.
+        Power of lambda that the term belongs to.
     shapes : ndarray (k, q)
-        Orthonormal; (1, 1) of one for scalar weights.
+        Orthonormal shapes of the weights; a single 1 for scalar weights.
     """
 
     order: int
@@ -120,12 +121,14 @@ class CollocatedSystem:
     Attributes
     ----------
     r : int
+        Number of coordinates.
     expansions : tuple of ExpandedWeights
-        Of each term; without shapes that of a mass which is the identity at every design point.
+        Expanded weights of each term; without shapes for a mass that is always the identity.
     stacks : tuple of three ndarray (q, r * r)
-        Matrices of each power of lambda: L^T diag(shape) R of all shapes of its terms, in order.
+        Matrices of each power of lambda: L^T diag(shape) R for all shapes of its terms, in order.
         They are one array, so that a batch of design points is one product.
     unit_mass : bool
+        Whether the mass is the identity at every design point.
     """
 
     r: int
@@ -172,9 +175,9 @@ def collocate(
     Parameters
     ----------
     samples : sequence of Weights
-        Of design points that fill the box.
+        Weights at design points that fill the box.
     tolerance : float
-        Singular values of the weights, relative to the largest, below which shapes are dropped.
+        Singular value of the weights, relative to the largest, up to which shapes are left out.
     """
     expansions = []
     stacks: dict[int, list[np.ndarray]] = {STIFFNESS: [], DAMPING: [], MASS: []}

@@ -1,4 +1,4 @@
-"""Model as the ladder needs it: its system, its weights at a design point, its exact modes."""
+"""A model as rungs need it: its system, its weights at a design point, its exact modes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from squealstudy.system.parametric import ParametricSystem, Weights
 
 
 class Linearisation(NamedTuple):
-    """Weights of a problem's terms, and the working point that they are about; None: no contact."""
+    """Weights of a problem's terms, and their working point; None for a model without contact."""
 
     weights: Weights
     working_point: WorkingPoint | None
 
 
-Linearised = Linearisation | ConvergenceError  # of a design point, or why it has none
+Linearised = Linearisation | ConvergenceError  # that of a design point, or why it has none
 
 
 class SweptProblem(ABC):
@@ -49,7 +49,7 @@ class SweptProblem(ABC):
         """Terms of the full problem, n degrees of freedom."""
 
     def interpolation_error(self) -> float:
-        """Largest error of a damping ratio by what the problem interpolates over the box."""
+        """Largest error of a damping ratio by interpolation of the problem over the box."""
         return 0.0
 
     @abstractmethod
@@ -57,7 +57,10 @@ class SweptProblem(ABC):
         """Weights at a design point (d,); ConvergenceError where it has none."""
 
     def samples(self, theta: np.ndarray, field: Any = None) -> list[Linearised]:
-        """Weights at points (b, d), from starts that `local_field` made; reasons of failure."""
+        """Weights at points (b, d), or the errors of points without any.
+
+        `field` are starts that `local_field` made, or None.
+        """
         linearised: list[Linearised] = []
         for row in theta:
             try:
@@ -97,7 +100,7 @@ class SweptProblem(ABC):
 
 
 class DenseProblem(SweptProblem):
-    """One of dense matrices, whose mass is the identity."""
+    """A problem of dense matrices, whose mass is the identity."""
 
     exact = "dense"
 
@@ -127,19 +130,19 @@ class DenseProblem(SweptProblem):
         return solved
 
     def mass_product(self, X: np.ndarray) -> np.ndarray:
-        """M0 X: X itself, the mass is the identity."""
+        """M0 X (n, m), which is X: the mass is the identity."""
         return X
 
 
 def in_band(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
-    """Roots of imaginary part >= 0 whose modulus lies in the band widened by `reach`."""
+    """Mask of roots of imaginary part >= 0 whose modulus is in the band widened by `reach`."""
     size = np.abs(lam)
     is_inside: np.ndarray = (lam.imag >= 0) & (size >= band[0] / reach) & (size <= band[1] * reach)
     return is_inside
 
 
 def in_or_below(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.ndarray:
-    """Roots that `in_band` keeps, and those below them that vibrate."""
+    """Mask of the roots of `in_band`, and of vibrating ones below them."""
     is_kept: np.ndarray = in_band(lam, band, reach) | (
         (lam.imag > 0) & (np.abs(lam) < band[0] / reach)
     )
@@ -147,7 +150,7 @@ def in_or_below(lam: np.ndarray, band: tuple[float, float], reach: float) -> np.
 
 
 def lightly_damped(lam: np.ndarray) -> np.ndarray:
-    """Which roots are lightly damped, |zeta| < 5 %."""
+    """Mask of roots that are lightly damped, |zeta| < LIGHT_DAMPING."""
     size = np.abs(lam)
     is_light: np.ndarray = np.abs(lam.real) < LIGHT_DAMPING * size
     return is_light

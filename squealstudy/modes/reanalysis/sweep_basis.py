@@ -1,7 +1,7 @@
 """One basis for a whole box of design points, from right and left complex modes, by greedy choice.
 
-Modes at adaptively chosen points are truncated by SVD in the energy norm; the next point is the one
-of a sample whose estimated error against the full problem is largest (THEORY.md eq. (37), (39)).
+The modes at chosen points are truncated by SVD in the energy norm. The next point is that of a
+sample whose estimated error against the full problem is largest (THEORY.md eq. (37), (39)).
 """
 
 from __future__ import annotations
@@ -25,19 +25,21 @@ from squealstudy.modes.reanalysis.problem import (
 )
 from squealstudy.system.parametric import Weights
 
-BASIS_BAND_FACTOR = 1.15  # modes of the band widened by this join the basis
-TESTED_BAND_FACTOR = 1.03  # and their errors are looked at within this
-CANDIDATES = 24  # design points looked at for the next one, half of them on faces of the box
-TRUNCATION = 0.5  # smallest singular value kept, in square roots of the tolerance
+BASIS_BAND_FACTOR = 1.15  # modes within this factor of the band join the basis
+TESTED_BAND_FACTOR = 1.03  # errors are estimated of modes within this factor of the band
+CANDIDATES = 24  # candidates for the next design point, half of them on faces of the box
+TRUNCATION = 0.5  # least singular value of the basis, over the root of the tolerance
 CUTOFF_REDUCTION = 0.7  # factor on it where another point does not help
-STALLED = 0.5  # it does not help where the error stays above this share of the last
+STALLED = 0.5  # error over the last one, above which the last points have not helped
 WEIGHT_TOLERANCE = 0.01  # error of the weights' expansion over the tolerance
 LEAST_WEIGHT_TOLERANCE = 1e-9
-LEAST_CUT = 1e-9
-LACKING = 10.0  # tolerances between an exact root and the next one found: a mode is lacking
-SAMPLES_A_DIMENSION = 60
+LEAST_CUT = 1e-9  # relative singular value at which the basis is not enlarged any more
+# distance of an exact root from the nearest one of the basis, over the tolerance, beyond which the
+# basis has no such mode
+LACKING = 10.0
+SAMPLES_A_DIMENSION = 60  # samples of weights for each parameter
 MOST_SAMPLES = 240
-POINTS_PER_BATCH = 64
+POINTS_PER_BATCH = 64  # points whose weights are computed together
 
 Report = Callable[[int, int], None]
 
@@ -49,18 +51,20 @@ class SweepBasis:
     Attributes
     ----------
     V : ndarray (n, r)
-        Real; V^T M0 V = I and V^T K0 V is diagonal.
+        Real basis; V^T M0 V = I and V^T K0 V is diagonal.
     flexibility : ndarray (r,)
         Inverse of that diagonal.
     small : CollocatedSystem
+        The projected system.
     error : float
-        Largest estimated relative error of light modes at the last points looked at.
+        Largest estimated relative error of light modes at the last candidates.
     trained : ndarray (q, d)
-        Design points whose modes it was made from.
+        Design points whose modes are in the basis.
     seconds : float
+        Time that it took to make it.
     interpolated : float
-        Largest error of roots, relative to their moduli, by what the problem interpolates over the
-        box: no estimate in a design point sees it.
+        Largest error of roots, relative to their moduli, by interpolation of the problem over the
+        box. Estimates at design points do not include it.
     """
 
     V: np.ndarray
@@ -110,21 +114,23 @@ def build_sweep_basis(
     max_points: int = 16,
     report: Report = lambda done, total: None,
 ) -> SweepBasis:
-    """Make the basis of a box to a tolerance (relative error of light roots).
+    """Make the basis of a box.
 
     Parameters
     ----------
     problem : SweptProblem
     tolerance : float
+        Relative error of light roots.
     max_points : int
-        Design points whose modes may enter.
+        Most design points whose modes join the basis.
     report : callable
-        Told (points used, most).
+        Called with the number of points so far, and the most.
 
     Raises
     ------
     ConvergenceError
-        Where hardly any point of the box has a working point.
+        Where more than half of the samples in the box, or the first points, have no working point
+        (``working_point``), or no first point has a mode in the band (``no_modes``).
     """
     started = time.perf_counter()
     samples = _sampled_weights(problem)
@@ -165,7 +171,7 @@ def build_sweep_basis(
 
 
 def _first_points(dimension: int) -> np.ndarray:
-    """Two opposite corners and the middle: a mode may be in the band at the latter alone."""
+    """Two opposite corners and the middle (3, d), as a mode may be in the band only there."""
     if not dimension:
         return np.zeros((1, 0))
     return np.vstack([corners(dimension)[[0, -1]], np.zeros((1, dimension))])
@@ -176,7 +182,7 @@ def _all_seen(
 ) -> bool:
     """Whether the basis has every light mode of the full problem at a point.
 
-    Residuals of the modes that a basis has do not tell of one that it lacks altogether.
+    Residuals of the modes in a basis do not show a mode that it lacks altogether.
     """
     weights, exact = problem.pairs(theta, 1.0)
     roots_in_basis = basis.pairs(weights).lam
@@ -203,11 +209,11 @@ def _sampled_weights(problem: SweptProblem) -> list[Weights]:
 
 
 def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
-    """Real and imaginary parts of right and left modes, unit energy each, in energy coordinates.
+    """Real and imaginary parts of right and left modes of unit energy, in energy coordinates.
 
-    Modes below the band are among them: what a basis holds of a mode of which it lacks the rest has
-    a Ritz value above that mode's, and so perhaps in the band, where no mode is. A point without a
-    mode in the band has none.
+    Modes below the band are included: a basis that spans only a part of such a mode has a Ritz
+    value above the mode's, perhaps in the band, where there is no mode. A point without a mode in
+    the band gives no columns; one without a working point None.
     """
     try:
         _, pairs = problem.pairs(theta, BASIS_BAND_FACTOR, below=True)
@@ -227,7 +233,7 @@ def _snapshots(problem: SweptProblem, theta: np.ndarray) -> np.ndarray | None:
 def _truncated(
     problem: SweptProblem, snapshots: np.ndarray, cut: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Basis (n, r), orthonormal in the mass and diagonal in K0, and the flexibilities (r,)."""
+    """Basis (n, r) with unit mass and diagonal K0, and the flexibilities (r,)."""
     U, s, _ = la.svd(snapshots, full_matrices=False)
     U = U[:, s > cut * s[0]]
     V = problem.from_energy(U)
@@ -238,7 +244,7 @@ def _truncated(
 def _estimates(
     problem: SweptProblem, basis: SweepBasis, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A fresh sample of design points (n, d) and the estimated errors there (n,)."""
+    """A new sample of design points (n, d) and the estimated errors (n,) there."""
     points = _on_faces(sample_box(problem.dimension, CANDIDATES, 1000 + step))
     if step <= 3 and problem.dimension:
         points = np.vstack([corners(problem.dimension), points])
@@ -246,9 +252,10 @@ def _estimates(
 
 
 def _next_points(points: np.ndarray, errors: np.ndarray, tolerance: float) -> np.ndarray:
-    """Points to be trained at: that of the largest error, and another one away from it.
+    """The next points for the basis: that of the largest error, and another one away from it.
 
-    The latter where it needs it too: estimates at a sample cost more than two points to train at.
+    The other one is included if its error is too large, too: estimates at a new sample cost more
+    than the modes at two points.
     """
     if not points.shape[1]:
         return points[:0]
@@ -270,7 +277,7 @@ def _on_faces(points: np.ndarray) -> np.ndarray:
 
 
 def estimated_error(problem: SweptProblem, basis: SweepBasis, theta: np.ndarray) -> float:
-    """Largest estimated relative error of light modes at a point; 0 where it has none."""
+    """Largest estimated relative error of light modes at a point; 0 without any."""
     try:
         weights = problem.weights(theta)
     except ConvergenceError:

@@ -1,4 +1,4 @@
-"""The rungs there are: every file of this folder is one, of the name of the file."""
+"""The catalogue of rungs: every file in this folder is one, under the name of the file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from squealstudy.extensions import note_registered
 if TYPE_CHECKING:
     from squealstudy.modes.rung import Rung
 
-AUTO = "auto"  # of study files: the rung of least cost
+AUTO = "auto"  # value in study files that chooses the rung of least cost
 _registered: dict[str, Rung] = {}
 
 
@@ -27,7 +27,7 @@ def register_rung(rung: Rung) -> None:
     Raises
     ------
     TypeError
-        What is no instance of a Rung, such as a class.
+        An argument that is no instance of a Rung, such as a class.
     ValueError
         Where another rung has that name.
     """

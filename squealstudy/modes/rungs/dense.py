@@ -11,7 +11,7 @@ from squealstudy.modes.rung import Rung, Scope
 
 
 class Dense(Rung):
-    """Exact in the reduced model; of a minimal model, whose basis is complete, altogether."""
+    """Exact in the reduced model; in a minimal model, whose basis is complete, exact altogether."""
 
     name = "dense"
     description = "dense eigenproblem of the component-mode model"

@@ -1,6 +1,6 @@
 """First- and second-order perturbation of an anchor's modes: for small changes, away from lock-in.
 
-In the state space of the companion form a change of weights acts on the last rows alone, so that
+In the state space of the companion form a change of weights acts on the last rows only, so that
 only left vectors y and right vectors x of the quadratic problem enter.
 """
 
@@ -30,16 +30,17 @@ from squealstudy.system.parametric import (
 
 ORDER = 2
 SUM_BAND_FACTOR = 4.0  # second-order terms run through the modes of the band widened by this
-COST = 0.6  # seconds of a point over those of an exact one, about
-ANCHOR_BAND_FACTOR = 1.2  # factor on the band: modes of the anchor that may move into it
-MIN_TESTED_REL_ERROR = 1e-12  # relative error of a root below which no series is looked at
-# the next term is itself an estimate; errors were up to 1.9 times the series
+COST = 0.6  # time of a point over that of an exact one, about
+ANCHOR_BAND_FACTOR = 1.2  # factor on the band, within which modes of the anchor are perturbed
+MIN_TESTED_REL_ERROR = 1e-12  # relative error of a root up to which it is taken as it is
+# error over the sum of the series of terms to come: the next term is itself an estimate, and errors
+# were up to 1.9 times that sum
 SERIES_SAFETY_FACTOR = 2.0
-REAL = 1e-12  # relative imaginary part of a root that is its own conjugate
+REAL = 1e-12  # relative imaginary part of a root up to which it is its own conjugate
 
 
 class Perturbation(Rung):
-    """From the middle of the box."""
+    """Second-order perturbation from the middle of the box."""
 
     name = "perturbation"
     description = "second-order perturbation from the middle of a part of the design"
@@ -64,9 +65,10 @@ class ExactPoint:
     Attributes
     ----------
     theta : ndarray (d,)
+        Its coordinates.
     weights : Weights
     pairs : Eigenpairs
-        Conjugates included.
+        Its pairs with their conjugates.
     """
 
     theta: np.ndarray
@@ -77,8 +79,8 @@ class ExactPoint:
 def make_anchor(problem: SweptProblem, theta: np.ndarray, reach: float) -> ExactPoint:
     """Solve a design point exactly.
 
-    Second-order terms run through the modes with band[0] / reach <= |lam| <= reach band[1]: all
-    where the full problem is dense, as many as can be paid for where it is sparse.
+    Its pairs are those with band[0] / reach <= |lam| <= reach band[1]; second-order terms are sums
+    over these.
     """
     weights, pairs = problem.pairs(np.asarray(theta), reach)
     paired = pairs.lam.imag > REAL * np.abs(pairs.lam)
@@ -96,15 +98,15 @@ def perturbed_roots(
 ) -> Outcome:
     """Roots of a design point by perturbation of order 1 or 2 from an anchor.
 
-    Vectors are of first order at both: with them the estimate holds the next term of the expansion,
-    and what neighbours have of each other.
-    Of order 2 the error told is twice that of all terms to come, as a geometric series with the
-    ratio of that term to the last one; infinite where it does not fall.
+    Vectors are of first order in both cases: with them the estimate contains the next term of the
+    expansion, and the coupling of neighbouring modes. At order 2 the error is twice the sum of all
+    terms to come, as a geometric series with the ratio of the next term to the last one; infinite
+    where terms do not fall.
 
     Raises
     ------
     ValueError
-        Another order.
+        An order that is neither 1 nor 2.
     """
     if order not in (1, 2):
         raise ValueError(f"order must be 1 or 2, got {order}")
@@ -135,12 +137,13 @@ def perturbed_roots(
 def perturbed_pairs(
     system: ParametricSystem, anchor: ExactPoint, weights: Weights, order: int, indices: np.ndarray
 ) -> tuple[Eigenpairs, np.ndarray]:
-    """Some pairs of the anchor at other weights, by a series in all of its pairs.
+    """Pairs of the anchor with `indices` (m,) at other weights, by a series in all of its pairs.
 
-    `indices` (m,) choose the pairs. The last term (m,) of each root's series is returned too.
+    The last term (m,) of each root's series is returned too. Terms of first and second order are
 
     lam1_i = V_ii,    lam2_i = sum_(k != i) V_ik V_ki / (lam_i - lam_k) - V_ii lam_i y_i^H dM x_i
-    V_ki = -y_k^H (dK + lam_i dC + lam_i^2 dM) x_i,   in V_ik lam_k dC and lam_i lam_k dM
+
+    with V_ki = -y_k^H (dK + lam_i dC + lam_i^2 dM) x_i, but lam_k dC and lam_i lam_k dM in V_ik.
     """
     every = anchor.pairs
     lam, X, Y = every.take(indices)
@@ -152,13 +155,13 @@ def perturbed_pairs(
     dampers = _of_order(system, change, DAMPING).adjoint(Y)
     dampers = dampers + _of_order(system, change, MASS).adjoint(Y) * lam.conj()
     back = -(fixed + (dampers.conj().T @ every.X) * every.lam)
-    gap = lam[None, :] - every.lam[:, None]  # of column i to row k
+    gap = lam[None, :] - every.lam[:, None]  # lam_i - lam_k in row k, column i
     other = np.where(gap == 0, 0.0, 1.0 / np.where(gap == 0, 1.0, gap))
     terms = [first]
     if order == 2:
         own_mass = np.einsum("ij,ij->j", Y.conj(), masses)
         terms.append(np.einsum("ki,ik,ki->i", into, back, other) - first * lam * own_mass)
-    left_turn = (back * other.T).conj().T  # column i: what left mode k adds to i
+    left_turn = (back * other.T).conj().T  # column i: shares of the left modes k in mode i
     perturbed = Eigenpairs(lam + sum(terms), X + every.X @ (into * other), Y + every.Y @ left_turn)
     return perturbed, terms[-1]
 

@@ -30,10 +30,10 @@ from squealstudy.modes.rung import Offer, Rung, Scope
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.system.parametric import Weights
 
-BASIS_SOLVES = 60  # exact solves that a sweep basis costs: 23 over one parameter, 75 over two
-# with so many parameters patches would be too many; a basis is not from so many points on
+BASIS_SOLVES = 60  # cost of a sweep basis in exact solves: 23 over one parameter, 75 over two
+# with so many parameters there would be too many patches; a basis saves time from so many points on
 MANY_PARAMETERS, PAYS_FROM = 4, 600
-COST = 0.55  # seconds of a point over those of an exact one, about
+COST = 0.55  # time of a point over that of an exact one, about
 
 
 class OverABasis(Rung):
