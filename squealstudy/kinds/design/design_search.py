@@ -1,7 +1,7 @@
-"""The search of a design study: scan, descent, proof, and again with what the proof has shown.
+"""The search of a design study: scan, descent, proof; then again with the demands of the proof.
 
-Today's design, where it meets the goal, is proven before anything is searched. The search is
-replayed from finished rows alone, so a killed run asks for the same designs again.
+If today's design meets the goal it is proven before anything is searched. The search is replayed
+from finished rows only, so that a run that was killed asks for the same designs again.
 """
 
 from __future__ import annotations
@@ -31,25 +31,27 @@ from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.kinds.design.targets import Realisation, nearest, part_of
 from squealstudy.models.parameter_names import ModeParameter
 
-SCAN_DESIGNS_PER_VARIABLE = 16  # designs a variable, where a variable costs no reduction
-MOST_CORNERS = 6  # variables of a box whose corners are in the scan
-SCAN_POINTS = 6  # operating points at which the scan looks
-# up to so many operating points are all active; else the worst so many
+SCAN_DESIGNS_PER_VARIABLE = 16  # designs in the scan for each variable, if none costs a reduction
+MOST_CORNERS = 6  # most variables of a box whose corners are in the scan
+SCAN_POINTS = 6  # operating points at which designs of the scan are solved
+# up to so many operating points are all active; if there are more, so many of the worst are
 MAX_POINTS_ALL_SEARCHED, N_WORST_POINTS_SEARCHED = 16, 12
 MIN_START_DISTANCE = 0.15  # least distance between starts, in units of the ranges
-MAX_ROUNDS = 10  # of search and proof
-# of them after one that succeeds, in which less is asked of what runs had refused
+MAX_ROUNDS = 10  # rounds of search and proof
+# most rounds after the first proof, in which demands that runs in time had raised are reduced
 RELAXATION_ROUNDS = 4
-MIN_REL_COST_SAVING = 0.01  # relative saving of cost that these rounds must bring
+MIN_REL_COST_SAVING = 0.01  # least relative saving of cost in these rounds
 
 
 class DesignSearch(EvaluatedDesigns):
-    """A design study as far as its finished rows go; parameters as of `EvaluatedDesigns`.
+    """The search of a design study as far as its finished rows go.
+
+    Parameters are those of `EvaluatedDesigns`.
 
     Attributes
     ----------
     pending : list of Evaluation
-        What is to be solved next; empty at the end.
+        Evaluations that are needed next; empty at the end.
     """
 
     def __init__(
@@ -62,7 +64,8 @@ class DesignSearch(EvaluatedDesigns):
     ) -> None:
         super().__init__(study, rows, reduced, has_cycles, cache)
         of_modes = [isinstance(v.parameter, ModeParameter) for v in study.variables]
-        self.targets = np.array(of_modes, dtype=bool)  # what nobody can build
+        # which variables (d,) are targets for modes, which nobody can build
+        self.targets = np.array(of_modes, dtype=bool)
         self.both = bool(self.targets.any() and not self.targets.all())
         self.whole, self.kept = self.box, np.ones(len(self.ranges), dtype=bool)
         try:
@@ -116,7 +119,7 @@ class DesignSearch(EvaluatedDesigns):
             state.demands = [e.at_proven_level for e in state.demands]
 
     def _holds(self, proven: np.ndarray) -> bool:
-        """Whether a proven design has what others were shown to lack."""
+        """Whether a proven design meets the demands that were shown for other designs."""
         pending_demands, self.state.demands = (
             self.state.demands,
             [e.at_proven_level for e in self.state.demands],
@@ -141,7 +144,7 @@ class DesignSearch(EvaluatedDesigns):
         return MET if any(c.kind in AMPLITUDES for c in checks) else MET_LINEAR
 
     def _realised(self, worst: Sequence[int]) -> list[np.ndarray]:
-        """Starts among what can be built: nearest to the best targets first."""
+        """Starts of the search over what can be built, that nearest to the best targets first."""
         today = self.study.nominal
         self._move(self.targets)
         self._search(self._starts(worst), "target")
@@ -156,7 +159,7 @@ class DesignSearch(EvaluatedDesigns):
         return self._distinct([self.change(begun), *self._starts(worst)])
 
     def _move(self, is_varied: np.ndarray) -> None:
-        """Search over some of the variables (d,) from here on; the others stay as today."""
+        """Search over the variables in a mask (d,) from here on; the others stay as today."""
         self.kept, self.box = is_varied, part_of(self.whole, is_varied)
 
     def _limit(self) -> int:
@@ -171,7 +174,7 @@ class DesignSearch(EvaluatedDesigns):
         return 0 if costly else SCAN_DESIGNS_PER_VARIABLE * len(moving)
 
     def _starts(self, worst: Sequence[int]) -> list[np.ndarray]:
-        """Today's design, and the best of a scan that lie apart."""
+        """Today's design, and the best designs of a scan that are not near each other."""
         today, count = np.zeros(len(self.ranges)), self._scanned()
         if not count or self.goal.starts == 1:
             return [today]
@@ -201,7 +204,7 @@ class DesignSearch(EvaluatedDesigns):
         return self._distinct([today, *signs.values(), *ordered])
 
     def _corners(self) -> np.ndarray:
-        """Corners (2^d, d) of the box, none of a box that has too many."""
+        """Corners (2^d, d) of the box without today's design; none if it has too many."""
         d = len(self.ranges)
         if d > MOST_CORNERS:
             return np.zeros((0, d))
@@ -210,7 +213,7 @@ class DesignSearch(EvaluatedDesigns):
         return corners[np.abs(corners).max(axis=1) > 0]
 
     def _distinct(self, designs: Iterable[np.ndarray]) -> list[np.ndarray]:
-        """The first so many that lie apart."""
+        """The first designs that are not near each other, `starts` of the goal at most."""
         distinct: list[np.ndarray] = []
         for z in designs:
             if all(np.abs(z - other).max() >= MIN_START_DISTANCE for other in distinct):
@@ -218,7 +221,7 @@ class DesignSearch(EvaluatedDesigns):
         return distinct[: self.goal.starts]
 
     def _search(self, starts: Sequence[np.ndarray], role: str) -> list[np.ndarray]:
-        """Where the searches from all starts end; raises where rows are missing."""
+        """Designs at which the searches from all starts end; RowsPending if rows are missing."""
         ends, max_designs = [], self._limit()
         for number, start in enumerate(starts, start=1):
             run = descend(self.box, start, self.margin, self.cache.steps)
@@ -234,7 +237,7 @@ class DesignSearch(EvaluatedDesigns):
                     constraints = self.constraints(design, self.state.active_points)
                     active = self.state.active_points
                     if any(self.evaluation(p, design) not in self.rows for p in active):
-                        break  # until these are solved
+                        break  # the search goes on when these are solved
                     trial = run.send(constraints)
             except StopIteration as end:
                 ends.append(end.value)
@@ -243,7 +246,7 @@ class DesignSearch(EvaluatedDesigns):
         return ends
 
     def _evaluated(self) -> list[tuple[np.ndarray, Constraints]]:
-        """Designs of the variables that move which are known at all active points."""
+        """Designs that are solved at all active points and differ in moving variables only."""
         fixed = self.study.nominal[~self.kept]
         same_fixed = [
             x for x in self.state.designs.values() if np.array_equal(x[~self.kept], fixed)
@@ -252,7 +255,7 @@ class DesignSearch(EvaluatedDesigns):
         return [(x, constraints) for x, constraints in judged if constraints is not None]
 
     def _cheapest(self) -> np.ndarray | None:
-        """The design of least cost that meets what is asked at the active points."""
+        """The design of least cost that meets all demands at the active points, or None."""
         good = [x for x, j in self._evaluated() if j.worst >= 0.0]
         return min(good, key=lambda x: self.box.price(self.change(x)), default=None)
 

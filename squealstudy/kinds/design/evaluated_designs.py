@@ -29,13 +29,13 @@ class EvaluatedDesigns:
     ----------
     study : DesignStudy
     rows : mapping of Evaluation -> row
-        All that are finished.
+        All finished rows.
     reduced : bool
-        The model is a reduced one, which the full order can check.
+        Whether the model is a reduced one, which can be checked at full order.
     has_cycles : bool
-        The model is small enough for limit cycles and runs in time.
+        Whether the model is small enough for limit cycles and runs in time.
     cache : SearchCache
-        What earlier passes of the search computed from rows.
+        Results that earlier passes of the search computed from rows.
 
     Attributes
     ----------
@@ -73,14 +73,14 @@ class EvaluatedDesigns:
         self.plain = MODES if self.sigmas else ROOTS  # scatter is judged by sensitivities
 
     def row(self, evaluation: Evaluation) -> Mapping[str, Any] | None:
-        """The row of an evaluation; where there is none, None, and it becomes pending."""
+        """The row of an evaluation; without one None, and the evaluation becomes pending."""
         row = self.rows.get(evaluation)
         if row is None:
             self.pending.append(evaluation)
         return row
 
     def rows_of(self, evaluations: Iterable[Evaluation]) -> list[Mapping[str, Any]]:
-        """Rows of all; raises where one is missing."""
+        """Rows of all evaluations; RowsPending where one is missing."""
         rows = [self.row(a) for a in evaluations]
         if self.pending:
             raise RowsPending
@@ -96,13 +96,13 @@ class EvaluatedDesigns:
         return (design - self.study.nominal) / self.ranges
 
     def evaluation(self, point: int, design: np.ndarray, analysis: str = MODES) -> Evaluation:
-        """One design at one of the points."""
+        """The evaluation of a design at the operating point with an index."""
         return evaluation(self.study, self.state.points[point], design, analysis)
 
     def margin_evaluation(self, point: int, design: np.ndarray) -> Evaluation:
-        """The cheapest evaluation that tells whether a design meets the margin at a point.
+        """The cheapest evaluation that shows whether a design meets the margin at a point.
 
-        It has sensitivities for today's design, points of the search, and scattered parameters.
+        It has sensitivities for today's design, at active points, and if parameters scatter.
         """
         searched = point in self.state.active_points or np.array_equal(design, self.study.nominal)
         return self.evaluation(point, design, MODES if searched else self.plain)
@@ -110,12 +110,12 @@ class EvaluatedDesigns:
     def finished_modes(
         self, point: int, design: np.ndarray
     ) -> tuple[Evaluation, Mapping[str, Any]] | None:
-        """A design's modes at one of the points, with sensitivities where there are any."""
+        """A design's evaluation and row at a point, with sensitivities if possible; or None."""
         both = (self.evaluation(point, design, analysis) for analysis in (MODES, ROOTS))
         return next(((a, self.rows[a]) for a in both if a in self.rows), None)
 
     def register_design(self, design: np.ndarray, role: str) -> None:
-        """Add a design, with the reason of its first evaluation."""
+        """Add a design, with its role in the search when it was first evaluated."""
         key = design.tobytes()
         self.state.designs.setdefault(key, design)
         self.state.roles.setdefault(key, (role, self.state.round))
@@ -123,10 +123,10 @@ class EvaluatedDesigns:
     def constraints(
         self, design: np.ndarray, points: Iterable[int], analysis: str | None = MODES
     ) -> Constraints | None:
-        """Constraints on a design at some points by rows of an analysis; missing ones are pending.
+        """Constraints on a design at some points by rows of an analysis; missing rows are pending.
 
-        Without an analysis rows of any serve, and nothing becomes pending. None where a row is
-        missing, or its point could not be solved.
+        Without an analysis rows of modes or roots are used, and nothing becomes pending. None where
+        a row is missing, or its point could not be solved.
         """
         excess, slopes, complete = [], [], True
         for p in points:
@@ -155,7 +155,10 @@ class EvaluatedDesigns:
         return Constraints(np.concatenate(excess), np.concatenate(slopes))
 
     def modes_moved_out(self, point: int, row: Row) -> list[Mapping[str, float]]:
-        """Growing modes beside the band, beyond those of today's design there, else anywhere."""
+        """Growing modes outside the band in excess of today's design there (`modes_moved_out`).
+
+        If today's design was not solved at the point, all its solved points count.
+        """
         nominal = self.study.nominal
         points = [point] if self.finished_modes(point, nominal) else range(self.state.n_matrix)
         today = [finished[1] for p in points if (finished := self.finished_modes(p, nominal))]

@@ -1,8 +1,8 @@
-"""A design in time at one operating point: from today's vibrations, and kicked.
+"""Runs in time of a design at one operating point: from today's vibrations, and from kicks.
 
-Complex modes cannot tell that a design which decays from small motions lasts from large ones, and
-what is found of limit cycles may leave out a cycle apart. Each start here is a run: it decays, or
-it does not.
+A design whose small motions decay may vibrate from large ones. Complex modes cannot show that, and
+a search for limit cycles may miss a cycle apart from its curves. So runs are made from several
+starts: each decays, or it does not.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from squealstudy.study.design import DesignPoint
 
 START_VELOCITY_RATIO = 0.02  # start velocity over the sliding speed, in the run of today's design
 KICK_SCALES = (1.0, 0.25)  # sizes of kicks over the reach of [limit_cycles]
-MAX_KICKED_MODES = 4  # modes
-RUN_CACHE_SIZE = 64  # vibrations of today that are kept
+MAX_KICKED_MODES = 4  # most modes along which there are kicks
+RUN_CACHE_SIZE = 64  # vibrations of today's designs that are stored
 TODAY = "today's vibration"
 ELSEWHERE = f"{TODAY} of [parameters]"
 TURN = 2 * np.pi
@@ -38,27 +38,30 @@ TURN = 2 * np.pi
 def runs_in_time(
     point: DesignPoint, today: Mapping[str, DesignPoint], request: CyclesRequest, gaps: NewGaps
 ) -> tuple[WorkingPoint, list[Ended]]:
-    """A design at an operating point, from every start.
+    """Working point of a design at an operating point, and the outcomes of its runs.
 
-    Kicks are along the complex modes of least damping, and along those near the ones that grow in
-    today's design, in the phase of largest velocity.
+    Kicks are along the modes nearest to those that grow or last in today's design, and along the
+    modes of least damping, in the phase of largest velocity.
 
     Parameters
     ----------
     point : DesignPoint
     today : mapping of str -> DesignPoint
-        Today's design there and elsewhere, by what its vibration is called. That of another
-        structure is brought over (`carried`).
+        Today's design at this and another operating point, by the name of its vibration. A
+        vibration of another structure is transferred (`carried`).
+    request : CyclesRequest
+    gaps : NewGaps
 
     Raises
     ------
     ConvergenceError
-        No steady sliding, a mode above the band that grows, or a model too large; ParameterError
-        for a value that cannot be used.
+        No steady sliding, a mode outside the band that grows, or a model too large.
+    ParameterError
+        A value that cannot be used.
     """
     steady, contact = request.contact(point, gaps)
     growing = contact.point.growing
-    if growing.n_outside:  # every run comes to it, whatever is asked about
+    if growing.n_outside:  # every run would come to its vibration
         hz = growing.frequency_outside
         where = "above" if hz > request.band[1] / TURN else "below"
         text = f"a mode {where} the band grows by itself in time, at {hz:.4g} Hz"
@@ -85,10 +88,10 @@ def runs_in_time(
 def _runs(
     contact: ContactOscillator, starts: Sequence[tuple[str, MotionPoint]], request: CyclesRequest
 ) -> list[tuple[Ended, Motion]]:
-    """Outcomes of runs from starts, by their names."""
+    """Outcomes and motions of runs from named starts."""
     names = [name for name, _ in starts]
     motions = run_on(contact, [start for _, start in starts], request.band)
-    # a start whose displacement presses more than can be integrated: its velocity alone
+    # where a start's displacement presses more than can be integrated, its velocity alone is used
     closed = [k for k, m in enumerate(motions) if m.outcome != "ok" and not starts[k][1].continued]
     pushed = [replace(starts[k][1], q0=np.zeros(contact.system.n)) for k in closed]
     for k, motion in zip(
@@ -99,7 +102,7 @@ def _runs(
 
 
 def carried(x: np.ndarray, old: str, new: str, request: CyclesRequest) -> np.ndarray:
-    """Vibrations of one structure as those of another: nearest at the places that correspond.
+    """Transfer vibrations of one structure to another: nearest at the places that correspond.
 
     Parameters
     ----------
@@ -123,7 +126,7 @@ def carried(x: np.ndarray, old: str, new: str, request: CyclesRequest) -> np.nda
 
 @dataclass(frozen=True)
 class _Today:
-    """A design by what its vibrations depend on."""
+    """Today's design, compared by all that its vibrations depend on."""
 
     point: DesignPoint = field(compare=False)
     identity: tuple[object, ...]
@@ -138,16 +141,16 @@ class _Today:
 
 
 class _Vibrations(NamedTuple):
-    near: list[float]  # Hz, of modes that grow or last
-    lasting: list[tuple[str, np.ndarray, np.ndarray]]  # how they began, q, q'
+    near: list[float]  # frequencies [Hz] of modes that grow or last
+    lasting: list[tuple[str, np.ndarray, np.ndarray]]  # how each began, in words; q and q' (n,)
 
 
-@lru_cache(maxsize=RUN_CACHE_SIZE)  # many candidates begin with them
+@lru_cache(maxsize=RUN_CACHE_SIZE)  # runs of many candidates begin with them
 def vibrations(today: _Today, request: CyclesRequest) -> _Vibrations:
-    """Where a small start, or kicks where it decays from that, have led today's design.
+    """Vibrations of today's design after a small start, or after kicks if no mode grows.
 
-    A kick that starts squeal in one design need not in one of a little more damping in which the
-    cycle is still there: only a run from the cycle itself tells whether it is.
+    A kick that starts squeal in one design may not do so in a design of a little more damping that
+    still has the cycle: only a run from the cycle itself shows whether it has.
     """
     _, was = request.contact(today.point, NewGaps())
     growing = was.point.growing
@@ -176,7 +179,7 @@ def _kicks(
     mode_rows += [int(k) for k in inside[np.argsort(zeta[inside], kind="stable")]]
     largest = request.section.reach * abs(contact.point.speed)
     for k in list(dict.fromkeys(mode_rows))[:MAX_KICKED_MODES]:
-        # the phase at which the velocity is largest: the displacement is then small
+        # at this phase the velocity is largest, and the displacement small
         x = psi[:, k] * np.exp(-0.5j * np.angle(np.sum((lam[k] * psi[:, k]) ** 2)))
         q, v = x.real, (lam[k] * x).real
         for share in KICK_SCALES:

@@ -79,7 +79,7 @@ SOURCES = (
     "kinds/transient",
     "cycles",
 )
-MAX_MODES_IN_WARNING = 3  # modes named in a warning
+MAX_MODES_IN_WARNING = 3  # most modes that a warning names
 
 
 class Design(ModelKind):
@@ -106,12 +106,12 @@ class Design(ModelKind):
         return read_study(source, tables)
 
     def plan(self, study: ResolvedStudy) -> DesignPlan:
-        """Today's design; the search asks for others once it is solved."""
+        """Plan of today's design; the search adds others once that is solved."""
         assert isinstance(study, DesignStudy)
         return first_plan(study)
 
     def n_points(self, study: ResolvedStudy) -> int:
-        """Points of the matrix of operation, for today's design."""
+        """Number of operating points, at which today's design is solved."""
         assert isinstance(study, DesignStudy)
         return count_points(study.operation)
 
@@ -129,7 +129,7 @@ class Design(ModelKind):
         return [names, margin, tolerance, cycles, source_hash(SOURCES)]
 
     def table_identity(self, plan: Plan) -> list[Any]:
-        """The variants as they begin: their files count as the study's own."""
+        """Folders and hashes of the variants' studies: their files count as the study's own."""
         return [[folder, other.study_hash] for folder, other in plans(_design_plan(plan)).items()]
 
     def side_studies(self, plan: Plan) -> dict[str, Plan]:
@@ -137,7 +137,7 @@ class Design(ModelKind):
         return dict(plans(_design_plan(plan)))
 
     def check(self, plan: Plan) -> None:
-        """Refuse variables that a basis does not have or that change the mesh; of variants too."""
+        """Refuse variables that a basis does not have or that change the mesh, of variants too."""
         study = _design_plan(plan).design_study
         for number, other in enumerate(plans(_design_plan(plan)).values()):
             try:
@@ -169,7 +169,7 @@ class Design(ModelKind):
             begin_warming()
 
     def warnings(self, plan: Plan) -> list[str]:
-        """Modes that have less damping than the margin without any coupling by friction."""
+        """Warning of modes with less damping than the margin without any coupling by friction."""
         margin = _design_plan(plan).design_study.goal.margin.damping_ratio
         first = plan.tasks[0]
         if not is_prepared(first.structure):
@@ -196,7 +196,7 @@ class Design(ModelKind):
         ]
 
     def extended_plan(self, plan: Plan, store: Store) -> Plan:
-        """The plan with the points that the search needs next; unchanged until all are solved."""
+        """The plan with the points that the search needs next; unchanged if some are unsolved."""
         design_plan = _design_plan(plan)
         while (search := self.search(design_plan, store)) is not None and search.pending:
             design_plan = DesignPlan(
@@ -256,7 +256,7 @@ class Design(ModelKind):
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write points, designs, margins, slopes and the proof; the verdict for the manifest."""
+        """Write the tables of the study; returns that of the points, and facts for the manifest."""
         from squealstudy.kinds.design.tables import build_tables
 
         design_plan = _design_plan(plan)
@@ -265,7 +265,7 @@ class Design(ModelKind):
         return build_tables(design_plan, store, search)
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
-        """The goal."""
+        """The goal and the variants, in words."""
         margin = _design_plan(plan).design_study.goal.margin
         text = f"damping of {100 * margin.damping_ratio:g} % at every operating point"
         if margin.probability is not None:
@@ -275,7 +275,7 @@ class Design(ModelKind):
         return [("goal", text), *(variants if names else [])]
 
     def solves(self, plan: Plan) -> Solves:
-        """Only today's design is asked for so far."""
+        """Solves of the forecast, which counts today's design only."""
         goal = _design_plan(plan).design_study.goal
         return Solves(
             not_in_it=f"up to {goal.designs:,} designs of the search, and the proof of the one "
@@ -283,7 +283,7 @@ class Design(ModelKind):
         )
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
-        """Seconds of one design point, with sensitivities."""
+        """Time of one design point with sensitivities, s; None where it cannot be solved."""
         started = time.perf_counter()
         with threadpool_limits(1):
             row = design_row(
@@ -307,7 +307,7 @@ class DesignTask:
 
 
 def asked_parameters(study: DesignStudy) -> tuple[RequestedParameter, ...]:
-    """Variables, what scatters, and the uniform damping where the model has it."""
+    """Variables, scattered parameters, and the uniform damping ratio if the model has it."""
     by_name = {s.name: s.parameter for s in study.sweeps[study.n_operating :]}
     if DAMPING.name in {p.name for p in study.model.parameters}:
         by_name.setdefault(DAMPING.name, parse_parameter(DAMPING.name, study.model))
@@ -344,7 +344,7 @@ def structural_ranges(study: DesignStudy) -> dict[str, float]:
 
 
 def todays_structures(plan: DesignPlan) -> dict[tuple[float, ...], str]:
-    """Keys of today's structures by their values; none where no variable is of the structure."""
+    """Keys of today's structures by their values; empty where no variable changes the structure."""
     study = plan.design_study
     if not structural_ranges(study):
         return {}

@@ -17,9 +17,9 @@ from squealstudy.kinds.design.study import DesignStudy
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import design_points
 
-# analyses: with sensitivities, without, limit cycles, unreduced, runs
+# analyses: modes with and without sensitivities, limit cycles, the unreduced model, runs in time
 MODES, ROOTS, CYCLES, FULL, IN_TIME = "modes", "roots", "cycles", "full_order", "in_time"
-MAX_STRUCTURES = 1_000_000  # structures: a search may ask for as many
+MAX_STRUCTURES = 1_000_000  # number of structures if variables change it: a search may need many
 
 
 class Evaluation(NamedTuple):
@@ -28,7 +28,8 @@ class Evaluation(NamedTuple):
     Attributes
     ----------
     values : tuple of float
-        Of the operation, the variables and the scattered parameters, as `DesignStudy.sweeps`.
+        Values of the operation, the variables and the scattered parameters, in the order of
+        `DesignStudy.sweeps`.
     analysis : str
         One of MODES to IN_TIME.
     """
@@ -44,8 +45,8 @@ class Evaluation(NamedTuple):
 class AnalysisNames(PlannedNames):
     """Names of design points of different analyses.
 
-    `analyses` (n,) has that of each; points of one analysis have different values. `starts` decides
-    where runs in time start, beside the point itself.
+    `analyses` (n,) has the analysis of each; points of one analysis have different values. `starts`
+    is all that runs in time depend on beside their point.
     """
 
     def __init__(
@@ -81,15 +82,15 @@ class AnalysisNames(PlannedNames):
 
 
 class DesignPlan(Plan):
-    """The design points that have been asked for so far, in their order.
+    """The design points that the search has asked for so far, in order.
 
     Parameters
     ----------
     study : DesignStudy
     evaluations : sequence of Evaluation
-        Each once.
+        The evaluations, each once.
     before : DesignPlan or None
-        An earlier plan of the study, whose rows are read already.
+        An earlier plan of the study, whose rows have been read already.
 
     Attributes
     ----------
@@ -98,7 +99,7 @@ class DesignPlan(Plan):
     files_read : set of str
         Names of the chunk files they are from.
     caches : dict
-        What the kind computes once for all plans of the study, by its name.
+        Results that are computed once for all plans of the study, by name.
     """
 
     def __init__(
@@ -129,7 +130,7 @@ class DesignPlan(Plan):
 
     @cached_property
     def shared_range(self) -> SharedRange | None:
-        """The range over which structures share a basis; it does not depend on the evaluations."""
+        """The range over which structures share a basis, whatever the evaluations are."""
         study = self.design_study
         swept = [*study.sweeps[study.n_operating :]]
         if any(s.parameter.structural for s in swept):
@@ -145,11 +146,11 @@ class DesignPlan(Plan):
 
     @property
     def grid_shape(self) -> None:
-        """No grid: designs are asked for one by one."""
+        """None: the points of a search form no grid."""
         return
 
     def ends(self, name: str) -> tuple[float, float]:
-        """Ends of the study's ranges: bases do not change as designs are added."""
+        """Ends of a parameter's range in the study, so that added designs do not change bases."""
         swept_ends = next(((s.low, s.high) for s in self.study.sweeps if s.name == name), None)
         low, high = swept_ends or (self.study.values[name],) * 2
         return float(low), float(high)
@@ -165,7 +166,7 @@ def today_values(study: DesignStudy) -> dict[str, float]:
 
 
 def nominal_operation(study: DesignStudy) -> dict[str, float]:
-    """Values in [parameters] of the swept operating parameters."""
+    """Values in [parameters] of the swept operating parameters that do not change the structure."""
     swept = (s.parameter for s in study.sweeps[: study.n_operating])
     return {p.name: study.value_of(p) for p in swept if not p.structural}
 

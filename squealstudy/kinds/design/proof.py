@@ -1,6 +1,6 @@
 """The proof of a design: the matrix, points between, full order, limit cycles, runs, scatter.
 
-What a check refutes joins what the next search is asked for.
+A check that fails adds a demand, or an active point, for the next search.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from squealstudy.kinds.design.state import Check, DampingDemand
 from squealstudy.tables.robustness import probability_interval
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, plural
 
-N_POINTS_REFINED = 6  # points of least margin whose neighbourhood is looked at, again and again
-# of a gap of the matrix, in which middles end; round-off
+N_POINTS_REFINED = 6  # points of least margin that get new points beside them, in each pass
+# least part of a gap of the matrix between points; factor for round-off
 GRID_STEP_SUBDIVISIONS, ROUND_OFF_FACTOR = 8, 1.001
-CYCLE_POINTS = 4  # at which limit cycles are looked for, of models that are no brake
-MAX_POINTS_ADDED = 6  # points that become active in the search at once
+CYCLE_POINTS = 4  # operating points for limit cycles by default, if the model is not reduced
+MAX_POINTS_ADDED = 6  # most points that become active in the search at once
 # factor on the damping that a check finds missing, in the next search's demand
 SHORTFALL_FACTOR = 1.1
-LEAST_LACK = 1e-4  # damping ratio
-# factor on the scatter that the search allows for where the proof was missed
+LEAST_LACK = 1e-4  # least missing damping ratio in a demand
+# factor on the scatter that the search allows for, after a proof that failed by scatter
 SCATTER_INCREASE = 1.25
 PROBABILITY_CONFIDENCE = 0.95
-LIMIT_CYCLES = "limit_cycles"  # the check
+LIMIT_CYCLES = "limit_cycles"  # name of the check
 AMPLITUDES = (LIMIT_CYCLES, IN_TIME)  # checks of large motions
 
 
 class Proof:
-    """The checks of designs, to the state of whose evaluations they add.
+    """The checks of designs; outcomes, demands and points are added to the state of the search.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Proof:
         self.designs = designs
 
     def passed(self, design: np.ndarray) -> bool:
-        """Whether a design passes all checks; else what it has shown joins what is asked."""
+        """Whether a design passes all checks; a failed check adds to the demands."""
         steps = (
             self._matrix,
             self._refined,
@@ -70,7 +70,7 @@ class Proof:
         )
 
     def _over(self, kind: str, design: np.ndarray, points: Sequence[int]) -> bool:
-        """Whether a design meets the margin at some points; the others become active."""
+        """Whether a design meets all demands at some points; the worst others become active."""
         evaluations = [self.designs.margin_evaluation(p, design) for p in points]
         rows = self.designs.rows_of(evaluations)
         constraints = [
@@ -94,10 +94,10 @@ class Proof:
         return self._over("matrix", design, range(self.designs.state.n_matrix))
 
     def _refined(self, design: np.ndarray) -> bool:
-        """Middles towards the neighbours of the points of least margin, until none is wide.
+        """Check midpoints between the points of least margin and their neighbours, in passes.
 
-        A mode may grow between two operating points at which it does not: of what is found there
-        the points of least margin have middles again.
+        A mode may grow between two operating points at which it does not. Midpoints with little
+        margin get midpoints of their own in the next pass, until gaps are small.
         """
         state = self.designs.state
         matrix = np.array(state.points[: state.n_matrix]).reshape(state.n_matrix, -1)
@@ -113,7 +113,7 @@ class Proof:
             if not new:
                 return True
             if len(refined):
-                state.checks.pop()  # told of all of them at the end
+                state.checks.pop()  # one check at the end covers all passes
             state.points += new.values()
 
     def _worst(self, design: np.ndarray, count: int) -> list[int]:
@@ -150,7 +150,7 @@ class Proof:
         return good is not False
 
     def _cycles(self, design: np.ndarray) -> bool:
-        """No mode may lack damping at any amplitude."""
+        """Check by limit cycles that no mode lacks damping at any amplitude."""
         by_default = 0 if self.designs.reduced else CYCLE_POINTS
         count = by_default if self.designs.goal.cycles is None else self.designs.goal.cycles
         if not self.designs.has_cycles or not count:
@@ -176,7 +176,7 @@ class Proof:
                 lack = max(missing, LEAST_LACK)
                 beyond = max(
                     lack + min(small_motion_damping, 0.0), LEAST_LACK
-                )  # what small motions lack is known
+                )  # the part that small motions lack is known exactly
                 more = small_motion_damping + lack + (SHORTFALL_FACTOR - 1.0) * beyond
                 self.designs.state.demands.append(DampingDemand(p, more, hz))
                 self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
@@ -200,7 +200,7 @@ class Proof:
         return good
 
     def _in_time(self, design: np.ndarray) -> bool:
-        """All runs decay: from today's vibration, and from kicks."""
+        """Check that all runs decay, from today's vibration and from kicks."""
         designs = self.designs
         if not designs.has_cycles or not designs.goal.in_time:
             return True
@@ -250,7 +250,7 @@ class Proof:
         return float(min(ratios_near, default=row["min_damping_ratio"]))
 
     def _scatter(self, design: np.ndarray) -> bool:
-        """The share of samples that meet the margin at the points of least margin."""
+        """Check the share of samples that meet the margin at the points of least margin."""
         probability = self.designs.goal.margin.probability
         if probability is None:
             return True
@@ -286,7 +286,7 @@ class Proof:
         return passed
 
     def _samples(self, probability: float) -> np.ndarray:
-        """Values (n, k) of what scatters."""
+        """Sampled values (n, k) of the scattered parameters."""
         from scipy.stats import qmc
 
         enough = int(np.ceil(np.log((1 - PROBABILITY_CONFIDENCE) / 2) / np.log(probability)))
@@ -305,8 +305,8 @@ class Proof:
 def midpoints(points: np.ndarray, number: int, matrix: np.ndarray) -> list[np.ndarray]:
     """Points (k,) halfway from one of some points (m, k) to the next value of each parameter.
 
-    None in what is 1 / GRID_STEP_SUBDIVISIONS or less of the gap between values of the matrix
-    (n, k) that it is in.
+    Gaps are not halved if they are 1 / GRID_STEP_SUBDIVISIONS or less of the gap of the matrix
+    (n, k) that they are in.
     """
     middles = []
     coordinates = points[number]

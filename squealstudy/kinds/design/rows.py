@@ -100,10 +100,10 @@ SCHEMA = pa.schema(
         pa.field("beside", structs(BESIDE_FIELDS)),
     ]
 )
-# damping ratio above the margin up to which modes have sensitivities
+# modes with damping ratios up to this much above the margin have sensitivities
 SENSITIVITY_DAMPING_WINDOW = 0.02
-LEAST_MODES, MOST_MODES = 2, 8  # that have them
-# factor on the ends of the band: modes up to there may have been moved out of it
+LEAST_MODES, MOST_MODES = 2, 8  # fewest and most modes with sensitivities
+# factor on the ends of the band, within which modes may have been moved out of the band
 BAND_WIDENING = 1.25
 # "damping ratio" of steady sliding that diverges without oscillation
 DIVERGENCE_DAMPING_RATIO = -1.0
@@ -111,14 +111,14 @@ DIVERGENCE_DAMPING_RATIO = -1.0
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """Request for every design point.
+    """Settings of the analyses, the same for every design point.
 
     Attributes
     ----------
     parameters : tuple of RequestedParameter
-        Variables, what scatters, and the uniform damping.
+        Variables, scattered parameters, and the uniform damping ratio.
     margin : float
-        Damping ratio: modes near it have sensitivities.
+        Damping ratio near which modes have sensitivities.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     band_hz : (low, high)
@@ -131,10 +131,10 @@ class DesignRequest:
     structures : mapping of tuple of float -> str
         Keys of today's structures by their values, where a variable is of the structure.
     operation : mapping of str -> float
-        Values in [parameters] of what is swept and not of the structure.
+        Values in [parameters] of swept parameters that do not change the structure.
     basis : str
-        Key of the basis that structures have in common, empty where there is none: derivatives by
-        structural variables are then those of the assembly on it.
+        Key of the basis that structures share; empty without one. With it derivatives by structural
+        variables are those of the assembly on that basis.
     """
 
     parameters: tuple[RequestedParameter, ...]
@@ -176,7 +176,7 @@ def design_row(
 
 
 def _summary(lam: np.ndarray, tolerance: float) -> dict[str, Any]:
-    """Figures of a point from all roots of its band (m,), rad/s; its least damped mode."""
+    """Cells of a point from all roots (m,) of its band, rad/s, with those of its worst mode."""
     nothing = {"main_component": "", "verdict": "", "reason": "", "missing_damping": np.nan}
     if not len(lam):
         empty = dict.fromkeys(("max_growth_rate", "min_damping_ratio", "frequency_hz"), np.nan)
@@ -194,14 +194,14 @@ def _summary(lam: np.ndarray, tolerance: float) -> dict[str, Any]:
 
 
 def _growing_outside_band(lam: np.ndarray, limit: float) -> list[dict[str, float]]:
-    """Modes outside the band, roots (m,), of less damping than a limit."""
+    """Modes among roots (m,) outside the band whose damping ratio is below a limit."""
     _, hz, zeta = figures(lam)
     low = np.flatnonzero(zeta < limit)
     return [{"frequency_hz": float(hz[k]), "damping_ratio": float(zeta[k])} for k in low]
 
 
 def _judged(lam: np.ndarray) -> np.ndarray:
-    """Which roots (m,) count: those that oscillate, and real ones that grow (damping ratio -1)."""
+    """Mask (m,) of roots that count: those that oscillate, and real ones that grow."""
     return (lam.imag > 0) | (lam.real > 0)
 
 
@@ -258,13 +258,14 @@ def _figures(root: complex) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class _RealModes:
-    """Modes of steady sliding without the coupling by friction: its damping stays.
+    """Real modes of steady sliding without the coupling by friction, but with its damping.
 
     Attributes
     ----------
     hz, zeta : ndarray (n,)
-        zeta = phi^T C phi / (2 omega).
+        Frequencies, and damping ratios phi^T C phi / (2 omega).
     phi : ndarray (n, n)
+        Modes in columns.
     """
 
     hz: np.ndarray
@@ -280,7 +281,7 @@ class _RealModes:
         return cls(omega / (2 * np.pi), zeta, phi)
 
     def pair(self, x: np.ndarray) -> dict[str, float]:
-        """The two real modes that most of a complex mode x (n,) is made of."""
+        """Cells on the two real modes that have the largest shares in a complex mode x (n,)."""
         pair, share, _ = coupled_pair(self.phi, x)
         first, second = sorted(float(self.hz[k]) for k in pair)
         return {
@@ -310,7 +311,7 @@ def uncoupled_modes(
 def _slopes(
     point: DesignPoint, chosen: ChosenModes, request: DesignRequest
 ) -> list[list[dict[str, Any]]]:
-    """Slopes of each chosen mode by every parameter, first order."""
+    """Slope rows of each chosen mode: derivatives by every parameter."""
     requested, top = request.parameters, request.band_hz[1]
     parameters = state_parameters(requested, component_frequencies(chosen.prepared.model))
     modes = point_sensitivities(chosen, parameters, 1e-3, top, reanalysis=False)
@@ -334,7 +335,7 @@ def _slopes(
 
 
 def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
-    """The roots of the unreduced model."""
+    """Cells of a point from the roots of the unreduced model."""
     nothing = np.zeros(0, dtype=complex)
     task = FullOrderTask(point, nothing, request.settings, request.band_hz)
     reference = check_reference(task)
@@ -346,7 +347,10 @@ def _full(point: DesignPoint, request: DesignRequest) -> dict[str, Any]:
 
 
 def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
-    """Whether all runs of a design decay; modes are starts here, unstable those that do not."""
+    """Cells on whether all runs of a design decay.
+
+    ``n_modes`` is the number of runs, ``n_unstable`` the number of those that do not decay.
+    """
     today: dict[str, DesignPoint] = {}
     values = {**point.values, **request.today}
     for name, todays_values in ((TODAY, values), (ELSEWHERE, {**values, **request.operation})):
@@ -373,7 +377,7 @@ def _in_time(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[
 
 
 def _of_cycles(point: DesignPoint, request: DesignRequest, gaps: NewGaps) -> dict[str, Any]:
-    """The verdict on limit cycles; damping that is missing at some amplitude, as a ratio."""
+    """Row with the verdict on limit cycles and the largest damping ratio that is missing."""
     row, *_ = cycles_row(point, request.cycles, gaps)
     if row["status"] != "ok":
         return failed_row(SCHEMA, point.point_id, row["status"], row["message"], row["wall_s"])

@@ -17,16 +17,16 @@ from squealstudy.wording import error_percent, figure, in_digits, plural
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-# frequencies, beyond which logarithms are rounded: pairs are held
+# more frequencies are grouped by rounded logarithms, since all pairs of them are stored
 MAX_EXACT_GROUPING, LOG_FREQUENCY_ROUNDING = 2000, 1e-3
-SAME_MODE = 0.05  # relative: farther apart in frequency, two modes are not the same one
-PER_RANGE, CHANGE_SEPARATOR = 3, "; "  # variables named, between them
+SAME_MODE = 0.05  # largest relative difference of frequencies of the same mode
+PER_RANGE, CHANGE_SEPARATOR = 3, "; "  # most variables that are named, and the text between them
 SMALLEST_POSITIVE = 1e-300
 CHECK_WORDS = {"matrix": "operating points", "refined": "points between", "in_time": "runs in time"}
 
 
 class DesignScreen(KindScreen):
-    """Verdict first."""
+    """Screen that begins with the verdict."""
 
     tables = ("points", "designs", "margins", "slopes", "proof", "variants")
     sure = ("one basis", "error")
@@ -34,7 +34,7 @@ class DesignScreen(KindScreen):
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """The modes of today's design, most squeal first; there is one order and no choice."""
+        """The modes of today's design, those that squeal most first; there is no other order."""
         if where is not None:
             raise ResultsError(f"{results.directory}: a design study has no part to rank")
         return squealing_modes(results).head(top if top is not None else len(results.points))
@@ -57,7 +57,7 @@ class DesignScreen(KindScreen):
         return [*findings, *_checks(results)]
 
     def facts(self, results: ResultTables) -> Rows:
-        """How much was evaluated, and how far the modes of the table may be off."""
+        """How many designs were evaluated, and the errors of the modes."""
         facts, margins = results.fact("design_study"), results.table("margins")
         error = margins["damping_error"].max()
         text = plural(facts["n_designs"], "design")
@@ -78,7 +78,7 @@ class DesignScreen(KindScreen):
 
 
 def _of_reduction(results: ResultTables) -> str:
-    """How far least damping ratios of the reduced model are from those at full order, if it is."""
+    """Text on the difference of least damping ratios between the reduced model and full order."""
     if not results.fact("design_study")["n_reductions"]:
         return ""
     points, by = results.points, [*results.parameters, "design"]
@@ -114,10 +114,10 @@ def squealing_modes(results: ResultTables) -> pd.DataFrame:
         ``name``, ``frequency_low_hz``, ``frequency_high_hz``, ``n_points`` below the margin,
         ``n_unstable``, ``share`` of the operation that was solved, by occurrence,
         ``min_damping_ratio``, ``max_growth_rate``, ``point_id`` of the least damping, the pair of
-        real modes it is made of with their part in it, ``damping_without_friction``, and
-        ``changes``: what each variable does to the damping ratio there over its whole range, first
-        order, largest first; ``growth_by_damping`` there, 1/s: slope by the uniform damping ratio,
-        which destabilises where it is above zero.
+        real modes with the largest shares in the mode and that share, ``damping_without_friction``,
+        ``changes``: the first-order effects of the variables on the damping ratio there over their
+        whole ranges, the three largest; ``growth_by_damping``, 1/s: slope there by the uniform
+        damping ratio, which destabilises if it is above zero.
     """
     facts = results.fact("design_study")
     today = today_rows(results)
@@ -142,7 +142,7 @@ def squealing_modes(results: ResultTables) -> pd.DataFrame:
 
 
 def same_modes(hz: np.ndarray) -> np.ndarray:
-    """Number (n,) of the group of each frequency, of which no two are more than 5 % apart."""
+    """Number (n,) of each frequency's group; no two of a group are more than 5 % apart."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
     if len(hz) < 2:

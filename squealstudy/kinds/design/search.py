@@ -6,9 +6,9 @@ The cost sum c_j |x_j| is split at today's design, x = p - n with p, n >= 0, and
     |x - x_k| <= radius, bounds, t >= 0,
 
 where v_i is damping ratio i less the margin, and s_i are its closed-form slopes. All modes near the
-margin are constraints, not the worst alone: where two cross the step heeds both (minimax in
-epigraph form). The radius shrinks where first order does not hold, as near a coalescence
-(THEORY.md eq. (115)).
+margin are constraints, not only the worst: where two cross the step takes both into account
+(minimax in epigraph form). The radius shrinks where first order does not hold, as near a
+coalescence (THEORY.md eq. (115)).
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FIRST_RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.2, 0.5, 1e-3  # of each variable's range
+FIRST_RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.2, 0.5, 1e-3  # over each variable's range
 MOST_STEPS = 60
 RATIO_ACCEPT, RATIO_EXPAND, RATIO_SHRINK = 0.1, 0.75, 0.25  # real over predicted decrease
 MIN_REL_PREDICTED_DECREASE = 1e-4  # predicted decrease over the total cost at which the search ends
-# nu in costs per damping ratio, in turn where the margin is missed
+# nu over the total cost, per unit of damping ratio; the next is tried where the margin is missed
 PENALTY_WEIGHTS = (2e2, 2e3, 2e4)
-MARGIN_OVERSHOOT = 1e-6  # damping ratio by which steps aim beyond the margin, and
-REL_MARGIN_OVERSHOOT = 1e-3  # overshoot beyond the margin, over the margin
+# steps aim beyond the margin by the sum of a damping ratio and a share of the margin
+MARGIN_OVERSHOOT = 1e-6
+REL_MARGIN_OVERSHOOT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +36,9 @@ class Box:
     Attributes
     ----------
     low, high : ndarray (d,)
-        Bounds, low <= 0 <= high, high - low = 1.
+        Bounds, low <= 0 <= high; high - low = 1, or 0 for a variable that does not move.
     cost : ndarray (d,)
-        Of a change of 1.
+        Cost of a change of 1.
     """
 
     low: np.ndarray
@@ -45,20 +46,20 @@ class Box:
     cost: np.ndarray
 
     def price(self, z: np.ndarray) -> float:
-        """Cost of a change."""
+        """Cost of a change z (d,)."""
         return float(self.cost @ np.abs(z))
 
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """Damping ratios of a design beside the margin, and their slopes.
+    """Damping ratios of a design less those demanded, and their slopes.
 
     Attributes
     ----------
     excess : ndarray (m,)
-        Damping ratios less the margin, modes of all operating points.
+        Damping ratios of the modes at all operating points less the margin or a larger demand.
     slopes : ndarray (m, d)
-        By changes in units of the ranges; 0 where they are not known.
+        Derivatives of the damping ratios by changes in units of the ranges; 0 where not known.
     """
 
     excess: np.ndarray
@@ -76,10 +77,10 @@ Steps = dict[tuple[bytes, ...], tuple[np.ndarray, float]]
 def descend(
     box: Box, start: np.ndarray, margin: float, steps: Steps
 ) -> Generator[np.ndarray, Constraints | None, np.ndarray]:
-    """From one design to a local least cost. Returns the last design.
+    """Descend from one design to a local least cost. Returns the last change (d,).
 
-    Yields designs (d,) and is sent their constraints, or None where one cannot be solved: that
-    step is refused. `steps` keeps solved linear programs for a search that is repeated.
+    Yields changes (d,) and expects to be sent the constraints there, or None where a design cannot
+    be solved: that step is refused. `steps` stores solved linear programs for repeated searches.
     """
     z = start
     current = yield z
@@ -121,7 +122,7 @@ def _merit(box: Box, z: np.ndarray, constraints: Constraints, weight: float, aim
 def _step(
     box: Box, z: np.ndarray, constraints: Constraints, radius: float, weight: float, aim: float
 ) -> tuple[np.ndarray, float]:
-    """The next design (d,) and its merit, first order."""
+    """The next change (d,) and its merit to first order."""
     from scipy.optimize import linprog
 
     d = len(z)
@@ -138,7 +139,7 @@ def _step(
         bounds=[(0.0, None)] * (2 * d + 1),
         method="highs",
     )
-    if solution.x is None:  # nothing moves
+    if solution.x is None:  # the linear program has no solution: stay
         return z, np.inf
     step = np.clip(solution.x[:d] - solution.x[d : 2 * d], low, high)
     return step, float(solution.fun)

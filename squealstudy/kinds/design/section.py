@@ -15,7 +15,7 @@ from squealstudy.study.source import SourceText
 if TYPE_CHECKING:  # it imports models
     from squealstudy.study.added_parts import AddedPart
 
-MOST_COST = 1e100  # sums of weighted costs are still numbers
+MOST_COST = 1e100  # sums of weighted costs are still finite
 
 
 def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
@@ -30,7 +30,7 @@ def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _in(unit: str) -> BeforeValidator:
-    """Number, or number of a text with a unit like the given one."""
+    """Validator that takes a number, or converts a text with a unit like `unit` to a number."""
 
     def number(value: object) -> object:
         return in_unit_of(value, unit) if isinstance(value, str) else value
@@ -59,7 +59,7 @@ class AddedMassSection(Section):
 
     @property
     def parameter(self) -> str:
-        """Name of the parameter that it is."""
+        """Name of the parameter that the mass becomes."""
         return f"added_mass.{_sets_name((self.on,))}"
 
     def part(self, source: SourceText, number: int) -> AddedPart:
@@ -92,7 +92,7 @@ class StiffenerSection(Section):
 
     @property
     def parameter(self) -> str:
-        """Name of the parameter that it is."""
+        """Name of the parameter that the stiffness becomes."""
         return f"stiffener.{_sets_name(self.between)}"
 
     def part(self, source: SourceText, number: int) -> AddedPart:
@@ -149,12 +149,12 @@ class VariableSection(Section):
 
     @property
     def added(self) -> AddedMassSection | StiffenerSection | None:
-        """The part that it adds; None of a parameter."""
+        """The part that it adds; None if it is a parameter."""
         return self.added_mass or self.stiffener
 
     @property
     def key(self) -> str:
-        """The key that says what it is."""
+        """The key of the section that is given: parameter, added_mass or stiffener."""
         return "parameter" if self.parameter else "added_mass" if self.added_mass else "stiffener"
 
     @property

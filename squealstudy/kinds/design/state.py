@@ -15,35 +15,37 @@ from squealstudy.kinds.design.targets import Realisation
 
 Row = Mapping[str, Any]
 Rows = Mapping[Evaluation, Row]
-# all checks passed, with and without a look at large motions; some could not be told
+# outcomes: all checks passed, with checks of large motions or without; some check is open
 MET, MET_LINEAR, UNDECIDED = "met", "met_linear", "undecided"
-# the limit of designs; no design meets the margin; ten rounds; nothing may change
+# the limit of designs was reached; no design meets the margin; no proof succeeded in ten rounds;
+# there is nothing to change
 STOPPED, NONE_FOUND, UNPROVEN, NO_VARIABLES = "stopped", "none_found", "unproven", "no_variables"
 PROVEN = (MET, MET_LINEAR)
-KICK_WINDOW = 0.2  # relative distance of modes whose damping is raised for a kicked one
+KICK_WINDOW = 0.2  # relative distance in frequency of modes that a demand applies to
 MORE_DAMPING = (2.0, 1e-3)  # factor on the damping of modes that last in a run, and least increase
-NEAR_ENOUGH = 0.05  # between damping ratios with which a run lasts, and decays
+NEAR_ENOUGH = 0.05  # relative difference of damping ratios with which a run lasts and decays
 JUST_ABOVE_FACTOR = 1 + 1e-6
 
 
 class RowsPending(Exception):  # noqa: N818 - no error
-    """Ends a pass of the search: design points that it needs are not solved yet."""
+    """Ends a pass of the search where design points that it needs are not solved yet."""
 
 
 @dataclass(frozen=True)
 class DampingDemand:
-    """More damping than the margin that an operating point asks for.
+    """A demand for more damping than the margin at an operating point.
 
     Attributes
     ----------
     point : int
-        Number of the operating point.
+        Index of the operating point.
     damping_ratio : float
+        The damping ratio demanded.
     frequency_hz : float
-        Of modes near it; 0 for all.
+        Frequency of the modes that it applies to, and those near them; 0 for all modes.
     lasts, decays : float
-        Of a demand that runs in time showed: the largest damping ratio with which a vibration
-        lasted, and the least demand that a design met whose runs all decay.
+        In a demand by runs in time: the largest damping ratio with which a vibration lasted, and
+        the least demand that a design met whose runs all decay.
     """
 
     point: int
@@ -58,14 +60,14 @@ class DampingDemand:
         return close | (self.frequency_hz == 0.0)
 
     def increased(self, lasts: float) -> DampingDemand:
-        """After a run that lasts at a damping ratio: halfway to what decays, or a factor more."""
+        """The demand after a run that lasts at a damping ratio: halfway to `decays`, or doubled."""
         decays = self.decays if lasts < self.decays else np.inf
         more = max(MORE_DAMPING[0] * lasts, lasts + MORE_DAMPING[1])
         more = (lasts + decays) / 2 if np.isfinite(decays) else more
         return replace(self, damping_ratio=more, lasts=lasts, decays=decays)
 
     def reduced(self) -> DampingDemand:
-        """After a proof that succeeded with it: halfway to what lasts, until the two are near."""
+        """The demand after a proof that succeeded: halfway to `lasts`, until the two are near."""
         after_proof = replace(self, decays=self.damping_ratio)
         return (
             after_proof
@@ -76,12 +78,12 @@ class DampingDemand:
     @property
     def is_settled(self) -> bool:
         """Whether the bracket of the least demand is narrow, or none is needed."""
-        interval = self.decays - self.lasts  # NaN of what is not of runs
+        interval = self.decays - self.lasts  # NaN for a demand that is not by runs
         return not interval > max(NEAR_ENOUGH * self.decays, MORE_DAMPING[1] / 2)
 
     @property
     def at_proven_level(self) -> DampingDemand:
-        """At the level that is proven: with which runs decay, else just above what lasted."""
+        """The demand at which runs decayed, or else just above that at which one lasted."""
         if not np.isfinite(self.lasts):
             return self
         is_proven = np.isfinite(self.decays)
@@ -104,9 +106,10 @@ class Check:
     passed : bool or None
         None where it cannot be told.
     value : float
-        Least damping ratio; of limit cycles the damping that is missing; of runs in time the share
-        that decays; of scatter that which meets the margin.
+        Least damping ratio; for limit cycles the largest missing damping ratio; for runs in time
+        the share that decays; for scatter the share of samples that meets the margin.
     text : str
+        The outcome in words.
     """
 
     round: int
@@ -125,25 +128,27 @@ class State:
     Attributes
     ----------
     points : list of ndarray (n_operating,)
-        The matrix, then refined points.
+        Operating points: the matrix, then refined points.
     n_matrix : int
+        Number of points of the matrix.
     active_points : list of int
-        Operating points at which the search judges designs.
+        Indices of the operating points at which the search judges designs.
     demands : list of DampingDemand
     safety : float
         Standard deviations of the scatter that the search allows for.
     designs : dict of bytes -> ndarray (d,)
-        Values of all variables, of every design in the order in which it was asked for.
+        Values of all variables of every design, in the order in which they were first needed.
     roles : dict of bytes -> (str, int)
-        Why it was first asked for, in which round.
+        Role of each design when it was first needed, and the round.
     checks : list of Check
     outcome : str
         Empty while rows are pending.
     chosen : ndarray (d,) or None
+        Values of the chosen design.
     realisation : Realisation or None
-        Of targets, where a study has other variables too.
+        Result of the search over targets alone, if the study has other variables too.
     failure : str
-        Why no design is known at all active points; empty where one is.
+        Why no design was solved at all active points; empty where one was.
     """
 
     points: list[np.ndarray]
@@ -170,9 +175,9 @@ class ModeDamping:
     zeta, hz : ndarray (m,)
         Damping ratios; frequencies, Hz.
     scatter : ndarray (m,)
-        Standard deviations of the damping ratios, first order.
+        Standard deviations of the damping ratios, to first order.
     slopes : ndarray (m, d)
-        Of the damping ratios by the variables, in units of their ranges.
+        Derivatives of the damping ratios by the variables, in units of their ranges.
     """
 
     zeta: np.ndarray
@@ -184,7 +189,7 @@ class ModeDamping:
 def mode_damping_of(
     row: Mapping[str, Any], study: DesignStudy, ranges: np.ndarray, sigmas: Mapping[str, float]
 ) -> ModeDamping:
-    """Damping ratios of a row; steady sliding that diverges stands as a mode of 0 Hz."""
+    """Damping of the modes of a row; steady sliding that diverges counts as a mode of 0 Hz."""
     zeta, hz, scatter, slopes = [], [], [], []
     for mode in row["modes"]:
         slope_of = {s["parameter"]: s["d_damping_ratio"] for s in mode["slopes"]}
@@ -209,9 +214,10 @@ def mode_damping_of(
 def modes_moved_out(
     design_row: Row, today: Sequence[Row], band_hz: tuple[float, float]
 ) -> list[Mapping[str, float]]:
-    """Growing modes of a design beside the band, where no row of today's has as many on that side.
+    """Growing modes of a design outside the band in excess of today's design, nearest ones first.
 
-    Those nearest to the band: a change that moves a mode out of the band has not silenced it.
+    On either side of the band the number of growing modes is compared with the largest number in
+    today's rows. A change that moves a mode out of the band has not silenced it.
     """
     moved_out: list[Mapping[str, float]] = []
     if not design_row["beside"]:

@@ -62,7 +62,7 @@ PROOF_FIELDS = (
 def build_tables(
     plan: DesignPlan, store: Store, search: DesignSearch
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Write the six tables; that of the points, and the verdict for the manifest."""
+    """Write the six tables; returns that of the points, and the verdict for the manifest."""
     rows = planned_rows(plan, store, SCHEMA)
     numbers = {key: n for n, key in enumerate(search.state.designs)}
     start = plan.design_study.n_operating
@@ -113,7 +113,7 @@ def build_tables(
 
 
 def _shares(plan: DesignPlan) -> dict[tuple[float, ...], float]:
-    """How often each operating point of the matrix occurs, by its values."""
+    """Occurrence of each operating point of the matrix, by its values."""
     study = plan.design_study
     points = map(tuple, operating_points(study).astype(float).tolist())
     return dict(zip(points, study.occurrence.tolist(), strict=True))
@@ -125,11 +125,10 @@ def _write(store: Store, name: str, rows: Sequence[Mapping[str, Any]], fields: F
 
 
 def design_rows(plan: DesignPlan, search: DesignSearch) -> list[dict[str, Any]]:
-    """A row a design that was evaluated, in the order in which designs were asked for.
+    """One row for each design that was evaluated, in the order in which designs were needed.
 
-    ``margin`` is by how much damping ratios exceed what was asked at the end, least over the
-    operating points at which the design was solved; ``meets_margin`` is missing where these
-    are too few.
+    ``margin`` is the least excess of damping ratios over the final demands, at the operating points
+    at which the design was solved. ``meets_margin`` is missing where these points are too few.
     """
     study, state = plan.design_study, search.state
     chosen = None if state.chosen is None else state.chosen.tobytes()

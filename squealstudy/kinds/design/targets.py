@@ -1,10 +1,10 @@
-"""From targets to what can be built: the changes that do to the modes at the margin what they do.
+"""From targets to what can be built: changes whose effect on modes is nearest to that of targets.
 
-Frequencies and dampings of component modes say what a part should do, not how it is built. Where a
-study has both sorts of variables, targets are searched alone first. The search over what can be
-built then begins at the changes x that are nearest to the best targets t in what they do to the
-roots of today's design near its margin at all active points, first order, within their bounds
-(THEORY.md eq. (115a)).
+Frequencies and dampings of component modes are targets: they say what a part should do, not how it
+is built. Where a study has both sorts of variables, targets are searched alone first. The search
+over what can be built then begins at the changes within bounds whose first-order effect on the
+roots of today's design near its margin, at all active points, is nearest to that of the best
+targets (THEORY.md eq. (115a)).
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from squealstudy.kinds.design.search import Box
 
 @dataclass(frozen=True, eq=False)
 class Realisation:
-    """Outcome of targets alone, and where the search over changes begins.
+    """Result of the search over targets alone, and where the search over changes begins.
 
     Attributes
     ----------
     target : ndarray (d,)
-        Values of all variables, the others as today.
+        Values of all variables with the best targets; other variables are as today.
     enough : bool
-        Whether it meets the margin at the active points.
+        Whether they meet the margin at the active points.
     begun : ndarray (d,)
-        Values of the nearest changes, targets as today.
+        Values of all variables with the nearest changes; targets are as today.
     matched : float
-        Part of what the targets do to the roots that they do, first order: 1 is all of it; NaN
-        where the targets do nothing.
+        Part of the targets' first-order effect on the roots that the changes have: 1 is all of it;
+        NaN where the targets have no effect.
     """
 
     target: np.ndarray
@@ -42,7 +42,7 @@ class Realisation:
 
 
 def part_of(box: Box, is_varied: np.ndarray) -> Box:
-    """The box in which only some of the variables (d,) move."""
+    """The box in which only the variables in a mask (d,) move."""
     return Box(np.where(is_varied, box.low, 0.0), np.where(is_varied, box.high, 0.0), box.cost)
 
 
@@ -58,12 +58,13 @@ def nearest(
     Parameters
     ----------
     rows : iterable of mapping
-        Today's design at the active points.
+        Rows of today's design at the active points.
     names : list of str
-        Of the variables.
+        Names of the variables.
     ranges, target : ndarray (d,)
+        Ranges of the variables, and the target in units of them.
     box : Box
-        Of what can be built.
+        The box in which only what can be built moves.
     """
     from scipy.optimize import lsq_linear
 

@@ -19,7 +19,9 @@ from squealstudy.wording import plural
 
 FOLDER = "variants"
 AS_IN_FILE, FAILED = "as in the file", "failed"
-MOVED_OUT = "moved_out"  # proven in the band, beside which more modes grow than in the file's own
+# outcome of a variant that is proven in the band, but has more growing modes outside it than the
+# file's own design
+MOVED_OUT = "moved_out"
 VARIANT_FIELDS = (
     ("variant", TEXT),
     ("model", TEXT),
@@ -36,7 +38,7 @@ VARIANT_FIELDS = (
     ("folder", TEXT),
     ("text", TEXT),
 )
-OF_FACTS = (  # that the facts of a study have under the same names
+OF_FACTS = (  # columns that are facts of a study under the same names
     "outcome",
     "n_operating_points",
     "n_unstable",
@@ -57,7 +59,7 @@ def plans(plan: DesignPlan) -> dict[str, DesignPlan]:
 
 
 def variant_rows(plan: DesignPlan, store: Store, facts: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The file's own design and every variant, a row each; none where there are no variants."""
+    """One row for the file's own design and for every variant; empty without variants."""
     study = plan.design_study
     if not study.alternatives:
         return []
@@ -118,7 +120,7 @@ def cheapest(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
 
 
 def choice(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Which alternative costs least, in a sentence; empty where there are no variants."""
+    """A sentence on the alternative that costs least; empty without variants."""
     if not rows:
         return ""
     best = cheapest(rows)

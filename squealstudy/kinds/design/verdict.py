@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Solved = tuple[int, Mapping[str, Any]]  # an operating point and its row
-BOUND_REL_TOLERANCE = 1e-6  # distance over the range at which a variable is at its bound
+# distance over the range, below which a variable is at its bound, or not changed
+BOUND_REL_TOLERANCE = 1e-6
 
 
 def unstable_share(search: DesignSearch, ok: Mapping[int, Mapping[str, Any]]) -> float:
@@ -77,7 +78,7 @@ def facts(
 
 
 def _counts_outside_band(search: DesignSearch, design: np.ndarray | None) -> list[int]:
-    """How many modes grow beside the band, at every operating point where a design was solved."""
+    """Number of modes that grow outside the band at each point of the matrix; 0 where unsolved."""
     finished_points = (
         None if design is None else search.finished_modes(p, design)
         for p in range(search.state.n_matrix)
@@ -86,7 +87,7 @@ def _counts_outside_band(search: DesignSearch, design: np.ndarray | None) -> lis
 
 
 def _targets(search: DesignSearch) -> dict[str, Any] | None:
-    """Outcome of targets alone, and the nearest changes; None where they were not searched."""
+    """Facts on the search over targets alone and the nearest changes; None without one."""
     realisation = search.state.realisation
     if realisation is None:
         return None
@@ -100,7 +101,7 @@ def _targets(search: DesignSearch) -> dict[str, Any] | None:
 
 
 def _target_text(search: DesignSearch) -> str:
-    """The targets in words, with a space before them; empty where there are none."""
+    """Sentences on the targets, with a space before them; empty without targets."""
     facts = _targets(search)
     if facts is None:
         return ""
@@ -116,7 +117,7 @@ def _target_text(search: DesignSearch) -> str:
 
 
 def _reductions(plan: DesignPlan) -> dict[str, int]:
-    """How many structures the designs have, and how many reductions those take."""
+    """Number of structures of the designs, and number of reductions for them."""
     if not has_mesh(plan.study):
         return {"n_structures": 0, "n_reductions": 0}
     alone = list(plan.structures.values())
@@ -131,7 +132,7 @@ def _reductions(plan: DesignPlan) -> dict[str, int]:
 
 
 def changed(search: DesignSearch, design: np.ndarray) -> list[dict[str, Any]]:
-    """Every variable that a design changes: from what to what, and whether to its bound."""
+    """Facts on every variable that a design changes: both values, and whether it is at a bound."""
     z, study, ends = search.change(design), search.study, at_bounds(search, design)
     units = {p.name: p.unit for p in study.model.parameters}
     return [
@@ -148,7 +149,7 @@ def changed(search: DesignSearch, design: np.ndarray) -> list[dict[str, Any]]:
 
 
 def at_bounds(search: DesignSearch, design: np.ndarray) -> np.ndarray:
-    """Which variables (d,) of a design are at a bound, those that are as today too."""
+    """Mask (d,) of the variables of a design that are at a bound, changed or not."""
     z = search.change(design)
     is_at_bound: np.ndarray = (
         np.minimum(z - search.whole.low, search.whole.high - z) < BOUND_REL_TOLERANCE
@@ -167,9 +168,9 @@ def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
 
 
 def beyond_validity(points: pd.DataFrame, design: int | None) -> str:
-    """Assumptions that operating points of a design break, in a sentence; empty for none.
+    """A sentence on the assumptions that operating points of a design break; empty for none.
 
-    `points` is the table with its validity; None of design is today's.
+    `points` is the table with its columns of validity; `design` is None for today's design.
     """
     of_design = points[(points["design"] == (design or 0)).to_numpy(bool)]
     outside, solved, rules = validity_counts(of_design)
@@ -194,7 +195,7 @@ def _where(plan: DesignPlan, search: DesignSearch, p: int) -> str:
 
 
 def _solved(search: DesignSearch, design: np.ndarray) -> list[Solved]:
-    """The points at which a design was solved, with their rows."""
+    """Indices and rows of the points at which a design was solved."""
     finished_points = (
         (p, search.finished_modes(p, design)) for p in range(len(search.state.points))
     )
@@ -209,7 +210,7 @@ def least_damped(solved: Sequence[Solved]) -> Solved | None:
 
 
 def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> str:
-    """The mode of least damping of a design, with its place, and what grows beside the band."""
+    """Text on a design's mode of least damping and its point, and on modes that grow outside."""
     solved = _solved(search, design)
 
     def at(p: int) -> str:
@@ -230,7 +231,7 @@ def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> st
 
 
 def _today(search: DesignSearch, band_hz: Sequence[float]) -> str:
-    """How often today's design squeals, by the modes of the band."""
+    """Text on the number of operating points at which today's design has an unstable mode."""
     state, today = search.state, search.study.nominal
     rows = [search.rows[search.evaluation(p, today)] for p in range(state.n_matrix)]
     unstable = sum(r["status"] == "ok" and r["n_unstable"] > 0 for r in rows)
@@ -244,7 +245,7 @@ def _today(search: DesignSearch, band_hz: Sequence[float]) -> str:
 
 
 def _proof(search: DesignSearch) -> str:
-    """The checks of the chosen design that passed, and what could not be told."""
+    """Text on all checks of the chosen design, and on checks that were not made."""
     assert search.state.chosen is not None
     last = {c.kind: c for c in search.state.checks if np.array_equal(c.design, search.state.chosen)}
     words = {
@@ -269,7 +270,7 @@ def _proof(search: DesignSearch) -> str:
 
 
 def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[str, Any]]) -> str:
-    """The verdict."""
+    """The verdict in a few sentences."""
     state, goal = search.state, plan.design_study.goal
     today = _today(search, plan.band_hz)
     assert state.chosen is not None
