@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from conftest import COARSE, NOMINAL, build_model
 from motions import run_one
 from scipy.integrate import solve_ivp
+from shared_kernels import OF_COMPARED_INTEGRATORS, OF_THE_HYBRID_MODEL
 
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laboratory.integrators.alpha_methods import GeneralisedAlpha
@@ -210,8 +211,16 @@ def designs(speed):
     return whole, reference, design, point
 
 
+WAYS = [
+    "modal",
+    pytest.param("alpha", marks=OF_COMPARED_INTEGRATORS),
+    pytest.param("hybrid", marks=OF_THE_HYBRID_MODEL),
+]
+
+
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("speed", [0.5, -0.5])
-def test_motions_against_an_integration_of_the_textbook_equations(speed):
+def test_motions_against_an_integration_of_the_textbook_equations(speed, way):
     """The modal kernels, a batch, an alpha method and the hybrid model."""
     whole, reference, design, point = designs(speed)
     q_steady = by_hand(speed)[0]
@@ -227,12 +236,15 @@ def test_motions_against_an_integration_of_the_textbook_equations(speed):
         np.vstack([reference.system.N, reference.system.T1, reference.system.T2]),
         np.concatenate(ROWS @ v0),
     )[0]
-    for method in (Newmark(), NewmarkNewton(), GeneralisedAlpha(rho_inf=1.0)):
+    alpha = (GeneralisedAlpha(rho_inf=1.0),)
+    for method in {"modal": (Newmark(), NewmarkNewton()), "alpha": alpha}.get(way, ()):
         own = replace(settings, integrator=method)
         run = run_one(reference.system, design, own, np.zeros(4), start)
         assert run.outcome == "ok"
         np.testing.assert_allclose(reference.system.T1 @ run.v, observed, atol=1e-4 * size)
         assert abs(run.energy.relative) < 1e-4
+    if way != "hybrid":
+        return
     model = hybrid_model(whole, point, operating(speed), HybridSettings(1e6, 1e6))
     hybrid = replace(design, c=np.zeros(len(model.omega)), d=None, s=None, growing=GrowingModes())
     q0, w0 = np.zeros(model.n), model.basis.restrict(v0)
@@ -266,8 +278,9 @@ def mixed(stuck):
     return replace(whole, contact=contact, springs=(*whole.springs, layer))
 
 
+@pytest.mark.parametrize("hybrid", [False, pytest.param(True, marks=OF_THE_HYBRID_MODEL)])
 @pytest.mark.parametrize("stuck", [0.0, 1.0])
-def test_frictionless_and_stuck_contact_in_frequency_and_in_time(stuck):
+def test_frictionless_and_stuck_contact_in_frequency_and_in_time(stuck, hybrid):
     state = DesignState(operating(0.5))
     whole = mixed(stuck)
     prepared = prepare(whole, state.operating, EVERYTHING)
@@ -303,9 +316,11 @@ def test_frictionless_and_stuck_contact_in_frequency_and_in_time(stuck):
     assert (run.history["slip"] == 1.0).all()
     np.testing.assert_allclose(run.history["normal_force"], force[0], rtol=1e-2)
     np.testing.assert_allclose(run.history["torque"], 0.06 * mu * force[0], rtol=1e-2)
+    if not hybrid:
+        return
     model = hybrid_model(whole, point, state.operating, HybridSettings(1e6, 1e6))
-    hybrid = replace(design, c=np.zeros(len(model.omega)), d=None, s=None, growing=GrowingModes())
-    other = simulate_hybrid(model, replace(hybrid, q0=np.zeros(4), v0=np.zeros(4)), settings)
+    design = replace(design, c=np.zeros(len(model.omega)), d=None, s=None, growing=GrowingModes())
+    other = simulate_hybrid(model, replace(design, q0=np.zeros(4), v0=np.zeros(4)), settings)
     assert other.outcome == "ok"
     assert (other.history["slip"] == 1.0).all()
 

@@ -15,6 +15,7 @@ from blocks import OPERATING, blocks
 from conftest import CUTOFF, NOMINAL
 from cycle_models import Designs, linear_modes
 from motions import started
+from shared_kernels import OF_THE_HYBRID_MODEL
 from study_runs import solved
 
 from squealstudy.engine.comparison import compare_results
@@ -290,6 +291,7 @@ def test_growth_of_the_hybrid_representation(pressed, number):
     np.testing.assert_allclose(found.real, wanted.real, atol=1e-9 * np.abs(wanted).max())
 
 
+@OF_THE_HYBRID_MODEL
 def test_hybrid_and_modal_kernels_agree_about_another_working_point(pressed):
     """One keeps its own real modes, the other those of the reference, damped between them."""
     _, model, ((operating, point), _) = pressed

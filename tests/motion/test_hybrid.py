@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from blocks import NX, NZ, OPERATING, blocks
 from conftest import CUTOFF, NOMINAL, TOP
 from motions import run_one
+from shared_kernels import OF_THE_HYBRID_MODEL
 
 from squealstudy.errors import ModelError, ParameterError
 from squealstudy.laws import FrictionLaw, contact_law
@@ -173,6 +174,8 @@ def test_modes_of_the_brake_are_exact(brake, brake_hybrid):
     assert model.n < 0.26 * brake.assembly.n_dof  # one layer of cells of few
 
 
+@pytest.mark.as_python
+@OF_THE_HYBRID_MODEL
 def test_the_working_point_stays_at_rest(case):
     model = reduced_case(case, 4e3)
     rest = np.zeros(model.n)
@@ -185,6 +188,7 @@ def test_the_working_point_stays_at_rest(case):
     )
 
 
+@OF_THE_HYBRID_MODEL
 def test_second_order_against_expm(case):
     """Bilateral contact without friction is linear; rayleigh, modal and shape damping act."""
     damped = {("upper", 2): component_modes(case.assembly, 1e9)["upper"]}
@@ -226,6 +230,7 @@ def test_second_order_against_expm(case):
     assert errors[-1] < 0.02
 
 
+@OF_THE_HYBRID_MODEL
 @pytest.mark.parametrize("layers", [0, 2])
 def test_stick_slip_and_lift_off_agree_with_the_modal_kernel(case, layers):
     """The same equations by another kernel: fixed-point iteration on all modes of the model."""
@@ -253,6 +258,7 @@ def test_stick_slip_and_lift_off_agree_with_the_modal_kernel(case, layers):
     assert hybrid.energy.friction == pytest.approx(modal.energy.friction, rel=1e-4)
 
 
+@OF_THE_HYBRID_MODEL
 def test_default_tolerances_are_close(case):
     """What a step does not solve for acts in the next one."""
     model = reduced_case(case, 4e3, damping_hz=3e3)
@@ -268,6 +274,7 @@ def test_default_tolerances_are_close(case):
     assert abs(result.energy.relative) < 1e-3
 
 
+@OF_THE_HYBRID_MODEL
 def test_a_final_state_continues(case):
     model = reduced_case(case, 4e3)
     design = design_of(model, case)
@@ -280,6 +287,8 @@ def test_a_final_state_continues(case):
     np.testing.assert_allclose(second.v, whole.v, atol=1e-3 * np.abs(whole.v).max())
 
 
+@pytest.mark.as_python
+@OF_THE_HYBRID_MODEL
 def test_sensors_and_histories(case):
     model = reduced_case(case, 4e3, damping_hz=3e3)
     design = design_of(model, case)
@@ -303,6 +312,7 @@ def test_sensors_and_histories(case):
     np.testing.assert_allclose(by_modes.history["time"], 2e-5 * np.arange(6))
 
 
+@OF_THE_HYBRID_MODEL
 def test_halving_and_failure_tell_time_and_reason(case):
     model = reduced_case(case, 4e3)
     design = design_of(model, case)
@@ -322,6 +332,8 @@ def test_halving_and_failure_tell_time_and_reason(case):
     assert np.abs(saved.v - fine.v).max() < 0.1 * np.abs(fine.v).max()
 
 
+@pytest.mark.as_python
+@OF_THE_HYBRID_MODEL
 @pytest.mark.parametrize("size", [1e150, 1e300])
 def test_not_a_number_is_never_converged(case, size):
     model = reduced_case(case, 4e3)
@@ -378,6 +390,7 @@ def brake_hybrid(brake, reduced):
     return hybrid_model(brake.assembly, brake.point, NOMINAL, settings, modes=modes), basis.omega
 
 
+@OF_THE_HYBRID_MODEL
 def test_growth_on_the_brake_is_that_of_the_modal_model(brake, reduced, brake_hybrid):
     zeta = 0.005
     state = DesignState(NOMINAL, damping_ratio=zeta)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared_kernels import OF_COMPARED_INTEGRATORS
 
 from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, WRONG
 from squealstudy.laboratory.method_stability.explicit import EXPLICIT
+
+pytestmark = OF_COMPARED_INTEGRATORS
 
 OMEGA = 2 * np.pi * 1e3
 
@@ -38,6 +41,7 @@ def test_a_stuck_point_shortens_the_step(lagged, weight, rate):
     assert EXPLICIT.evaluate(values).predicted == pytest.approx(1.0, rel=1e-3)
 
 
+@pytest.mark.as_python
 def test_growth_in_stick_is_flagged_and_its_factor_that_of_the_recurrence():
     h, c = 3e-5, 1e5
     cell = EXPLICIT.evaluate({"step": h, "stick_rate": c, "lagged": 1.0})
@@ -46,6 +50,7 @@ def test_growth_in_stick_is_flagged_and_its_factor_that_of_the_recurrence():
     assert cell.measured == pytest.approx(np.abs(roots).max(), rel=0.1)
 
 
+@pytest.mark.as_python
 def test_a_run_that_is_gone_within_a_step_has_grown():
     cell = EXPLICIT.evaluate({"step": 1e-3, "stick_rate": 1e6})
     assert cell.outcome in ("failed", "wrong")

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shared_kernels import OF_COMPARED_INTEGRATORS
 
 from squealstudy.laboratory.method_stability.contract import CONVERGED, FAILED, WRONG, checked
 from squealstudy.laboratory.method_stability.impact_energy import (
@@ -123,6 +124,7 @@ def test_exact_free_motion_gains_where_newmark_does_and_says_so():
     assert all(x.flagged for x in beyond if x.outcome in (WRONG, FAILED))
 
 
+@OF_COMPARED_INTEGRATORS
 @pytest.mark.parametrize("number", [1.0, 2.5, 5.0])
 def test_the_discrete_gradient_gains_nothing(number):
     cells = [IMPACT_ENERGY.evaluate({**at(number, s), "gradient": 1.0}) for s in PHASES]
