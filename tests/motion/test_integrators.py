@@ -134,6 +134,20 @@ def test_order_with_contact_and_friction(smooth, name, options, order):
     assert found == pytest.approx(order, abs=0.12)
 
 
+@pytest.mark.parametrize("name", by_integrator(FIXED, short=True))
+def test_work_and_energy_balance(smooth, name):
+    """Of friction, damping, loads and the belt, closer as steps are shorter."""
+    system, design, start, _ = smooth
+    off = []
+    for count in (200, 400):
+        settings = MotionSettings(0.1, 0.1 / count, 0, **SHARP)
+        energy = run(name, system, design, settings, start[:2], start[2:]).energy
+        assert abs(energy.friction) > 0.1 * energy.stored_start
+        off.append(abs(energy.relative))
+    assert off[1] < 0.01
+    assert off[1] < 0.6 * off[0] + 1e-9
+
+
 @pytest.mark.parametrize("name", SOLVERS)
 def test_adaptive_solvers_follow_their_tolerance(smooth, name):
     system, design, start, end = smooth
