@@ -161,12 +161,16 @@ KEYS += "\nneighbours = false\nundecided_in_time = false\nharmonics = 3"
 TEXT = study([0.06, 0.5], swept=SWEPT, own=("tolerance = 1e-3", KEYS))
 
 
+OF_A_STUDY = pytest.mark.full_size("borders of a study")  # by default: test_verdict_map
+
+
 @pytest.fixture(scope="module")
 def bordered(tmp_path_factory):
     directory = tmp_path_factory.mktemp("borders") / "kicked_squeal"
     return solved(plan_of(TEXT, STUDY), directory)
 
 
+@OF_A_STUDY
 def test_borders_agree_with_the_lines_of_the_grid(bordered):
     borders, branches = bordered.table("borders"), bordered.table("branches")
     assert set(borders["along"]) == {"friction"}
@@ -200,6 +204,7 @@ def test_borders_agree_with_the_lines_of_the_grid(bordered):
     assert bordered.manifest["continued"]["lost"] == []
 
 
+@OF_A_STUDY
 def test_hopf_borders_are_where_complex_modes_turn_unstable(bordered):
     for row in bordered.table("borders").query("event == 'H'").to_dict("records"):
         values = {"friction": row["value"], "contact.cubic_stiffness": row["over_value"]}
@@ -208,6 +213,7 @@ def test_hopf_borders_are_where_complex_modes_turn_unstable(bordered):
         assert abs(growth) < 2e-4 * 1400  # stability_tolerance, and 1e-9 of the range
 
 
+@OF_A_STUDY
 def test_a_map_has_borders_as_lines(bordered):
     figure = bordered.plot.verdict_map()
     table = bordered.table("borders")
@@ -222,6 +228,7 @@ def test_a_map_has_borders_as_lines(bordered):
     assert set(lines) < {t.get_text() for t in figure.legends[0].texts}
 
 
+@OF_A_STUDY
 def test_folds_of_large_models_are_not_continued(bordered, monkeypatch):
     monkeypatch.setattr(bordering, "MAX_UNPROJECTED_COORDINATES", 1)
     plan = plan_of(TEXT, STUDY)

@@ -66,6 +66,7 @@ def test_a_run_without_damping_does_not_last_by_itself(undamped):
     assert np.isnan(run.torque_rms)
 
 
+@pytest.mark.full_size  # by default what is undamped is neutral: above and below
 def test_the_study_to_start_from_has_damping(tmp_path):
     """As written it is silent, then squeals; without damping silent designs are neutral."""
     text = study_text("start", "limit_cycles", "hoffmann").replace("num = 4", "num = 2")

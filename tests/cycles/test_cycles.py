@@ -490,7 +490,8 @@ def test_sticking_and_opening_are_counted():
     assert found["contact_velocity"] == pytest.approx(2 * speed, rel=1e-6)
 
 
-@pytest.mark.parametrize("friction", [0.398974, pytest.param(0.42, marks=pytest.mark.full_size)])
+@pytest.mark.full_size  # by default of any number of harmonics: test_branches.py, and below
+@pytest.mark.parametrize("friction", [0.398974, 0.42])
 def test_multipliers_of_few_harmonics_are_within_their_errors(friction):
     """Friction that ends where the contact pulls has corners; 60 harmonics judge, and a run."""
     laws = {"contact_law": "cubic", "contact.cubic_stiffness": 5e17}

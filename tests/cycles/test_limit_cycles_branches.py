@@ -206,6 +206,7 @@ def test_verdict_map(tmp_path):
     border = found.table("borders")
     (own,) = border[border["line_difference"].notna().to_numpy(bool)].to_dict("records")
     assert own["value"] == pytest.approx(0.797, abs=1e-3)
+    assert abs(own["line_difference"]) < 1e-9
     facts = SCREEN.facts(found)
     branches = [text for name, text in facts if name == "branch"]
     assert any("along friction at contact.cubic_stiffness = -5.4e+17 Pa/m3:" in t for t in branches)

@@ -81,7 +81,7 @@ DESIGNS = {
 }
 
 
-LONG = ("friction of a contact that pulls", "sliding that turns for a moment")
+LONG = ("friction of a contact that pulls", "sliding that turns for a moment", "slow harmonics")
 
 
 @pytest.mark.parametrize(
@@ -126,6 +126,7 @@ def shifted(motion, phase):
     return replace(motion, Q=np.vstack([motion.Q[:1], turned, beside]))
 
 
+@pytest.mark.full_size  # by default peaks of cycles are within their errors: above
 def test_a_peak_of_velocity_between_samples_is_within_its_error():
     """The phase is free, and with it where samples fall: at some, half of one beside the peak."""
     laws = {"contact_law": "cubic", "contact.cubic_stiffness": 5e17}

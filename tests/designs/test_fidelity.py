@@ -290,6 +290,7 @@ def test_a_failed_audit_leads_to_better_settings(tmp_path, monkeypatch):
     assert "the audit found an error of 5.0e-01" in said[0]
 
 
+@pytest.mark.full_size  # by default better settings follow an audit that fails: above
 def test_a_tolerance_missed_to_the_end_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(fidelity_run, "audit", lambda *_: Audit(0.9, (0,), "x"))
     said = []

@@ -65,7 +65,7 @@ def test_van_der_pol_integrated_independently():
     def motion(_, x):
         return [x[1], (2 * a - x[0] ** 2) * x[1] - w**2 * x[0]]
 
-    x = solve_ivp(motion, (0, time[-1]), [0.02, 0.0], t_eval=time, rtol=1e-9, atol=1e-9).y
+    x = solve_ivp(motion, (0, time[-1]), [0.02, 0.0], "DOP853", time, rtol=1e-9, atol=1e-9).y
     lam = a + 1j * np.sqrt(w**2 - a**2)
     fit = fit_growth(time, x[1] - lam.conjugate() * x[0])  # left vector of the linear part
     assert fit.growth_rate == pytest.approx(a, rel=3e-3)

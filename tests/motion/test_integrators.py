@@ -281,7 +281,7 @@ def impacts(kind, modes, x, steps):
     w2 = np.array([1e4, 9e4, 4e5, 1e6, 3e6])[:modes]
     N = np.array([1.0, 0.5, -0.7, 0.3, 0.2])[:modes]
     h = x / (peak * la.norm(N))
-    settings = MotionSettings(steps * h, h, max(1, steps // 10_000), max_iterations=100)
+    settings = MotionSettings(steps * h, h, steps // 200, max_iterations=100)
     return *ball(law, w2, N), settings
 
 
