@@ -10,6 +10,8 @@ from functools import lru_cache
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
+from squealstudy.shown_units import MAX_PREFIXED, as_written, prefixed
+
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
@@ -48,10 +50,6 @@ CLASS_LETTERS[FAILED] = "x"
 LEAST_DIGITS = 3
 MOST_RANGES = 6  # of a parameter in one sentence
 UNKNOWN = "-"  # in place of a number that is not known
-
-PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
-PREFIXED = ("Pa", "N")  # units that take a prefix
-MAX_PREFIXED = 1e6  # of a number before one: 5.4e17 Pa/m3 is no 5.4e8 GPa/m3
 
 TORQUE = "torque"  # key of the units of a study: of its columns torque_*, N m or N
 TORQUE_COLUMN = re.compile(
@@ -250,14 +248,6 @@ def _unit_by_name(column: str) -> str | None:
     return next((unit for names, unit in UNITS if re.fullmatch(names, column)), None)
 
 
-def prefixed(unit: str, largest: float) -> tuple[str, float]:
-    """Unit in which values up to `largest` are shown, and the factor from SI to it."""
-    prefixes = PREFIXES if unit.startswith(PREFIXED) else PREFIXES[2:] if unit == "m" else ()
-    fitting = ((p, f) for p, f in prefixes if 1.0 <= largest * f < MAX_PREFIXED)
-    prefix, factor = next(fitting, ("", 1.0))
-    return prefix + unit, factor
-
-
 def amount(value: float, unit: str, largest: float | None = None, digits: int = 4) -> str:
     """A value with its unit, as in ``1.2 MPa``; the prefix is that of the largest of several."""
     shown, factor = prefixed(unit, abs(value) if largest is None else largest)
@@ -270,7 +260,8 @@ def amount(value: float, unit: str, largest: float | None = None, digits: int = 
 def knots_text(knots_between: Mapping[str, Sequence[float]], units: Mapping[str, str]) -> str:
     """Where tables bend between design points; empty where they do at none."""
     texts = [
-        f"{name} {listed([f'{knot:g}' for knot in knots])} {units.get(name, '')}".rstrip()
+        f"{name} {listed([in_column(k, units.get(name, '')) for k in knots])}"
+        f" {as_written(units.get(name, ''))[0]}".rstrip()
         for name, knots in knots_between.items()
     ]
     text = (
@@ -290,8 +281,13 @@ def setting(name: str, value: float, unit: str, largest: float | None = None) ->
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:
-    """A name with its unit, as titles of columns have it."""
-    return f"{name} {units[name]}" if units.get(name) else name
+    """A name with its unit, as titles of columns have it above numbers of `in_column`."""
+    return f"{name} {as_written(units.get(name, ''))[0]}".rstrip()
+
+
+def in_column(value: float, unit: str) -> str:
+    """A number of a column whose title has its unit."""
+    return f"{value * as_written(unit)[1]:.6g}"
 
 
 def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str]) -> str:

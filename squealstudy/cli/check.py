@@ -18,6 +18,7 @@ from squealstudy.engine.key_tables import key_tables
 from squealstudy.engine.kind import as_kind
 from squealstudy.engine.manifest import check_owner, outdated
 from squealstudy.engine.model_kind import as_model_kind
+from squealstudy.engine.parameter_units import units_of_study
 from squealstudy.engine.plan import Plan, has_mesh
 from squealstudy.engine.schema import schema_of
 from squealstudy.engine.store import Store
@@ -312,7 +313,9 @@ def _constant(study: ResolvedStudy) -> Rows:
     constant = study.constant
     operating = [p for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING) if p.name in study.values]
     set_there = [parse_parameter(name, study.model) for name in study.definition.parameters]
-    units = {p.name: p.unit for p in (*operating, *set_there) if p.name in constant}
+    shown = units_of_study(study)
+    there = [p for p in (*operating, *set_there) if p.name in constant]
+    units = {p.name: shown.get(p.name, p.unit) for p in there}
     texts = [setting(name, constant[name], unit) for name, unit in units.items()]
     for option, laws in ((CONTACT_OPTION, CONTACT_LAWS), (FRICTION_OPTION, FRICTION_CURVES)):
         if option.name in study.options:
@@ -322,10 +325,7 @@ def _constant(study: ResolvedStudy) -> Rows:
             texts.append(f"{option.name} = {law.name}{switched_off}")
     rows = [("  constant", ", ".join(texts))] if texts else []
     rows += [("  follows", _followed(table)) for table in study.model.tables]
-    knots = knots_text(
-        knots_between(study.model.tables, study.sweeps),
-        {p.name: p.unit for p in study.model.parameters},
-    )
+    knots = knots_text(knots_between(study.model.tables, study.sweeps), shown)
     rows += [("  knots", knots)] if knots else []
     if isinstance(study.model, FileDefinition):
         from squealstudy.study.preparations import preparations  # meshes are slow to load
@@ -366,7 +366,8 @@ def _range(study: ResolvedStudy, sweep: Sweep) -> str:
     scatter = "random" if drawn else "searched"  # the variables of a design study
     scatter = scatter if sweep.distribution is None else sweep.distribution.text
     count = plural(len(values), "value") if values else scatter
-    unit, largest = sweep.parameter.unit, max(abs(sweep.low), abs(sweep.high))
+    unit = units_of_study(study).get(sweep.name, sweep.parameter.unit)
+    largest = max(abs(sweep.low), abs(sweep.high))
     low, high = (amount(v, unit, largest, digits=6) for v in (sweep.low, sweep.high))
     if sweep.low == sweep.high:
         return f"{low}, {count}"

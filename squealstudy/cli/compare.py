@@ -16,6 +16,7 @@ from squealstudy.tables.mode_ranking import group_kind
 from squealstudy.wording import (
     SUSTAINED,
     figure,
+    in_column,
     motion_frequency,
     named_tracks,
     plural,
@@ -37,12 +38,14 @@ def comparison(
     if not len(table):
         return [summary(table)]
     varied = [n for n in table.attrs["parameters"] if len(table[n].unique()) > 1]
+    units = table.attrs["units"]
     shown = grid(
-        *(f"value:{with_unit(name, table.attrs['units'])}" for name in varied),
+        *(f"value:{with_unit(name, units)}" for name in varied),
         *TITLES,
         "text:in time",  # it gives way first: figures are never cut
         rows=(
-            [*(f"{row[n]:.6g}" for n in varied), *_cells(row)] for row in table.to_dict("records")
+            [*(in_column(row[n], units[n]) for n in varied), *_cells(row)]
+            for row in table.to_dict("records")
         ),
     )
     legend = notes(
@@ -58,17 +61,18 @@ def comparison(
 def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
     """The table of `Results.compare` of limit cycles, one line a design, and a summary."""
     varied = [n for n in table.attrs["parameters"] if len(table[n].unique()) > 1]
-    unit = table.attrs["units"].get("torque_rms", "N m")
+    units = table.attrs["units"]
+    unit = units.get("torque_rms", "N m")
     columns = (f"RMS {unit}", "in time", "dev %", "Hz", "in time Hz", "dev %", "kick m/s")
     shown = grid(
-        *(f"value:{with_unit(name, table.attrs['units'])}" for name in varied),
+        *(f"value:{with_unit(name, units)}" for name in varied),
         "word:verdict",
         "word:in time",
         *(f"value:{title}" for title in columns),
         "word:bistable",
         "word:",
         rows=(
-            [*(f"{row[n]:.6g}" for n in varied), *_cycle_cells(row)]
+            [*(in_column(row[n], units[n]) for n in varied), *_cycle_cells(row)]
             for row in table.to_dict("records")
         ),
     )

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from squealstudy.errors import ResultsError
+from squealstudy.shown_units import as_written
 from squealstudy.wording import by_ranges, plural, with_unit
 
 if TYPE_CHECKING:
@@ -128,8 +129,8 @@ class KindScreen:
             return []
         first, second = varied
         names = with_unit(first, units), with_unit(second, units)
-        values = points[first].tolist(), points[second].tolist()
-        return letter_map(names, values, words, letters)
+        x, y = ((points[n] * as_written(units.get(n, ""))[1]).tolist() for n in varied)
+        return letter_map(names, (x, y), words, letters)
 
     def next_steps(self, results: ResultTables) -> Rows:
         """Next steps after these findings, each with its command or key."""

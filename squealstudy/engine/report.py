@@ -29,6 +29,7 @@ from squealstudy.models.matrices.files import READERS
 from squealstudy.screen import as_text
 from squealstudy.shapes.page import page as shape_page
 from squealstudy.shapes.picture import draw, sources, title
+from squealstudy.shown_units import as_written
 from squealstudy.study.units import TEMPERATURE
 from squealstudy.tables.validity import outside_validity, said_first
 from squealstudy.wording import duration, failure_counts, plural
@@ -233,14 +234,18 @@ def _tables(results: Results) -> Iterator[str]:
         more = f", the first {MOST_ROWS}: only they are sorted" if len(table) > MOST_ROWS else ""
         count = f"{plural(len(table), 'row')}{more}"
         yield f"<details><summary>{escape(name)} ({count}, {escape(name)}.parquet)</summary>"
-        cells = [[escape(_cell(v)) for v in row] for row in shown.itertuples(index=False)]
         units = table.attrs.get("units", {})
+        factors = [as_written(units.get(str(c), ""))[1] for c in shown.columns]
+        cells = [
+            [escape(_cell(v if f == 1.0 else v * f)) for v, f in zip(row, factors, strict=True)]
+            for row in shown.itertuples(index=False)
+        ]
         yield _html_table([_titled(str(c), units) for c in shown.columns], cells)
         yield "</details>"
 
 
 def _titled(name: str, units: Mapping[str, str]) -> str:
-    unit = units.get(name, "")
+    unit, _ = as_written(units.get(name, ""))
     return f"{name} [{unit}]" if unit else name
 
 

@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from squealstudy.engine.column_types import misfit
 from squealstudy.engine.named_tables import NamedTables
+from squealstudy.engine.parameter_units import parameter_units
 from squealstudy.engine.result_frame import ResultFrame
 from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.store import Store, column_units
@@ -305,8 +306,11 @@ class ResultTables(NamedTables):
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of parameters, and under ``torque`` that of the columns ``torque_*``."""
-        return dict(self.manifest.get("units", {}))
+        """Units of parameters in the tables, and under ``torque`` that of ``torque_*``.
+
+        Screens and pictures show a parameter in the unit in which the study file gives it.
+        """
+        return parameter_units(self.manifest)
 
     @property
     def parameters(self) -> list[str]:

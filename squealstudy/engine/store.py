@@ -24,6 +24,7 @@ from squealstudy.columns import column_of
 from squealstudy.engine.journal import DAMAGED, JOURNAL, UNFINISHED, Journal, Owner, refused_names
 from squealstudy.engine.keys import ID_TYPE, content_hash
 from squealstudy.engine.manifest_file import read_manifest
+from squealstudy.engine.parameter_units import parameter_units
 from squealstudy.engine.result_names import (
     CHUNKS,
     HISTORIES,
@@ -78,10 +79,10 @@ def column_units(
 
     `table` is the file of the table, where it is one of the results.
     """
-    parameter_units = dict(manifest.get("units", {}))
-    along = parameter_units.get(onset_parameter(manifest.get("sweeps", [])) or "", "")
+    of_parameters = parameter_units(manifest)
+    along = of_parameters.get(onset_parameter(manifest.get("sweeps", [])) or "", "")
     units = units_of(
-        columns, {**parameter_units, **OWN_UNITS.get(table.removesuffix(".parquet"), {})}
+        columns, {**of_parameters, **OWN_UNITS.get(table.removesuffix(".parquet"), {})}
     )
     return {name: along if unit == OF_THE_ONSET else unit for name, unit in units.items()}
 

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.explore.packed import packed_exact, packed_single, packed_whole, packed_words
+from squealstudy.shown_units import prefixed
 from squealstudy.study.toml_text import toml_text
-from squealstudy.wording import prefixed
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results

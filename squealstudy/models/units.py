@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.parameter_names import StudyParameter
+from squealstudy.shown_units import UnitAsWritten
 from squealstudy.wording import did_you_mean, shown
 
 if TYPE_CHECKING:
@@ -167,6 +169,25 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
         return float(in_si / target.size)
     except OverflowError:
         raise ValueError(f"{expectation}: got {shown(text)}, a number too large") from None
+
+
+def _unit_of(text: str) -> str:
+    match = QUANTITY.fullmatch(text)
+    return match["unit"] if match else ""
+
+
+def unit_as_written(texts: Sequence[str], unit: str) -> str:
+    """`unit` of a parameter, with the one in which texts such as ``12 bar`` give its values.
+
+    The first text decides. Pure numbers and temperatures are shown as tables have them.
+    """
+    try:
+        target, written = Unit.named(unit), Unit.named(_unit_of(texts[0]))
+    except KeyError:
+        return unit
+    if written.powers != target.powers or target.powers in (PURE, KELVIN):
+        return unit
+    return UnitAsWritten(unit, written.name, float(written.size / target.size))
 
 
 def with_bare_unit(value: Any, parameter: Parameter) -> Any:

@@ -18,7 +18,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 
 from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import NOTHING_TO_SEE
-from squealstudy.wording import in_digits, name_where_fastest, prefixed, track_number
+from squealstudy.shown_units import prefixed
+from squealstudy.wording import in_digits, name_where_fastest, track_number
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]

@@ -82,6 +82,13 @@ def with_numbers(
     return with_numbers_only
 
 
+def quantities(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Values with units in a study file's tables, each behind the name of its parameter."""
+    for _, name, written in _texts(tables):
+        if isinstance(written, str):
+            yield name, written
+
+
 def _parameter(name: str, model: ModelDefinition) -> StudyParameter:
     """The parameter of a name, also of a mass that the study adds; raises ParameterError."""
     try:

@@ -20,6 +20,7 @@ from squealstudy.kinds.complex_modes.onset_words import (
     other_frequency,
 )
 from squealstudy.screen import grid, notes
+from squealstudy.shown_units import prefixed
 from squealstudy.tables.mode_ranking import (
     frequency_text,
     group_kind,
@@ -27,7 +28,7 @@ from squealstudy.tables.mode_ranking import (
     rank_modes,
 )
 from squealstudy.tables.stability import BELOW_RANGE, INEXACT
-from squealstudy.wording import amount, in_digits, plural, prefixed, track_number
+from squealstudy.wording import amount, in_digits, plural, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables

@@ -15,7 +15,7 @@ from squealstudy.kinds.complex_modes.design_lines import GRID, MOST_DESIGNS
 from squealstudy.screen import grid, notes
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.stability import CROSSING, FIRST_SEEN, INEXACT, INTO, REFINED_ONSETS
-from squealstudy.wording import amount, with_unit
+from squealstudy.wording import amount, in_column, with_unit
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
@@ -52,7 +52,7 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
         f"value:{with_unit(down, units)}",
         *(f"value:{_title(column, others, units, along)}" for column in table.columns),
         rows=(
-            [f"{number:.6g}", *row]
+            [in_column(number, units.get(down, "")), *row]
             for number, row in zip(table.index, table.to_numpy(), strict=True)
         ),
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from squealstudy.engine.parameter_units import units_of_study
 from squealstudy.engine.plan import has_mesh
 from squealstudy.engine.reduced import shared_facts
 from squealstudy.kinds.design.design_search import DesignSearch
@@ -134,7 +135,7 @@ def _reductions(plan: DesignPlan) -> dict[str, int]:
 def changed(search: DesignSearch, design: np.ndarray) -> list[dict[str, Any]]:
     """Facts on every variable that a design changes: both values, and whether it is at a bound."""
     z, study, ends = search.change(design), search.study, at_bounds(search, design)
-    units = {p.name: p.unit for p in study.model.parameters}
+    units = units_of_study(study)
     return [
         {
             "parameter": v.name,

@@ -34,6 +34,7 @@ from squealstudy.wording import (
     band_text,
     error_percent,
     figure,
+    in_column,
     in_digits,
     motion_frequency,
     plural,
@@ -88,7 +89,7 @@ class LimitCyclesScreen(KindScreen):
         """A line a design point."""
         points, units = results.points, results.units
         varied = [p for p in results.parameters if len(set(points[p])) > 1]
-        shown_parameters = varied if len(varied) <= MOST_COLUMNS else []
+        shown_units = {p: units.get(p, "") for p in varied if len(varied) <= MOST_COLUMNS}
         listed = points.head(MOST_POINTS)
         unit = units.get(TORQUE, "N m")
         force = "force of friction" if unit == "N" else "torque"
@@ -106,12 +107,12 @@ class LimitCyclesScreen(KindScreen):
         reasons = merged_reasons(reasons_listed)
         why = footnotes([reasons[reason] for reason in reasons_listed])
         shown = grid(
-            *(f"value:{with_unit(p, units)}" for p in shown_parameters),
+            *(f"value:{with_unit(p, units)}" for p in shown_units),
             "word:verdict",
             *(f"value:{title}" for title in columns),
             "text:because",
             rows=(
-                [*_cells(row, shown_parameters, kicks), why[reasons[_reason(row)]]]
+                [*_cells(row, shown_units, kicks), why[reasons[_reason(row)]]]
                 for row in listed.to_dict("records")
             ),
         )
@@ -379,8 +380,8 @@ def footnotes(reasons: list[str]) -> dict[str, str]:
     )
 
 
-def _cells(row: dict[Hashable, Any], parameters: list[str], kicks: bool) -> list[str]:
-    design_cells = [f"{row[p]:.6g}" for p in parameters]
+def _cells(row: dict[Hashable, Any], units: Mapping[str, str], kicks: bool) -> list[str]:
+    design_cells = [in_column(row[p], unit) for p, unit in units.items()]
     if row["status"] != "ok":
         return [*design_cells, f"failed: {row['status']}", *[""] * (6 if kicks else 4)]
     hz = motion_frequency(row["frequency_hz"], row.get("torque_line_hz", math.nan), 1)

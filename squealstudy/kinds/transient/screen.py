@@ -24,6 +24,7 @@ from squealstudy.wording import (
     UNDECIDED,
     error_percent,
     figure,
+    in_column,
     in_digits,
     moment,
     motion_frequency,
@@ -178,7 +179,7 @@ def points(
     columns = ["growth 1/s", "forecast", f"{what} {unit}", "RMS", "+- %", "Hz", "most energy"]
 
     def cells(number: int, row: dict[Hashable, Any]) -> list[str]:
-        design_cells = [f"{row[p]:.6g}" for p in shown_parameters] or (
+        design_cells = [in_column(row[p], units.get(p, "")) for p in shown_parameters] or (
             [str(number)] if varied else []
         )
         return [*design_cells, *_findings(row)[: N_FINDING_COLUMNS - (not transfers)]]
