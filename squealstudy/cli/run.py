@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
+from squealstudy.engine.pictures import plots
 from squealstudy.screen import Rows, facts, heading
 from squealstudy.tables.validity import outside_validity
 from squealstudy.wording import failure_counts, plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
+
+MOST_OF_A_PLOT = 3  # pictures of one plot that are named
 
 
 def blocks(results: Results, drawn: list[Path], verbose: bool = False) -> list[RenderableType]:
@@ -22,7 +25,7 @@ def blocks(results: Results, drawn: list[Path], verbose: bool = False) -> list[R
     rows_by_block = _by_block(results)
     files = [("tables", _files_text(results.directory, [f"{n}.parquet" for n in results.tables]))]
     if drawn:
-        files.append(("pictures", _files_text(results.directory, [path.name for path in drawn])))
+        files.append(("pictures", _files_text(results.directory, _by_plot(drawn))))
     solved, total = results.solved or 0, manifest["n_points"]
     time = f"{manifest['timings']['total_s']:.1f} s{_of_run(solved, total)}"
     done = [("time", time), *rows_by_block[""]]
@@ -86,6 +89,19 @@ def _of_run(solved: int, total: int) -> str:
 
 def _files_text(directory: Path, names: list[str]) -> str:
     return f"in {directory}: {', '.join(names)}"
+
+
+def _by_plot(drawn: list[Path]) -> list[str]:
+    """Names of pictures; many of one plot, as of each run, as ``spectrogram_*.png (9)``."""
+    by_plot: dict[str, list[str]] = {}
+    for path in drawn:
+        fitting = [name for name in plots() if path.name.startswith(name)]
+        by_plot.setdefault(max(fitting, key=len, default=path.stem), []).append(path.name)
+    return [
+        text
+        for plot, names in by_plot.items()
+        for text in (names if len(names) <= MOST_OF_A_PLOT else [f"{plot}_*.png ({len(names)})"])
+    ]
 
 
 def outside(results: Results, head: str = "") -> list[str]:

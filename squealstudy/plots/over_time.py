@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import Choices
+from squealstudy.plots.style import quantity
 from squealstudy.plots.tables import describe
 from squealstudy.tables.energy_ranking import transient_parameters
 from squealstudy.wording import TORQUE
@@ -41,10 +42,28 @@ class EndLabel:
 
 
 def histories(results: Results) -> Iterator[tuple[str, Choices]]:
-    """A picture of each of the first design points that kept a history, named by its row."""
+    """A picture of each of the first design points that kept a history, named by its values.
+
+    Named by its row where many parameters vary or none, or where another has the same name.
+    """
     has_history = results.points["point_id"].isin(results.store.kept_histories()).to_numpy()
-    for row in np.flatnonzero(has_history)[:MOST_HISTORIES].tolist():
-        yield f"_point_{row}", {"point": row}
+    rows = np.flatnonzero(has_history)[:MOST_HISTORIES].tolist()
+    names = [_values_in_name(results, row) for row in rows]
+    for row, name in zip(rows, names, strict=True):
+        is_unique = name and names.count(name) == 1
+        yield name if is_unique else f"_point_{row}", {"point": row}
+
+
+def _values_in_name(results: Results, row: int) -> str:
+    """Values of the varied parameters for the name of a file, ``_pressure_12_bar``."""
+    points, text = results.points, ""
+    varied = transient_parameters(points, varied=True)
+    for name in varied if len(varied) <= MOST_NAMED else ():
+        shown = quantity(name, points[name], results.units)
+        unit = "" if shown.factor == 1.0 else f"_{shown.unit.replace('/', '_per_')}"
+        number = f"{shown.factor * float(points[name].iloc[row]):.4g}"
+        text += f"_{results.file_word(name)}_{number}{unit}"
+    return text
 
 
 @dataclass(frozen=True)

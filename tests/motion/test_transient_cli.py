@@ -245,8 +245,12 @@ def test_compare_of_the_wrong_directories(there, capsys, first, second, told):
 @pytest.mark.full_size  # the same pictures as `run`; elsewhere too in test_cli.py
 def test_a_run_is_drawn(there):
     drawn = {p.stem for p in (there / "results" / "belt").glob("*.png")}
-    assert {"growth_comparison", "levels_sliding_speed", "torque_history_point_0"} <= drawn
-    assert {"modal_energies_point_2", "spectrogram_point_2"} <= drawn
+    assert {
+        "growth_comparison",
+        "levels_sliding_speed",
+        "torque_history_sliding_speed_0.6",
+    } <= drawn
+    assert {"modal_energies_sliding_speed_1.3", "spectrogram_sliding_speed_1.3"} <= drawn
 
 
 def test_plot_draws_elsewhere(there, tmp_path):

@@ -331,12 +331,12 @@ def test_the_picture_of_the_question_is_the_first(run, run_page, tmp_path):
     modes = solved(frictions, tmp_path / "r")
     loudest = int(run.points["torque_rms"].to_numpy().argmax())
     firsts = {
-        f"torque_history_point_{loudest}": run_page,
+        f"torque_history_friction_{run.points['friction'].iloc[loudest]:g}": run_page,
         "evolution_friction": report([modes], False),
     }
     firsts["stability_map_growth"] = report([brake_map()], False)
     for name, page in firsts.items():
-        told = re.findall(r"\((\w+)\)</figcaption>", page)
+        told = re.findall(r"\(([\w.]+)\)</figcaption>", page)
         assert told[0] == name
         assert len(set(told)) == len(told) > 2
 
