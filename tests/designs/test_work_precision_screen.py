@@ -40,20 +40,21 @@ USUAL = ("usual", "usual, step 1", True, 6.0, 2e-3, 7e-2)
 def test_the_cheapest_within_the_tolerance_of_the_study_is_told():
     told = SCREEN.verdict(results_of(ROUGH, FINE, USUAL))
     assert told == (
-        "'newmark, step 1' costs least of 3 measurements against 'exact' within 0.01 in RMS: 4 s a "
-        "point; the default, 'usual, step 1', 1.50 times that. Its largest error is 1.0e-03."
+        "Of 3 measurements against 'exact' the cheapest within 0.01 in RMS is 'newmark, step 1': "
+        "4 s a design point; the default method takes 1.50 times that ('usual, step 1'). "
+        "Its largest error is 1.0e-03."
     )
     of_onset = results_of(FINE, quantity="onset")
     of_onset.measurements["cost_onset"] = 7.0  # of a whole line of points
-    assert "within 0.01 in onset: 7 s an onset" in SCREEN.verdict(of_onset)
+    assert "within 0.01 in onset is 'newmark, step 1': 7 s an onset" in SCREEN.verdict(of_onset)
     rough = SCREEN.verdict(results_of(ROUGH, FINE, USUAL, tolerance=0.1))
-    assert rough.startswith("'newmark, step 4' costs least of 3 measurements")
+    assert "the cheapest within 0.1 in RMS is 'newmark, step 4'" in rough
 
 
 def test_an_error_that_chance_may_hide_is_told_with_its_bound():
     told = SCREEN.verdict(results_of(USUAL))
-    assert ": 6 s a point, by the default method. Its largest error is 2.0e-03, but chance" in told
-    assert told.endswith("chance alone leaves it open up to 7.0e-02 (95 % bounds).")
+    assert ": 6 s a design point, by the default method. Its largest error is 2.0e-03, but" in told
+    assert told.endswith("the bounds (95 %) of both results allow up to 7.0e-02.")
 
 
 def test_where_none_is_within_it_the_most_exact_is_told():
@@ -64,7 +65,7 @@ def test_where_none_is_within_it_the_most_exact_is_told():
     )
     other = (*USUAL[:2], False, *USUAL[3:])
     told = SCREEN.verdict(results_of((*ROUGH[:2], True, *ROUGH[3:]), other))
-    assert "; the default is within it at no setting. Its largest error" in told
+    assert "; no setting of the default method is within it. Its largest error" in told
 
 
 def test_of_many_measurements_one_of_each_method_is_listed():

@@ -64,25 +64,25 @@ class WorkPrecisionScreen(KindScreen):
         row = at_tolerances(measured, quantities, (tolerance,)).iloc[-1]
         judged_by = all_of([WORDS[q] for q in quantities if measured[f"error_{q}"].notna().any()])
         others = int((usable(measured) & ~measured["reference"].to_numpy(bool)).sum())
-        of_all = f"of {plural(others, 'measurement')} against '{results.fact('reference')}'"
+        measurements = f"{plural(others, 'measurement')} against '{results.fact('reference')}'"
         if not row["cheapest"]:
             exact = _most_exact(measured, quantities)
-            return f"None {of_all} is within {tolerance:g} in {judged_by}{exact}."
+            return f"None of {measurements} is within {tolerance:g} in {judged_by}{exact}."
         text = (
-            f"'{row['cheapest']}' costs least {of_all} within {tolerance:g} in {judged_by}: "
-            f"{row['cost']:.3g} s {'an onset' if 'onset' in quantities else 'a point'}"
+            f"Of {measurements} the cheapest within {tolerance:g} in {judged_by} is "
+            f"'{row['cheapest']}': {row['cost']:.3g} s {'an onset' if 'onset' in quantities else 'a design point'}"
         )
         if row["default"] == row["cheapest"]:
             text += ", by the default method"
         elif row["default"]:
-            text += f"; the default, '{row['default']}', {row['ratio']:.2f} times that"
+            text += f"; the default method takes {row['ratio']:.2f} times that ('{row['default']}')"
         elif measured["default"].any():
-            text += "; the default is within it at no setting"
+            text += "; no setting of the default method is within it"
         chosen = measured[(measured["label"] == row["cheapest"]).to_numpy(bool)].iloc[0]
         text += f". Its largest error is {row['error']:.1e}"
         high = max(float(chosen[f"high_{q}"]) for q in quantities if f"high_{q}" in measured)
         if high > max(row["error"], tolerance):
-            text += f", but chance alone leaves it open up to {high:.1e} (95 % bounds)"
+            text += f", but the bounds (95 %) of both results allow up to {high:.1e}"
         return f"{text}."
 
 
@@ -148,7 +148,12 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
         rows=(cells(row) for row in table.to_dict("records")),
     )
     within = table[[f"within_{q}" for q in quantities]].to_numpy(bool).any()
+    words = [f"{SHORT[q]}: {WORDS[q]}" for q in quantities if SHORT[q] != WORDS[q]]
+    if table["iterations"].notna().any():
+        words.append("passes: evaluations of contact forces a step")
     legend = notes(
+        "s a point: of the processor, for a design point; set-up s: for what points share",
+        "; ".join(words),
         "*: no more than the 95 % bounds of both explain" if within else "",
         f"errors against {results.fact('reference')}, the largest of all measured points; cost "
         f"in the chart: seconds a point and 1/{results.fact('over')} of the set-up",
