@@ -70,7 +70,8 @@ class WorkPrecisionScreen(KindScreen):
             return f"None of {measurements} is within {tolerance:g} in {judged_by}{exact}."
         text = (
             f"Of {measurements} the cheapest within {tolerance:g} in {judged_by} is "
-            f"'{row['cheapest']}': {row['cost']:.3g} s {'an onset' if 'onset' in quantities else 'a design point'}"
+            f"'{row['cheapest']}': {row['cost']:.3g} s "
+            f"{'an onset' if 'onset' in quantities else 'a design point'}"
         )
         if row["default"] == row["cheapest"]:
             text += ", by the default method"
