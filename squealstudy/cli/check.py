@@ -313,9 +313,9 @@ def _constant(study: ResolvedStudy) -> Rows:
     constant = study.constant
     operating = [p for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING) if p.name in study.values]
     set_there = [parse_parameter(name, study.model) for name in study.definition.parameters]
-    shown = units_of_study(study)
-    there = [p for p in (*operating, *set_there) if p.name in constant]
-    units = {p.name: shown.get(p.name, p.unit) for p in there}
+    unit_of = units_of_study(study)
+    constants = [p for p in (*operating, *set_there) if p.name in constant]
+    units = {p.name: unit_of.get(p.name, p.unit) for p in constants}
     texts = [setting(name, constant[name], unit) for name, unit in units.items()]
     for option, laws in ((CONTACT_OPTION, CONTACT_LAWS), (FRICTION_OPTION, FRICTION_CURVES)):
         if option.name in study.options:
@@ -325,7 +325,7 @@ def _constant(study: ResolvedStudy) -> Rows:
             texts.append(f"{option.name} = {law.name}{switched_off}")
     rows = [("  constant", ", ".join(texts))] if texts else []
     rows += [("  follows", _followed(table)) for table in study.model.tables]
-    knots = knots_text(knots_between(study.model.tables, study.sweeps), shown)
+    knots = knots_text(knots_between(study.model.tables, study.sweeps), unit_of)
     rows += [("  knots", knots)] if knots else []
     if isinstance(study.model, FileDefinition):
         from squealstudy.study.preparations import preparations  # meshes are slow to load

@@ -59,9 +59,9 @@ def _values_in_name(results: Results, row: int) -> str:
     points, text = results.points, ""
     varied = transient_parameters(points, varied=True)
     for name in varied if len(varied) <= MOST_NAMED else ():
-        shown = quantity(name, points[name], results.units)
-        unit = "" if shown.factor == 1.0 else f"_{shown.unit.replace('/', '_per_')}"
-        number = f"{shown.factor * float(points[name].iloc[row]):.4g}"
+        axis = quantity(name, points[name], results.units)
+        unit = "" if axis.factor == 1.0 else f"_{axis.unit.replace('/', '_per_')}"
+        number = f"{axis.factor * float(points[name].iloc[row]):.4g}"
         text += f"_{results.file_word(name)}_{number}{unit}"
     return text
 

@@ -149,12 +149,12 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
         rows=(cells(row) for row in table.to_dict("records")),
     )
     within = table[[f"within_{q}" for q in quantities]].to_numpy(bool).any()
-    words = [f"{SHORT[q]}: {WORDS[q]}" for q in quantities if SHORT[q] != WORDS[q]]
+    abbreviations = [f"{SHORT[q]}: {WORDS[q]}" for q in quantities if SHORT[q] != WORDS[q]]
     if table["iterations"].notna().any():
-        words.append("passes: evaluations of contact forces a step")
+        abbreviations.append("passes: evaluations of contact forces a step")
     legend = notes(
         "s a point: of the processor, for a design point; set-up s: for what points share",
-        "; ".join(words),
+        "; ".join(abbreviations),
         "*: no more than the 95 % bounds of both explain" if within else "",
         f"errors against {results.fact('reference')}, the largest of all measured points; cost "
         f"in the chart: seconds a point and 1/{results.fact('over')} of the set-up",
