@@ -106,8 +106,10 @@ def tally(cells: pd.DataFrame) -> str:
         f"works in {int((works & inside).sum())} of {plural(int(inside.sum()), 'cell')} within the "
         f"predicted boundary, in {int((works & ~inside).sum())} of {int((~inside).sum())} beyond"
     )
+    helped = int(((cells["outcome"] == "recovered") & ~inside).sum())
+    text += f" ({helped} of these by a help)" if helped else ""
     alarms = int(_unflagged(cells).sum())
-    return f"{text}; {alarms} wrong without a word" if alarms else text
+    return f"{text}; {alarms} wrong without a warning" if alarms else text
 
 
 def _unflagged(cells: pd.DataFrame) -> np.ndarray:

@@ -78,13 +78,14 @@ def test_the_answer_names_the_method_and_counts_right_cells_and_warnings():
     results = SimpleNamespace(manifest=manifest, table=lambda _: cells)
     manifest |= {"unflagged_wrong": 0, "agreement": 0.7}
     assert SCREEN.verdict(results) == (
-        "Roots of small matrices: right in 8 of 12 cells, 1 of them by a help that steps in; in 4 "
-        "it is wrong or fails, and says so each time; of the right ones 1 is flagged, too. 70 % of "
-        "10 cells that are 2 % or more away from the predicted boundary are as predicted; in 2 it "
-        "is right beyond the boundary and in 1 it is not right within it."
+        "Roots of small matrices: right in 8 of 12 cells, in 1 of them thanks to a help that steps "
+        "in. In 4 it is wrong or has no result, and each says so. A warning stands at 1 of those "
+        "right without help, too. Of 10 cells that lie 2 % or more away from the boundary of "
+        "theory 70 % are as predicted; those with a help count so; 2 are right beyond it by "
+        "themselves; 1 is not right within it."
     )
     manifest |= {"unflagged_wrong": 2, "agreement": None}
-    assert "it is wrong or fails, 2 of these without a word;" in SCREEN.verdict(results)
+    assert "it is wrong or has no result, 2 of these without a warning." in SCREEN.verdict(results)
     manifest["counts"], cells["flagged"] = {"converged": 1}, False
     assert SCREEN.verdict(results) == "Roots of small matrices: right in 1 of 1 cell."
 

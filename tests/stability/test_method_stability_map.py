@@ -66,7 +66,7 @@ def test_wrong_without_a_word_is_loud():
     assert "WRONG, NOT FLAGGED (1)" in labels(figure)
     (crosses,) = figure.axes[0].lines
     assert crosses.get_xydata().tolist() == [[cells["step"][5], cells["slope"][5]]]
-    assert tally(cells).endswith("1 wrong without a word")
+    assert tally(cells).endswith("1 wrong without a warning")
     cells.loc[5, "flagged"] = True
     calm = method_stability_map(cells, "step", "slope")
     assert len(calm.axes[0].lines) == 0

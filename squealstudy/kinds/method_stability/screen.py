@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
@@ -30,7 +31,7 @@ class MethodStabilityScreen(KindScreen):
         manifest = results.manifest
         rows = [
             ("outcomes", ", ".join(f"{k} {n}" for k, n in manifest["counts"].items())),
-            ("boundary", f"{manifest['boundary']}, as predicted"),
+            ("boundary", f"of theory: {manifest['boundary']}"),
         ]
         return [self.verdict(results), "", facts(rows)]
 
@@ -43,25 +44,28 @@ class MethodStabilityScreen(KindScreen):
         title = str(manifest["title"])
         text = f"{title[:1].upper()}{title[1:]}: right in {right} of "
         text += plural(right + n_others, "cell")
-        text += f", {helped} of them by a help that steps in" if helped else ""
+        text += f", in {helped} of them thanks to a help that steps in." if helped else "."
         if n_others:
-            warned = f"{n_silent} of these without a word" if n_silent else "and says so each time"
-            text += f"; in {n_others} it is wrong or fails, {warned}"
+            warned = f"{n_silent} of these without a warning" if n_silent else "and each says so"
+            text += f" In {n_others} it is wrong or has no result, {warned}."
         cells = results.table("cells")
         flagged = cells["outcome"].isin((CONVERGED, SLOW)) & cells["flagged"].astype(bool)
         if n_flagged := int(flagged.sum()):
-            are = "is" if n_flagged == 1 else "are"
-            text += f"; of the right ones {n_flagged} {are} flagged, too"
-        if share is None:
-            return f"{text}."
-        judged, early = manifest["judged"], manifest.get("unpredicted_failures", 0)
-        late = judged - round(share * judged) - early
-        text += f". {100 * share:.4g} % of {plural(judged, 'cell')} that are 2 % or more "
-        text += "away from the predicted boundary are as predicted"
-        others = f"in {late} it is right beyond the boundary" if late else ""
-        others += " and " * bool(late and early)
-        others += f"in {early} it is not right within it" if early else ""
-        return f"{text}{'; ' * bool(others)}{others}."
+            text += f" A warning stands at {n_flagged} of those right without help, too."
+        return text + _as_predicted(manifest, share, helped > 0) if share is not None else text
+
+
+def _as_predicted(manifest: Mapping[str, Any], share: float, with_help: bool) -> str:
+    """How well theory foretells where the method is right, to follow others."""
+    judged, early = manifest["judged"], manifest.get("unpredicted_failures", 0)
+    late = judged - round(share * judged) - early
+    of = plural(judged, "cell")
+    texts = [f" Of {of} that lie 2 % or more away from the boundary of theory "]
+    texts[0] += f"{100 * share:.4g} % are as predicted"
+    texts += ["those with a help count so"] * with_help
+    texts += [f"{late} {'is' if late == 1 else 'are'} right beyond it by themselves"] * bool(late)
+    texts += [f"{early} {'is' if early == 1 else 'are'} not right within it"] * bool(early)
+    return f"{'; '.join(texts)}."
 
 
 SCREEN = MethodStabilityScreen()

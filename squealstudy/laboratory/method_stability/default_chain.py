@@ -106,7 +106,7 @@ def help_needed(state: ContactState, settings: MotionSettings, result: Motion) -
         return "halving"
     unaided = chain_settings(settings.step, ExactFreeMotion(tangential_damping="never"))
     if not _needs_no_help(run(state, unaided)):
-        return "mock-up"
+        return "tangential damping"
     plain = chain_settings(settings.step, ExactFreeMotion(tangential_damping="never", aitken=False))
     return "" if _needs_no_help(run(state, plain)) else "aitken"
 
@@ -142,7 +142,10 @@ def distance(state: ContactState, a: Motion, b: Motion) -> float:
 DEFAULT_CHAIN = StabilityCase(
     name="default_chain",
     title="default chain of helps, six modes and eight points",
-    boundary=f"h k_t |T|^2 / 2 = {STICK_LIMIT:g} or lambda h v = {CLOSING_LIMIT:g}",
+    boundary=(
+        f"friction's slope h k_t |T|^2 / 2 = {STICK_LIMIT:g}, or closing contact "
+        f"lambda h v = {CLOSING_LIMIT:g}"
+    ),
     settings=tuple(k for k in CONTACT_KNOBS if k.name != "contact_factor"),
     measure=measure,
 )
