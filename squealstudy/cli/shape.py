@@ -300,7 +300,8 @@ def _pair_text(mode: ModeVectors, of_contact: bool) -> str:
         f", {100 * other:.1f} % of that {second}; they move {mode.phase_deg:.0f} deg out of phase"
     )
     feeds_most = mode.by_stiffness > max(mode.by_velocity, 0.0)  # not friction that falls
-    if feeds_most and other >= LOCKED_IN_SHARE and min(mode.pair_hz) > 0:
+    shared = other >= LOCKED_IN_SHARE and min(mode.pair_hz) > 0
+    if mode.locked_in and feeds_most and shared:
         feeds = "friction" if of_contact else "unsymmetric stiffness"
         text += f": the two have locked in; {feeds} feeds by the sine of this phase"
     return text

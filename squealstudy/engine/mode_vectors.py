@@ -20,6 +20,7 @@ from squealstudy.tables.other_codes import roots_of
 
 SAME_ROOT_REL_DISTANCE = 1e-4  # of a root solved again and that of the table: its tolerance
 SYMMETRIC = 1e-12  # relative: what a mass matrix may lack of its transpose
+REAL_SQUARE = 1e-6  # imaginary part of a square of a frequency, relative: two equal ones lose 1e-8
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class ModeVectors:
         kinetic energy, and their shares, the largest first; NaN where M is not positive definite.
     phase_deg : float
         Between their coordinates, 0 to 90; NaN of one alone.
+    locked_in : bool
+        Whether without damping two modes have one frequency here, and one of them grows.
     """
 
     row: int
@@ -56,6 +59,7 @@ class ModeVectors:
     pair_hz: np.ndarray
     pair_share: np.ndarray
     phase_deg: float
+    locked_in: bool
 
 
 def mode_vectors(results: ResultTables, track: int) -> ModeVectors:
@@ -112,6 +116,7 @@ def mode_vectors(results: ResultTables, track: int) -> ModeVectors:
         pair_hz=pair_hz,
         pair_share=pair_share,
         phase_deg=phase_deg,
+        locked_in=_locked_in(system.linear, lam),
     )
 
 
@@ -127,6 +132,13 @@ def _coordinates(build: object, slices: dict[str, slice]) -> tuple[str, ...]:
 def _by_largest(x: np.ndarray) -> np.ndarray:
     scaled: np.ndarray = x / x[np.abs(x).argmax()]
     return scaled
+
+
+def _locked_in(linear: LinearSystem, lam: complex) -> bool:
+    """Whether the root nearest to a mode's frequency is complex where nothing but M and K acts."""
+    squares = scipy.linalg.eigvals(np.asarray(linear.K), np.asarray(linear.M))
+    nearest = squares[np.abs(np.sqrt(squares.astype(complex)) - abs(lam.imag)).argmin()]
+    return bool(abs(nearest.imag) > REAL_SQUARE * abs(nearest))
 
 
 def _growth(linear: LinearSystem, lam: complex, x: np.ndarray) -> tuple[float, float]:

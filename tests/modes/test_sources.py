@@ -167,3 +167,50 @@ def test_modes_that_falling_friction_feeds_have_not_locked_in(tmp_path, capsys):
     told = capsys.readouterr().out
     assert told.count("made of") == 2
     assert "locked in" not in told
+
+
+SHARED = """
+mass = [
+    {name = "pad", mass = 1.2, directions = ["x", "y"]},
+    {name = "caliper", mass = 6.0, directions = ["x", "y"]},
+]
+spring = [
+    {between = ["pad", "caliper"], direction = "x", stiffness = "k"},
+    {between = ["pad", "caliper"], direction = "y", stiffness = "1.3 * k"},
+    {between = ["caliper", "ground"], direction = [1, 0.5], stiffness = "0.2 * k"},
+    {between = ["caliper", "ground"], direction = [-0.3, 1], stiffness = "0.4 * k"},
+]
+damper = [{between = ["pad", "caliper"], direction = "x", damping = "c"}]
+contact = [
+    {between = ["pad", "disc"], normal = "y", sliding = "-x", stiffness = 1e7},
+]
+load = [{on = "pad", direction = "-y", force = 1500.0}]
+[parameters]
+friction = 0.9
+sliding_speed = 1.0
+"friction_law.decay_speed" = 0.4
+k = {default = 8e6, unit = "N/m"}
+c = {default = 20.0, unit = "N s/m"}
+"""
+
+
+def test_modes_that_share_their_motion_have_not_locked_in_where_damping_alone_makes_them_grow(
+    tmp_path, capsys
+):
+    """Friction mixes two real modes far apart in one phase; without damping nothing grows."""
+    (tmp_path / "shared.toml").write_text(SHARED)
+    head = study_text("mixed", "complex_modes", "lumped")
+    head = head.replace('name = "lumped"', 'file = "shared.toml"')
+    band = "[modes]\nband = [1.0, 2000.0]\nreference_points = 0\n"
+    damping = sweep_text("friction_law.static_ratio", 1.4, 1.5, 2) + sweep_text("c", 10.0, 20.0, 2)
+    n_unstable = []
+    for name, sweeps in (("damped", damping), ("bare", sweep_text("c", 0.0, 0.0, 1))):
+        study = tmp_path / f"{name}.toml"
+        study.write_text(head.replace("mixed", name) + sweeps + band)
+        run_study(read_study(study).plan(), tmp_path / name, jobs=1)
+        n_unstable.append(int(open_results(tmp_path / name).points["n_unstable"].max()))
+    assert n_unstable[0] > n_unstable[1] == 0
+    assert command("rank", str(tmp_path / "damped"), "--why") == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "deg out of phase" in told
+    assert "locked in" not in told
