@@ -47,9 +47,10 @@ def before_after(table: pd.DataFrame, before: Results, after: Results) -> list[R
     kinds = {k for side in SIDES for k in table[f"onset_kind_{side}"]}
     marks = {INEXACT[kind] for kind in kinds if kind in INEXACT}
     legend = notes(
-        "modes of one line: where both grow their frequencies are the nearest, "
-        f"{100 * REL_TOLERANCE:g} % apart at most, and a component that holds most of the "
-        "energy is the same in both; numbers of tracks belong to one study",
+        "modes of one line: their frequencies are the nearest over the points where both grow, or "
+        f"one where never both do, {100 * REL_TOLERANCE:g} % apart at most in the mean, and a "
+        "component that holds most of the energy is the same in both; numbers of tracks belong to "
+        "one study",
         "a -> b: before and after; growth, Hz: where growth is fastest; unstable: share of the "
         f"{plural(points, 'point')} that both studies have solved",
         *([f"onset: least {along} at which the mode turns unstable"] if along else []),

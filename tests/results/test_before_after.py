@@ -57,6 +57,7 @@ def test_a_change_moves_onset_and_growth_as_each_study_has_them(nominal, tmp_pat
     assert f"friction {row['onset_after']:.4g} (T" in text
     assert f"falls from {row['growth_rate_before']:.1f} to " in text or "rises from" in text
     assert "What differs: parameters.frequency_2 75 -> 80.0." in text
+    assert "where both grow, or one where never both do, 5 % apart at most in the mean" in text
 
 
 def test_of_a_change_that_silences_it_is_said_to_which_value(nominal, apart):
@@ -146,6 +147,15 @@ def test_a_mode_is_the_one_that_is_near_at_all_points_not_where_each_grows_faste
     )
     table = paired(one, two)
     assert table.loc[table["mode_before"] == "T1", "mode_after"].tolist() == ["T8"]
+
+
+@pytest.mark.parametrize(("last", "partner"), [(3250.0, "T8"), (3310.0, "")])
+def test_frequencies_of_a_pair_may_be_further_apart_at_one_point_than_in_the_mean(last, partner):
+    one, two = side(("T1", 3000.0, "disc", 170.0)), side(("T8", last, "disc", 280.0))
+    one = one._replace(roots=1.0 + 2j * np.pi * np.array([[3000.0, 3000.0]]))
+    two = two._replace(roots=1.0 + 2j * np.pi * np.array([[3000.0, last]]))
+    table = paired(one, two)
+    assert table.loc[table["mode_before"] == "T1", "mode_after"].tolist() == [partner]
 
 
 def test_modes_are_paired_by_frequency_and_where_their_energy_is():
