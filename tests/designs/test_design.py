@@ -756,6 +756,10 @@ def test_scatter_is_proven_by_samples(tmp_path: Path) -> None:
     )
     results = _run(text, tmp_path)
     assert results.manifest["design_study"]["outcome"] == "met_linear"
+    verdict = results.manifest["design_study"]["verdict"]
+    assert "meets the margin of 0.1 % with probability 0.9: least damping " in verdict
+    nominal = results.table("designs").query("chosen").iloc[0]["min_damping_ratio"]
+    assert f"least damping {100 * nominal:.3g} % without scatter, mode at" in verdict
     proof = results.table("proof").set_index("check")
     last = proof.loc[["scatter"]].iloc[-1]
     assert last["passed"]

@@ -222,7 +222,9 @@ def _mode_text(plan: DesignPlan, search: DesignSearch, design: np.ndarray) -> st
     if least_damped_mode is not None:
         p, row = least_damped_mode
         hz, zeta = row["frequency_hz"], row["min_damping_ratio"]
-        text = f"least damping {100 * zeta:.3g} %, mode at {hz:.5g} Hz ({row['main_component']})"
+        scatters = plan.design_study.goal.margin.probability is not None
+        text = f"least damping {100 * zeta:.3g} %{' without scatter' * scatters}"
+        text += f", mode at {hz:.5g} Hz ({row['main_component']})"
         text = f"{text if hz else 'steady sliding diverges without oscillation'}{at(p)}"
     beside = [(m["damping_ratio"], m["frequency_hz"], p) for p, r in solved for m in r["beside"]]
     if beside:
@@ -276,6 +278,8 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
     today = _today(search, plan.band_hz)
     assert state.chosen is not None
     chosen, margin = state.chosen, f"{100 * goal.margin.damping_ratio:g} %"
+    if goal.margin.probability is not None:  # what has it without scatter may miss it
+        margin += f" with probability {goal.margin.probability:g}"
     mode = _mode_text(plan, search, chosen)
     if state.outcome == NO_VARIABLES:
         return f"{today}: {mode}. Nothing may change: the file has no [[variable]]."
