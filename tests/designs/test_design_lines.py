@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from matrix_families import write_family
 from reference import MU_C
 from study_runs import solved
 from study_texts import study_text
@@ -361,3 +362,20 @@ def test_what_designs_change_of_the_contact_is_told_at_the_same_friction(tmp_pat
     alike = opened.assign(open_share=0.1, contact_pressure_max=[1e5, 4e5] * 2)
     assert contact_rows(SimpleNamespace(points=alike, along="friction"), lines) == []
     assert contact_rows(SimpleNamespace(points=opened, along="friction"), []) == []
+
+
+def test_where_a_mode_diverges_is_in_the_answer(tmp_path):
+    """x'' + 200 x' + 1e4 (1 - 2 p) x = 0 diverges beyond p = 1/2; beside it y grows beyond 3/4."""
+    terms = {
+        "M": ("M", np.eye(2)),
+        "K": ("K", np.diag([1e4, 1e6])),
+        "soft": ("K", np.diag([-2e4, 0.0])),
+        "C": ("C", np.diag([200.0, 30.0])),
+        "fed": ("C", np.diag([0.0, -40.0])),
+    }
+    family = write_family(tmp_path, terms, {"soft": "p", "fed": "p"})
+    text = study_text("soft", "complex_modes", "matrices") + f'folder = "{tmp_path}"\n{family}'
+    text += '[parameters]\np = 0.0\n[[sweep]]\nparameter = "p"\nstart = 0.0\nstop = 1.0\nnum = 11\n'
+    results = solved(f"{text}[modes]\nreference_points = 0\n", tmp_path / "r")
+    told = " ".join(as_text(results.screen.findings(results)).split())
+    assert "Hz first at p 0.75; without oscillation first at p 0.6 or less." in told

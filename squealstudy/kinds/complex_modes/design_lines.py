@@ -22,6 +22,7 @@ from squealstudy.kinds.complex_modes.onset_words import (
 from squealstudy.screen import grid, notes
 from squealstudy.shown_units import prefixed
 from squealstudy.tables.mode_ranking import (
+    OVERDAMPED_GROUP,
     frequency_text,
     group_kind,
     parameter_columns,
@@ -152,7 +153,11 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     ]
     n_untold = len(tracked) - len(texts)
     others = f" and {plural(n_untold, 'other')}" if n_untold else ""
-    return ", ".join(alike_together(texts, along)) + others
+    real_roots = table[(table["kind"] == group_kind(OVERDAMPED_GROUP)).to_numpy(bool)]
+    divergence = [
+        f"without oscillation{first_at(row, along, unit)}" for row in real_roots.to_dict("records")
+    ]
+    return "; ".join(filter(None, [", ".join(alike_together(texts, along)) + others, *divergence]))
 
 
 def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
