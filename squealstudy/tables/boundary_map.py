@@ -27,9 +27,9 @@ def full_points(
     Parameters
     ----------
     points : DataFrame
-        Of a study with a boundary design.
+        Points of a study with a boundary design.
     axes : mapping of parameter -> values
-        Of the full grid.
+        Values of each parameter on the full grid.
     levels : int
         How often a cell of the coarse grid may have been halved.
 
@@ -42,7 +42,7 @@ def full_points(
     Raises
     ------
     ResultsError
-        Where the points are no such design.
+        Points that are not those of a boundary design.
     """
     rows = _node_rows(points, axes)
     owner = _owners(rows, 2**levels)

@@ -32,7 +32,7 @@ def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
     Parameters
     ----------
     onsets : DataFrame
-        Of a study of complex modes.
+        Onsets of a study of complex modes.
     """
     renumbered = onsets[(onsets["status"] == RENUMBERED).to_numpy(bool)]
     begun = onsets[onsets["status"].isin(BEGINS_UNSTABLE).to_numpy(bool)]
@@ -89,13 +89,13 @@ def exchanged_tracks(
     Parameters
     ----------
     modes : DataFrame
-        With ``track``, ``track_ambiguous``, ``unstable``, ``frequency_hz``.
+        Modes, with ``track``, ``track_ambiguous``, ``unstable``, ``frequency_hz``.
     code : ndarray (m,) of int
         Design point of each of them.
     edges : ndarray (e, 2) of int
         Neighbouring points.
     tracks : sequence of int
-        Those that are unstable somewhere.
+        Tracks that are unstable somewhere.
     """
     count = int(edges.max(initial=-1)) + 1
     if count * len(tracks) ** 2 > MAX_CELLS:
@@ -197,7 +197,7 @@ def families(
     Parameters
     ----------
     tracks : Index of int
-        Of the ranking: tracks, and numbers below zero that have no family.
+        Tracks of the ranking, and numbers below zero, which have no family.
     pairs : sequence of (int, int)
         Tracks that are one (`linked_tracks`, `exchanged_tracks`).
     group, code : ndarray (m,) of int

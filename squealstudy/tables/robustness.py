@@ -35,7 +35,7 @@ class GrowthColumn:
         LARGEST_GROWTH_GROUP for the largest of a point, OVERDAMPED_GROUP for that of its real,
         growing roots. Of tracks that are one mode (`families`) that of most unstable points.
     frequency_hz : float
-        Where the mode grows fastest; NaN for these two groups.
+        Frequency of the mode where it grows fastest; NaN for these two groups.
     growth : ndarray (n_points,)
         1/s; NaN where the point is not ok or the track has no mode.
     unstable : ndarray (n_points,) of bool
@@ -80,7 +80,7 @@ def growth_columns(
     top : int or None
         Tracks to keep, those unstable at most points first, then by largest growth.
     onsets : DataFrame or None
-        Of the study: they tell tracks that are one mode.
+        Onsets of the study, by which tracks of one mode are recognised.
     """
     code, n = point_codes(points, modes), len(points)
     counted = (points["status"] == "ok").to_numpy(bool)[code]
@@ -197,9 +197,9 @@ def robust_table(
     independent : ndarray (n_points,) of bool or None
         The points that are draws independent of each other; None: all.
     confidence : float
-        Of the intervals.
+        Confidence of the intervals.
     onsets : DataFrame or None
-        Of the study: they tell tracks that are one mode.
+        Onsets of the study, by which tracks of one mode are recognised.
 
     Returns
     -------

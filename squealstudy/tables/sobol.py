@@ -100,10 +100,11 @@ def sobol_table(
     top : int or None
         Unstable tracks beside the largest growth of all modes, unstable at most points first.
     confidence : float
-        Of the intervals: percentiles of N_RESAMPLES bootstrap resamples of the base points, always
-        the same ones. They assume independent base points: too wide for a Sobol sequence.
+        Confidence of the intervals, which are percentiles of N_RESAMPLES bootstrap resamples of the
+        base points, always the same. They assume independent base points, and are too wide for a
+        Sobol sequence.
     onsets : DataFrame or None
-        Of the study, by which tracks of one mode are recognised.
+        Onsets of the study, by which tracks of one mode are recognised.
 
     Returns
     -------

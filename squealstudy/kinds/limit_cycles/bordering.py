@@ -30,7 +30,7 @@ from squealstudy.kinds.limit_cycles.onset import onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
-BRACKET_HALF_WIDTH = 1e-3  # least half width of an onset's bracket, over the range
+BRACKET_HALF_WIDTH = 1e-3  # half-width of the first bracket of an onset, over the range
 BORDER_FIELDS = (
     ("border_id", TEXT),
     ("event", TEXT),
@@ -58,14 +58,15 @@ class PlaneTask:
     ----------
     request : CyclesRequest
     base : DesignPoint
-        One of the plane.
+        A design point of the plane.
     along, over : str
+        Names of the two parameters.
     bounds : (low, high)
-        Of the first parameter.
+        Range of the first parameter.
     values : tuple of float
-        Of the second one, ascending.
+        Values of the second one, ascending.
     marks : tuple of (float, Mark)
-        Folds and Hopf points of the plane's lines, with the second parameter's values.
+        Folds and Hopf points of the plane's lines, each after the second parameter's value.
     """
 
     request: CyclesRequest
@@ -80,7 +81,7 @@ class PlaneTask:
 def planes(
     plan: Plan, request: CyclesRequest, along: str, over: str, marks: Sequence[Mark]
 ) -> Iterator[PlaneTask]:
-    """A task of each plane on which branches have folds or Hopf points."""
+    """Tasks, one for each plane on which branches have folds or Hopf points."""
     tasks = plan.tasks
     swept = [s.name for s in plan.study.sweeps]
     others = np.delete(plan.swept, [swept.index(along), swept.index(over)], axis=1)
@@ -199,7 +200,7 @@ class Plane:
         over: float,
         mark: Mark,
     ) -> tuple[int, int] | None:
-        """Border that passes a fold or Hopf point of a line, and index on it; None if none does."""
+        """Number of the border that passes a mark of a line, and index of its point; or None."""
         for number, (border_mark, points, _) in enumerate(borders):
             for k, point in enumerate(points if border_mark.event == mark.event else []):
                 is_near = (

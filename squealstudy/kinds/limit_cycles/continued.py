@@ -38,9 +38,9 @@ from squealstudy.study.design import DesignPoint
 
 TURNED = "turned"  # why a step to a neighbour fails: the branch folds before it gets there
 MAX_RETRACED_SHARE = 0.2  # share of the step that a branch may go back before it has turned
-# relative differences of frequency and level up to which a branch passes a cycle
+# relative differences of frequency and contact velocity up to which a branch passes a cycle
 MAX_FREQUENCY_CHANGE, MAX_LEVEL_CHANGE = 1e-3, 0.05
-SAME_FOLD_SHARE = 1e-4  # distance of folds over the range, within which two branches are one
+SAME_FOLD_SHARE = 1e-4  # distance over the range, within which two folds are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,9 @@ class Start:
     value : float
         Value of the parameter along which it is continued.
     Q : ndarray (2 H + 1, n)
-        Harmonics in the coordinates of the line, the modes that its designs share.
+        Fourier series in the coordinates of the line, the modes that its designs share.
     omega : float
-        rad/s.
+        Angular frequency, rad/s.
     """
 
     cycle_id: str
@@ -84,11 +84,11 @@ class LineTask:
     ----------
     request : CyclesRequest
     points : DesignPoints
-        Ascending in the parameter.
+        Design points of the line, ascending in the parameter.
     along : str
         Name of the parameter.
     starts : tuple of Start
-        In the order in which they are tried.
+        The cycles, in the order in which they are tried.
     """
 
     request: CyclesRequest
@@ -108,12 +108,14 @@ class StepTask:
 
 @dataclass(frozen=True, eq=False)
 class Continued:
-    """A cycle of a design point that was reached from another's.
+    """A cycle of a design point that was reached from a cycle of another one.
 
     Attributes
     ----------
     point_id : str
+        Id of the design point that was reached.
     origin : Start
+        The cycle from which it was reached.
     cycle : Cycle or None
         None where the balance at the design itself did not converge.
     """
@@ -164,7 +166,7 @@ class ContinuedBranches:
 
 
 def step_to_neighbour(task: StepTask) -> ContinuedBranches:
-    """The cycle continued to the neighbour, or why it cannot be."""
+    """Continue a cycle to a neighbouring design; its cycle there, or why there is none."""
     continuation, points, gaps = ContinuedBranches(), task.points, NewGaps()
     line, furthest = DesignLine(task.request, points[0], points[1]), 0.0
 
@@ -189,7 +191,7 @@ def step_to_neighbour(task: StepTask) -> ContinuedBranches:
 
 
 def follow_line(task: LineTask) -> ContinuedBranches:
-    """Branches through all cycles of a line, each branch once, and their cycles at its designs."""
+    """Follow branches through all cycles of a line, each once; their cycles at its designs."""
     values = task.points.column(task.along)
     bounds = float(values[0]), float(values[-1])
     line = DesignLine(task.request, task.points[0], task.points[-1], bounds)
@@ -224,7 +226,7 @@ class Branch:
     ends : (str, str)
         Why it ends, at its first and its last point.
     onsets : mapping of int -> (value, frequency [Hz], criticality)
-        Hopf points by their index in `points`, located as onsets of small vibrations are.
+        Hopf points by their index in `points`, located as onsets of complex modes (`onset_near`).
     """
 
     start: Start
@@ -264,7 +266,7 @@ class Branch:
         )
 
     def same_as(self, other: Branch, line: DesignLine) -> bool:
-        """Whether both have a fold in common."""
+        """Whether two branches have a fold in common."""
         width = SAME_FOLD_SHARE * abs(line.bounds[1] - line.bounds[0])
         folds, others = (
             [(p.motion.parameter, p.motion.omega) for p in b.points if p.event == FOLD]
@@ -318,7 +320,7 @@ class Branch:
 
 
 def ended(line: DesignLine, motion: PeriodicMotion) -> str:
-    """Why a branch ends at a cycle that has shrunk or grown to the limit; empty if it does not."""
+    """Why a branch ends at a cycle that has shrunk or grown to a limit; empty if it does not."""
     contact = line.contact(motion.parameter)
     velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
     if velocity < START * speed:
@@ -327,7 +329,7 @@ def ended(line: DesignLine, motion: PeriodicMotion) -> str:
 
 
 def _branch(line: DesignLine, start: Start) -> Branch:
-    """The branch through a cycle, both ways."""
+    """Follow the branch through a cycle both ways."""
     parts: list[list[BranchPoint]] = []
     ends: list[str] = []
     for direction in (-1.0, 1.0):
@@ -372,7 +374,7 @@ def _cycle_at(
 def _cycles_of(
     task: LineTask, line: DesignLine, branches: Sequence[Branch], point: DesignPoint
 ) -> list[Continued]:
-    """Cycles of branches at a design that were not found at the design itself."""
+    """Cycles of branches at a design that are not among the design's own cycles."""
     parameter_value = float(point.values[task.along])
     contact = line.contact(parameter_value)
     known_cycles = [

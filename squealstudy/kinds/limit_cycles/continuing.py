@@ -1,7 +1,7 @@
-"""The tables of a study of limit cycles: rows of its design points, then cycles continued further.
+"""The tables of a study of limit cycles: rows of its design points, and cycles continued to others.
 
-A design point's row is its own. What is continued from one to another joins the tables alone, so
-that rows do not depend on what else a study has.
+A design point's stored row depends on that point only. Cycles that are continued from one point to
+another are added to the tables, not to stored rows.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 
 THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
 SAME_OF_A_CYCLE = "torque_rms", "level_error", "torque_line_hz", "invalid_reason"
-N_NEAREST_DESIGNS = 3  # neighbours of a design that is on no grid
+N_NEAREST_DESIGNS = 3  # number of neighbours of a design that is on no grid
 BRANCH_FIELDS = (
     ("cycle_id", TEXT),
     ("mode", WHOLE_NUMBER),
@@ -88,7 +88,7 @@ BRANCH_FIELDS = (
 
 
 def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Continue cycles, write the tables; that of the points, and facts for the manifest.
+    """Continue cycles and write the tables; returns that of the points, and facts.
 
     Raises
     ------
@@ -135,7 +135,7 @@ class Continuation:
     plan : Plan
     store : Store
     rows : list of dict
-        Chunk rows of all design points in the plan's order; cycles that are found join them.
+        Chunk rows of all design points in the plan's order; new cycles are added to them.
     workers : Workers
 
     Attributes
@@ -143,7 +143,7 @@ class Continuation:
     branches, borders : list of dict
         Rows of these tables.
     facts : dict
-        How many cycles were ``tried``, ``found`` at designs, and ``lost`` with their reasons.
+        Numbers of cycles ``tried``, and ``found`` at designs; list of those ``lost``, with reasons.
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class Continuation:
 
     # -- along a parameter ----------------------------------------------------------------------
     def follow(self, along: str) -> None:
-        """Branches along a parameter, of all lines of design points."""
+        """Follow branches along a parameter, on all lines of design points."""
         tasks = list(self._lines(along))
         if not tasks:
             return
@@ -190,7 +190,7 @@ class Continuation:
             self._join(continuation.cycles, continuation.lost)
 
     def continue_borders(self, along: str, over: str) -> None:
-        """Folds and Hopf points of the branches over a second parameter, of all planes."""
+        """Continue folds and Hopf points of the branches over a second parameter, on all planes."""
         tasks = list(planes(self._plan, self._request, along, over, self._marks))
         for rows, lost in self._workers.each(follow_borders, tasks, stage="borders"):
             self.borders += rows
@@ -223,7 +223,7 @@ class Continuation:
 
     # -- to neighbours --------------------------------------------------------------------------
     def try_neighbours(self) -> None:
-        """Designs without a stable cycle from those of neighbours, as long as any is found."""
+        """Continue stable cycles to neighbours without one, again while new ones are found."""
         tried: set[tuple[int, str]] = set()
         while True:
             tasks = list(self._steps(tried))
@@ -237,7 +237,7 @@ class Continuation:
                 return
 
     def _steps(self, tried: set[tuple[int, str]]) -> Iterator[StepTask]:
-        """Each stable cycle of each neighbour of each design that has none."""
+        """Tasks that continue the stable cycles of neighbours to designs without a stable cycle."""
         if all(map(_has_stable, self._rows)) or not any(map(_has_stable, self._rows)):
             return
         starts, tasks = self._starts(), self._plan.tasks
@@ -309,7 +309,7 @@ class Continuation:
             self._store.write_files(files)
 
     def observed(self, observers: Observers) -> list[dict[str, Any]]:
-        """Radiated powers join the cycles; rows of the velocities of points, of all cycles."""
+        """Add radiated powers to the cycles; rows of the velocities of points in all cycles."""
         cycle_of = {c["cycle_id"]: c for row in self._rows for c in row["cycles"]}
         rows = {}
         for series in stored_cycles(self._store):
@@ -330,16 +330,16 @@ def _has_stable(row: dict[str, Any]) -> bool:
 
 
 def _is_same_row(cycle_row: dict[str, Any], other_row: dict[str, Any]) -> bool:
-    """Whether a design has a cycle already: as near as the errors of both allow."""
+    """Whether two rows are of one cycle of a design, within the errors of both."""
     a, b = ([row["frequency_hz"], *(row[n] for n in LEVELS)] for row in (cycle_row, other_row))
     errors = (max(row["level_error"], row["velocity_error"]) for row in (cycle_row, other_row))
     return are_one_cycle(a, b, sum(errors))
 
 
 def _family(row: dict[str, Any], origin: dict[str, Any], continued: Continued) -> int:
-    """Mode of a design to whose verdict a cycle from elsewhere belongs: nearest in frequency.
+    """Mode of a design to whose verdict a cycle from another design is added.
 
-    To the mode whose family it was at its own design; it is connected to that one, not to this.
+    It is nearest in frequency to the mode of the cycle's family at the other design.
     """
     hz_of_mode = {v["mode"]: v["frequency_hz"] for v in origin["verdicts"]}
     hz = hz_of_mode.get(continued.origin.mode, continued.origin.omega / (2 * np.pi))
@@ -350,9 +350,9 @@ def _family(row: dict[str, Any], origin: dict[str, Any], continued: Continued) -
 def _judge_again(
     row: dict[str, Any], mode: int, came: str, cycle: dict[str, Any] | None = None
 ) -> None:
-    """The verdicts of a design that a cycle more has, or may have: `came` says from where.
+    """Judge a design again after a cycle was continued to it (`came`), or was not confirmed.
 
-    A threshold of more energy than that cycle's is none: what is below it may grow.
+    A threshold with more energy than the cycle is removed: motion below it may grow.
     """
     for verdict in row["verdicts"]:
         if cycle is not None and verdict["threshold_energy"] > cycle["energy"]:
@@ -363,7 +363,7 @@ def _judge_again(
         stable = cycle is not None and bool(cycle["stable"])
         if cycle is not None:
             verdict["n_cycles"] += 1
-            # a run in time tells the level of the same motion less exactly
+            # the level may be that of the same motion from a run in time, which is less exact
             lowest_level = verdict["torque_rms"] * (1.0 - verdict["level_error"])
             if stable and not lowest_level >= cycle["torque_rms"]:
                 verdict |= {name: cycle[name] for name in SAME_OF_A_CYCLE}
@@ -392,7 +392,7 @@ def _judge_again(
 
 
 def _of_what_kind(cycle: dict[str, Any] | None, that: str = "") -> str:
-    """How a sentence on a cycle that does not surely attract goes on; empty of one not found."""
+    """End of a sentence on a cycle that is not surely stable; empty if it was not confirmed."""
     if cycle is None:
         return ""
     if cycle["status"] != OK:

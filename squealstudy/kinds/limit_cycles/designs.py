@@ -22,20 +22,21 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.root_pairs import angular_band
 from squealstudy.study.design import DesignPoint
 
-MAX_COORDINATES = 2000  # coordinates: matrices of this size are factorised for every harmonic
-DESIGN_CACHE_SIZE = 8  # designs on a way
+MAX_COORDINATES = 2000  # a matrix of this size is factorised for every harmonic
+DESIGN_CACHE_SIZE = 8  # designs of a line whose oscillators are stored
 
 
 @dataclass(frozen=True)
 class CyclesRequest:
-    """Request for every design point.
+    """Settings of the search for cycles, the same for every design point.
 
     Attributes
     ----------
     section : LimitCyclesSection
     operating : OperatingPoint
-        Of the study's [parameters]: where the shared modes are made.
+        Operating point of the study's [parameters], at which the shared modes are computed.
     component_modes : tuple of (component, mode)
+        Component modes that design points may change.
     band_hz : (low, high)
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
@@ -49,7 +50,7 @@ class CyclesRequest:
 
     @property
     def band(self) -> tuple[float, float]:
-        """In rad/s."""
+        """The band in rad/s."""
         return angular_band(self.band_hz)
 
     def search(self, contact: ContactOscillator) -> Search:
@@ -80,7 +81,10 @@ class CyclesRequest:
     def contact_near(
         self, point: DesignPoint, gap: np.ndarray | None
     ) -> tuple[WorkingPoint, ContactOscillator]:
-        """Contact of a design on a curve, from gaps (nc,) of its neighbour; not cached."""
+        """Working point and oscillator of a design on a curve, from a neighbour's gaps (nc,).
+
+        They are not cached, and have no unstable modes.
+        """
         reference, prepared = self.reference(point.structure), prepared_model(point.structure)
         friction = self.section.friction
         steady, motion_start = motion_at(
@@ -114,7 +118,7 @@ class DesignLine:
     request : CyclesRequest
     first, last : DesignPoint
     bounds : (low, high)
-        Coordinate of the first and the last: values of a parameter, or 0 and 1.
+        Coordinates of the first and the last design: values of a parameter, or 0 and 1.
     """
 
     request: CyclesRequest
@@ -125,7 +129,7 @@ class DesignLine:
     _last: list[np.ndarray] = field(default_factory=list, init=False)  # gaps of the latest design
 
     def design(self, value: float) -> DesignPoint:
-        """The design at a value; a little beyond the ends too."""
+        """The design at a value, which may be a little beyond the ends."""
         low, high = self.bounds
         share = (value - low) / (high - low)
         a, b = self.first.values, self.last.values

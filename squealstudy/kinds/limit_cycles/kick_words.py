@@ -1,4 +1,4 @@
-"""Why no kick along the mode is told of designs that squeal if kicked."""
+"""Reasons why there is no kick along the mode for designs that squeal if kicked."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ WHY = {  # by `kick_status`; cycles that are continued to a design join it witho
 
 
 def untold_kicks(verdicts: pd.DataFrame) -> str:
-    """Sentence on how many modes squeal if kicked without a kick of theirs; empty where none do.
+    """Sentence on the modes that squeal if kicked, but have no kick; empty if there are none.
 
-    Of a study that asks for kicks along modes.
+    For studies that ask for kicks along modes.
     """
     kicked = verdicts[(verdicts["verdict"] == IF_KICKED).to_numpy(bool)]
     untold = kicked[kicked["kick_velocity"].isna().to_numpy(bool)]
     status = untold["kick_status"].where(
         (untold["kick_status"] != "") | (untold["run_status"] != LASTS), KICK_WITHOUT_CYCLE
-    )  # results of before have none for these
+    )  # older results have an empty status for these
     counts = status.value_counts()
     whys = [f"{why} ({counts[name]})" for name, why in WHY.items() if name in counts]
     if not whys:

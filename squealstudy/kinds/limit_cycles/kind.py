@@ -62,7 +62,7 @@ from squealstudy.study.source import SourceText
 if TYPE_CHECKING:
     import pandas as pd
 
-# keys that change no design point's own row
+# keys that do not change the row of a design point
 CONTINUED = (
     "borders_over",
     "follow",
@@ -70,12 +70,13 @@ CONTINUED = (
     "points",
     "radiating",
 )
-POINTS_PER_TASK, MIN_TASKS = 8, 6  # design points of a task, if there are so many tasks
-MOST_ORDERED = 5000  # design points that are put in an order: it takes the square of that
-# of the time of points, at most: families of 66 brakes took .6 to 2.1 times the median's CPU time
+POINTS_PER_TASK, MIN_TASKS = 8, 6  # most design points of a task; fewer if tasks would be too few
+MOST_ORDERED = 5000  # most design points that are ordered: the time grows with the square
+# time of a design point over the forecast, at least and at most: families of 66 brakes took .6 to
+# 2.1 times the median's CPU time
 LEAST_OF_POINTS, MOST_OF_POINTS = 0.6, 2.0
-# design points, at most: what a line of branches, and a plane of their borders, cost beside them
-# (cycles_from_onset 5, kicked_squeal 10, verdict_map 8 a line; verdict_map 20 a plane)
+# largest cost, in design points, of the branches of a line and of the borders of a plane
+# (a line of cycles_from_onset 5, kicked_squeal 10, verdict_map 8; a plane of verdict_map 20)
 BRANCH_POINTS, BORDER_POINTS = 10.0, 25.0
 SOURCES = ("kinds/limit_cycles", "kinds/transient", "cycles")  # the code that decides rows
 
@@ -109,7 +110,7 @@ class LimitCycles(ModelKind):
     }
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
-        """The study; StudyFileError for what cannot be followed or observed, too."""
+        """The study; StudyFileError also for what cannot be followed or observed."""
         study = super().read(source, tables)
         if why := _not_followed(study, study.section.follow):
             raise study.error(("limit_cycles", "follow"), why)
@@ -125,7 +126,7 @@ class LimitCycles(ModelKind):
         return partial(with_speed, slowest=slowest_speed(study))
 
     def identity(self, plan: Plan) -> list[Any]:
-        """Settings of the search at a design point by itself."""
+        """Settings that decide the row of a design point."""
         tolerance = plan.study.definition.modes.stability_tolerance
         section = plan.study.section.model_dump(mode="json", exclude=set(CONTINUED))
         return [section, tolerance, list(plan.band_hz), source_hash(SOURCES)]
@@ -142,7 +143,7 @@ class LimitCycles(ModelKind):
         return [too_large(n) for n in sorted(set(sizes)) if n > MAX_COORDINATES]
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[CyclesTask]:
-        """Tasks of design points next to each other, which serve each other."""
+        """Tasks of neighbouring design points, whose curves may serve each other."""
         cycles_request, points = request(plan), points.at(by_nearness(points))
         together = min(POINTS_PER_TASK, math.ceil(len(points) / MIN_TASKS))
         parts = workers.pace.parts(points, workers.jobs, max(together, 1))
@@ -168,14 +169,14 @@ class LimitCycles(ModelKind):
         return build_tables(plan, store, workers)
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
-        """How cycles are found."""
+        """The method in words."""
         section: LimitCyclesSection = plan.study.section
         count = "as many harmonics as needed" if section.harmonics == AUTO else section.harmonics
         text = f"harmonic balance, {count}, levels to {100 * section.tolerance:g} %"
         return [("method", text)]
 
     def solves(self, plan: Plan) -> Solves:
-        """Designs differ much; branches and borders are followed after them, where asked for."""
+        """Range of the time of designs, with that of branches and borders if they are followed."""
         section: LimitCyclesSection = plan.study.section
         further = 0.0
         if section.follow is not None:
@@ -188,7 +189,7 @@ class LimitCycles(ModelKind):
         return Solves(least=LEAST_OF_POINTS, longest=longest)
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
-        """Seconds of one design point alone."""
+        """Time of one design point alone, s; None where it cannot be solved."""
         cycles_row(task, request(plan), NewGaps())  # kernels are compiled
         started = time.perf_counter()
         with threadpool_limits(1):
@@ -205,9 +206,10 @@ class CyclesTask:
 
 
 def by_nearness(points: DesignPoints) -> np.ndarray:
-    """Order (n,) of design points in which each is followed by the nearest of those left.
+    """Order (n,) of design points in which each is followed by the nearest remaining one.
 
-    By the parameters that vary, each over its range; structure by structure.
+    Distances are those of the parameters that vary, each over its range. Structures come one after
+    the other.
     """
     order = np.arange(len(points))
     if not (2 < len(points) <= MOST_ORDERED and points.varied):
@@ -266,9 +268,10 @@ def _not_bordered(study: ResolvedStudy) -> str:
 def cycles_row(
     point: DesignPoint, request: CyclesRequest, gaps: NewGaps, near: Followed | None = None
 ) -> tuple[dict[str, Any], dict[str, Any], Followed | None]:
-    """Row of a design point: its families followed, or why not; its cycles as series, as a file.
+    """Row of a design point; the file with the series of its cycles; its families before runs.
 
-    And what was followed, before runs in time. `near` is that of a design nearby.
+    `near` are the families of a design nearby. In a failed row the reason is given, and there are
+    no families.
     """
     started, section = time.perf_counter(), request.section
     try:

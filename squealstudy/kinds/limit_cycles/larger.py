@@ -1,4 +1,4 @@
-"""Designs at which motion louder than the level that is told may last."""
+"""Designs at which motion louder than their level may last."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pandas as pd
 
 from squealstudy.wording import IF_KICKED, in_digits, plural
 
-DISTINCT_RATIO = 1.02  # times the level: a cycle that is louder than it
-# times the level: what is kicked at a neighbour is no continuation of what is told here
+DISTINCT_RATIO = 1.02  # level of a cycle over a design's, from which on the cycle is louder
+# level of a neighbour over a design's, from which on it is another motion, not the same one further
 NEIGHBOUR_RATIO = 1.5
 
 
@@ -26,8 +26,8 @@ def louder_cycles(points: pd.DataFrame, cycles: pd.DataFrame) -> np.ndarray:
 def louder_neighbours(points: pd.DataFrame, parameters: Sequence[str]) -> np.ndarray:
     """Level (n,) of a neighbour on a line of designs that squeals if kicked; NaN if none is louder.
 
-    Such a motion does not begin where steady sliding loses its stability: it may go on beside what
-    was found.
+    Such a motion does not begin where steady sliding becomes unstable: it may exist beside the
+    motion that gave the level.
     """
     levels = points["torque_rms"].to_numpy(float)
     kicked = np.where((points["verdict"] == IF_KICKED).to_numpy(bool), levels, np.nan)

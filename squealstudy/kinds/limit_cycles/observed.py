@@ -1,6 +1,6 @@
-"""Cycles seen on the whole model: velocities of named points, power that surfaces radiate.
+"""Cycles on the whole model: velocities of named points, and power that surfaces radiate.
 
-The expansion to all nodes is made once for each structure, if the study has either.
+The expansion to all nodes is made once for each structure, if the study asks for one of these.
 """
 
 from __future__ import annotations
@@ -37,13 +37,15 @@ VELOCITY_FIELDS = (
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """Observer of the motions of a structure.
+    """Computes velocities and radiated power from the motions of a structure.
 
     Attributes
     ----------
     form : ndarray (n, n) or None
-        Matrix of the mean square velocity of all radiating surfaces (`mean_square_form`), or None.
+        Matrix of the mean square velocity of all radiating surfaces (`mean_square_form`); None
+        without any.
     places : mapping of name -> Place
+        The named points.
     """
 
     form: np.ndarray | None
@@ -78,7 +80,7 @@ class Observer:
         return cls(form, places)
 
     def power(self, Q: np.ndarray, omega: float) -> float:
-        """Equivalent radiated power [W] of a series Q (2 H + 1, n), mean over the period."""
+        """Equivalent radiated power [W] of a series Q (2 H + 1, n), in the mean over the period."""
         if self.form is None:
             return np.nan
         v = orders((len(Q) - 1) // 2)[:, None] * omega * Q
@@ -101,7 +103,8 @@ class Observers:
     Attributes
     ----------
     changed_bases : set of str
-        Structures whose basis, made again, has other coordinates: their cycles are not observed.
+        Keys of structures whose basis has other coordinates when it is made again. Their cycles are
+        not observed.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -147,7 +150,7 @@ class Observers:
 
 
 def not_observed(study: ResolvedStudy) -> tuple[tuple[str | int, ...], str]:
-    """Key and reason of what cannot be observed in a study; empty where all can be."""
+    """Key and reason of a request that cannot be observed in a study; empty if there is none."""
     section, names = study.section, study.model.components
     listed_names = ", ".join(f"'{name}'" for name in names) or "none"
     for name in section.radiating:

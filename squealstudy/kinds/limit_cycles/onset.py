@@ -1,4 +1,4 @@
-"""Where the mode that cycles shrink to turns unstable along a way between designs."""
+"""The onset of the mode to which cycles shrink, along a line of designs."""
 
 from __future__ import annotations
 
@@ -12,31 +12,36 @@ from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 
 ONSET_REL_TOLERANCE = 1e-9  # tolerance over the range of the parameter
-MIN_BRACKET_HALF_WIDTH = 1e-6  # half-width of the first bracket over the range
-MAX_BRACKET_DOUBLINGS = 8  # largest number of doublings of the bracket
+MIN_BRACKET_HALF_WIDTH = 1e-6  # least half-width of the first bracket over the range
+MAX_BRACKET_DOUBLINGS = 8  # number of brackets that are tried, each twice as wide as the last
 
 
 def onset_near(
     designs: DesignLine, motion: PeriodicMotion, half: float
 ) -> tuple[float, float, str]:
-    """Where the mode that a cycle shrinks to turns unstable, as onsets are refined.
+    """Onset of the mode to which a cycle shrinks (`refine_onset`).
 
     Parameters
     ----------
     designs : DesignLine
     motion : PeriodicMotion
-        A small cycle; its `parameter` is a value near by.
+        A small cycle; its `parameter` is a value nearby.
     half : float
-        Of the bracket about that value; it is widened where stability does not change in it.
+        Half-width of the bracket about that value; it is doubled while stability does not change
+        in it.
 
     Returns
     -------
-    value, frequency in Hz, criticality
+    value : float
+        Value of the parameter at the onset.
+    frequency_hz : float
+    criticality : str
+        What `cycles.onset.criticality` says.
 
     Raises
     ------
     ConvergenceError
-        Where stability does not change near by, or the mode cannot be followed.
+        Where stability does not change nearby, or the mode cannot be followed.
     """
 
     def modes(value: float) -> Modes:
@@ -69,7 +74,7 @@ def onset_near(
     neutral, omega = modes(found.value), 2.0 * np.pi * found.frequency_hz
     k = int(
         np.argmin(np.abs(neutral.lam - omega * (designs.request.tolerance + 1j)))
-    )  # two may be near
+    )  # of two modes that are near, the neutral one
     criticality_text = criticality(
         designs.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k]
     )

@@ -20,7 +20,7 @@ from squealstudy.study.sections import StudyDefinition
 from squealstudy.wording import shown
 
 AUTO, ALL, SCREENED = "auto", "all", "screened"
-MOST_FAMILY = 10_000  # number of a mode: no band has as many that oscillate
+MOST_FAMILY = 10_000  # largest number of a mode: no band has so many that oscillate
 
 
 def _harmonics(value: object) -> object:
