@@ -49,7 +49,7 @@ def friction_law(
     contact : ContactPoints
     state : DesignState
     point : WorkingPoint
-        Of `state`.
+        Working point of `state`.
     slope : float
         Slope k_t of friction at zero sliding, N s/m3; 0 for `automatic_slope`.
     saturation : float

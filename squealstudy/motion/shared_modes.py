@@ -77,7 +77,7 @@ def shared_modes(
     ----------
     model : ReducedModel
     point : WorkingPoint
-        Of `state`.
+        Working point of `state`.
     state : DesignState
         The reference design. Its friction and damping enter C and K only; design points have their
         own.

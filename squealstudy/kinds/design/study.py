@@ -37,7 +37,7 @@ from squealstudy.study.tabled import TABLE, take_tables
 from squealstudy.study.toml_text import KeyPath, toml_text
 from squealstudy.wording import did_you_mean, plural
 
-SCATTERS = DesignSection(type="sobol", samples=1)  # what is read as the sweeps of a random design
+SCATTERS = DesignSection(type="sobol", samples=1)  # scatter is read as sweeps of a random design
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class Variable:
     nominal : float
         Today's value.
     low, high : float
-        Changes from it that are allowed, low <= 0 <= high.
+        Least and largest change from today's value, low <= 0 <= high.
     cost : float
-        Of a change over high - low.
+        Cost of a change by high - low.
     """
 
     parameter: StudyParameter
@@ -68,7 +68,7 @@ class Variable:
 
     @property
     def range(self) -> float:
-        """From bound to bound."""
+        """Distance between the bounds."""
         return self.high - self.low
 
 
@@ -80,8 +80,9 @@ class Alternative:
     ----------
     name : str
     cost : float
-        Of choosing it.
+        Cost of choosing it.
     study : DesignStudy
+        The study of the variant.
     """
 
     name: str
@@ -91,15 +92,15 @@ class Alternative:
 
 @dataclass(frozen=True)
 class DesignStudy(ResolvedStudy):
-    """A design study: `sweeps` are those of the operation, of the variables, and what scatters.
+    """A design study; `sweeps` are those of operation, then variables, then scattered parameters.
 
     Attributes
     ----------
     variables : tuple of Variable
     uncertain : tuple of Sweep
-        Each with a distribution.
+        Scattered parameters, with their distributions.
     alternatives : tuple of Alternative
-        Of its variants.
+        Variants with their studies.
     """
 
     variables: tuple[Variable, ...] = ()
@@ -113,7 +114,7 @@ class DesignStudy(ResolvedStudy):
 
     @property
     def limit_cycles(self) -> LimitCyclesSection:
-        """How limit cycles are looked for."""
+        """The [limit_cycles] section."""
         return cast("DesignStudyDefinition", self.definition).limit_cycles
 
     @property
@@ -134,12 +135,12 @@ class DesignStudy(ResolvedStudy):
 
     @property
     def uncertain_nominal(self) -> np.ndarray:
-        """Values (k,) in [parameters] of what scatters."""
+        """Values (k,) in [parameters] of the scattered parameters."""
         return np.array([self.value_of(s.parameter) for s in self.uncertain], dtype=float)
 
     @cached_property
     def occurrence(self) -> np.ndarray:
-        """Share (m,) of each point of the matrix of operation, in all 1."""
+        """Share (m,) of each operating point of the matrix; their sum is 1."""
         matrix = design_points(self.operation)
         weight = np.ones(len(matrix))
         for column, sweep in zip(matrix.T, self.sweeps, strict=False):
@@ -150,16 +151,16 @@ class DesignStudy(ResolvedStudy):
         return share
 
     def value_of(self, parameter: StudyParameter) -> float:
-        """Value of a parameter where nothing changes it."""
+        """Value of a parameter in [parameters], or its default."""
         return float(self.values.get(parameter.name, parameter.default))
 
     def place(self, name: str) -> KeyPath:
-        """Where the file names a parameter."""
+        """Key of the place where the file first names a parameter."""
         indices = self._places(name)
         return indices[0] if indices else ("parameters", name)
 
     def last_place(self, name: str) -> KeyPath:
-        """Where it names it last."""
+        """Key of the place where the file last names a parameter."""
         return self._places(name)[-1]
 
     def _places(self, name: str) -> list[KeyPath]:
@@ -181,7 +182,7 @@ def read_study(source: SourceText, tables: Mapping[str, Any]) -> DesignStudy:
     Raises
     ------
     StudyFileError
-        As `design_study`; a variant of which one of these is said.
+        Errors of `design_study`, of the study or of a variant.
     """
     study = design_study(resolve_study(source, tables))
     sections = cast("DesignStudyDefinition", study.definition).variant

@@ -132,7 +132,7 @@ CURVE_FIELDS = (
     ("basis_error", REAL),
     ("balance_residual", REAL),
 )
-LEVEL = (  # of a verdict
+LEVEL = (  # columns of the level of a verdict
     "torque_rms",
     "level_error",
     "cycle_frequency_hz",
@@ -161,7 +161,7 @@ def solved_row(
     followed: Followed,
     kicked: Mapping[int, Kick],
 ) -> dict[str, Any]:
-    """Chunk row of a design point whose families were followed, and some kicked, by their modes."""
+    """Chunk row of a design point from its families, and its kicks by the numbers of modes."""
     family_list = followed.families
     cycles = _cycles(point_id, law_kind, family_list)
     verdicts = [
@@ -204,7 +204,7 @@ def summary(
         reason = f"no mode was followed{beyond}"
         words = {"verdict": UNDECIDED, "reason": reason, "invalid_reason": ""}
         return {**words, **facts, **counts, **numbers}
-    # of several that squeal the fastest, whose growth the design has
+    # of several modes that squeal the one that grows fastest
     first = min(
         verdicts,
         key=lambda v: (
@@ -251,7 +251,7 @@ def _velocity(verdict: Mapping[str, Any], cycles: Sequence[Mapping[str, Any]]) -
 
 
 def known_velocity(cycle: Mapping[str, Any]) -> float:
-    """Contact velocity [m/s] of a row of a cycle; NaN where it is too vague for a share of it."""
+    """Contact velocity [m/s] of a row of a cycle; NaN where its error is too large."""
     return (
         float(cycle["contact_velocity"])
         if cycle["velocity_error"] <= MAX_THRESHOLD_REL_ERROR
@@ -260,7 +260,7 @@ def known_velocity(cycle: Mapping[str, Any]) -> float:
 
 
 def with_validity(reason: str, broken: str) -> str:
-    """Why a verdict is so, with what its loudest motion breaks."""
+    """The reason of a verdict, with the limits of validity that its loudest motion exceeds."""
     return reason + (f"; outside validity: {broken}" if broken else "")
 
 
@@ -272,7 +272,7 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         hz, line = loud.motion.omega / (2 * np.pi), torque_line(loud)
         values = (loud.levels["torque_rms"], loud.level_error, hz, loud.frequency_error, line)
         level, opened = dict(zip(LEVEL, values, strict=True)), loud.levels["open_share_max"]
-    run = family.run  # where it has come to the stable cycle, that one's level is the exacter
+    run = family.run  # if it came to the stable cycle, the level of that is more exact
     louder = run is not None and run.torque_rms * (1.0 - run.spread) > level["torque_rms"]
     by_corner = np.nan
     if run is not None and (loud is None or louder):
@@ -325,7 +325,7 @@ def _cycle_id(point_id: str, mode: int, number: int) -> str:
 def _cycles(
     point_id: str, law_kind: str, families: Sequence[tuple[int, Family]]
 ) -> list[dict[str, Any]]:
-    """Rows of all cycles; one that two families lead to stands twice, the second time so named."""
+    """Rows of all cycles; a cycle of two families has two rows, the second with ``same_as``."""
     earlier_cycles: list[tuple[str, Cycle]] = []
     rows = []
     for mode, family in families:

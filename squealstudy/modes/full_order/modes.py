@@ -1,4 +1,4 @@
-"""Full-order complex modes, of a brake or of a family of matrices: what reductions are held to."""
+"""Full-order complex modes of a brake or of a family of matrices, the reference of reductions."""
 
 from __future__ import annotations
 
@@ -51,8 +51,10 @@ from squealstudy.system.linearise import (
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
 FULL = "full"
-DEPENDENT = 1e-6  # static responses that add less to real modes, of the largest, are left out
-CHECK_SHIFT = 0.013  # shift over the band's top at which the check factorises, off the solution's
+DEPENDENT = (
+    1e-6  # new part of a static response beside real modes, over the largest, left out below
+)
+CHECK_SHIFT = 0.013  # shift of the check's factorisation over the band's top, unlike the solution's
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value
 
 
@@ -66,14 +68,14 @@ class FullOrderSystem:
     state : DesignState
     point : WorkingPoint
     structure : ContactStructure
-        With the component modes that the state changes or damps as shapes.
+        The linearised structure; its shapes are component modes that the state changes or damps.
     weights : StructureWeights
     C, K : LowRankSum (n_dof, n_dof)
-        Damping, modal damping among it, and non-symmetric stiffness.
+        Damping, modal damping included, and non-symmetric stiffness.
     omega, phi : ndarray (m,), (n_dof, m)
-        Real modes whose modal damping is their own, mass-normalised; none without it.
+        Frequencies [rad/s] and mass-normalised real modes with modal damping; none without it.
     factor : RefinedFactor or None
-        Of the sparse part of K, where it is there already.
+        Factor of the sparse part of K, if it has been made.
     """
 
     assembly: Assembly
@@ -110,16 +112,16 @@ def full_order_system(
 ) -> FullOrderSystem:
     """The unreduced assembly about a working point (THEORY.md eq. (17), (19)).
 
-    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M; modal damping
-    (THEORY.md eq. (18)) is put on the real modes up to `damped_to_hz`, those beyond have the
-    coefficient 2 zeta omega of a mode there.
+    Changes of component modes enter as exact low-rank terms M phi (.) phi^T M. Modal damping
+    (THEORY.md eq. (18)) is that of the real modes up to `damped_to_hz`; modes beyond have the
+    coefficient 2 zeta omega of a mode at that frequency.
 
     Parameters
     ----------
     modes : mapping of component -> ComponentModes
-        Of the components whose modes the state changes or damps.
+        Modes of the components whose modes the state changes or damps.
     held_stiffness : HeldStiffness or None
-        Of the assembly, in place of factors of this design point's own.
+        Factored stiffness of the assembly, to use in place of factors for this design point.
 
     Raises
     ------
@@ -169,8 +171,8 @@ def _real_modes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Real modes (omega, phi) up to a cutoff; the factor, if any, is that of the sparse stiffness.
 
-    With a low-rank part U diag(d) U^T of the stiffness by Rayleigh-Ritz, on the modes without it
-    and on its static responses K^-1 U.
+    If the stiffness has a low-rank part U diag(d) U^T they follow by Rayleigh-Ritz on the modes
+    without that part and on its static responses K^-1 U.
     """
     shift = None if factor is None else 0.0
     omega, phi = real_modes(M, K_sym.sparse, cutoff_hz, factor, shift)
@@ -187,7 +189,7 @@ def _real_modes(
 def full_order_roots(system: FullOrderSystem, band: tuple[float, float]) -> BandRoots:
     """All roots of the unreduced equations in a band (low, high), rad/s."""
     M, C, K = system.assembly.M, system.C, system.K
-    for refined in (False, True):  # the solves, where the roots without are not accurate
+    for refined in (False, True):  # refined solves only if roots are not accurate without
         large = system.assembly.n_dof > DENSE_LIMIT
         factor = WoodburyFactor(K, refined, system.factor) if large else None
         band_roots, doubt = judged_roots(M, C, K, *roots_below(M, C, K, band[1], factor), band)
@@ -205,11 +207,10 @@ def full_order_modes(
     damped_to_hz: float,
     held_stiffness: HeldStiffness | None = None,
 ) -> PointModes:
-    """Complex modes of the unreduced assembly in a band, read as those of the reduced rungs.
+    """Complex modes of the unreduced assembly in a band, in the form of those of reduced rungs.
 
-    Shapes are the least-squares coordinates, at the prepared model's sensors, on its shape basis.
-    The error estimate is that of the eigenproblem (`root_errors`), the residual
-    |Q psi| / |K psi|.
+    Shapes are least-squares coordinates on the prepared model's shape basis, from motions at its
+    sensors. The error is that of the eigenproblem (`root_errors`), the residual |Q psi| / |K psi|.
 
     Raises
     ------
@@ -277,14 +278,14 @@ def solve_family_point(
     """Complex modes with |lambda|/2 pi in `band_hz` at parameter values.
 
     They have no energies (the array has no rows) and no working point; the residual of a pair is
-    its normwise backward error. With `check` the same modes are found by another factorisation,
-    about a positive real shift: what Arnoldi's method missed or spoiled in one space differs in
-    the other.
+    its normwise backward error. With `check` the modes are computed by another factorisation, about
+    a positive real shift: roots that Arnoldi's method misses or spoils in one space differ in the
+    other.
 
     Raises
     ------
     ConvergenceError
-        ``undefined`` where a coefficient has no value; where no roots are found.
+        Where a coefficient has no value (``undefined``), or the solver does not converge.
     """
     M, C, K = family_matrices(prepared.model, values, dense=prepared.model.n <= DENSE_LIMIT)
     roots = family_roots(prepared, (M, C, K), band_hz, check)

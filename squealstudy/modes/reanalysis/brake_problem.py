@@ -1,8 +1,9 @@
-"""The component-mode brake as the ladder's problem.
+"""The component-mode brake as a problem for rungs.
 
-Over a box its modal damping is few fixed matrices with interpolated weights (THEORY.md eq. (48)):
-one damping ratio zeta of all real modes is C = 2 zeta K_sym^(1/2) where the mass is the identity.
-The root is a smooth function of the design point: polynomials through nodes, truncated by SVD.
+Over a box its modal damping is a sum of few fixed matrices with interpolated weights (THEORY.md eq.
+(48)). With one damping ratio zeta for all real modes it is C = 2 zeta K_sym^(1/2), as the mass is
+the identity. The matrix root is a smooth function of the design point: it is interpolated by
+polynomials through nodes, and truncated by SVD.
 """
 
 from __future__ import annotations
@@ -44,14 +45,15 @@ from squealstudy.system.linearise import (
 from squealstudy.system.modal_damping import assembly_damping, modal_damping
 from squealstudy.system.parametric import DAMPING, ParametricSystem, Term, Weights
 
-DAMPING_CHECKS = 4  # random points at which interpolated modal damping is looked at
+DAMPING_CHECKS = 4  # random points at which interpolated modal damping is checked
 # degree of interpolated gaps by number of parameters; beyond three it is 2
 FIELD_DEGREE = {1: 8, 2: 5, 3: 3}
-# of modal damping, which nothing polishes, by the number of parameters that stiffen the brake
+# degree of interpolated modal damping, which is not iterated afterwards, by the number of
+# parameters that stiffen the brake
 DAMPING_DEGREE = {0: 0, 1: 8, 2: 7, 3: 6}
 OFF_CENTRE = 0.618
 UNMOVED = 1e-10  # relative change of stiffness by a parameter that does not stiffen
-TRUNCATION = 1e-6  # singular values of the roots, relative to the largest, that are dropped
+TRUNCATION = 1e-6  # singular value of the matrix roots over the largest, up to which it is dropped
 
 
 class BrakeProblem(DenseProblem):
@@ -66,9 +68,9 @@ class BrakeProblem(DenseProblem):
         Design state at theta in [-1, 1]^d.
     band_hz : (low, high)
     exact_damping : bool
-        Modal damping of the assembly, of single modes too, is formed at each design point, as one
-        dense term (n, n). Otherwise it is interpolated over the box, which sums of small
-        projections need, and a design point has one ratio for all modes.
+        Whether modal damping of the assembly, also of single modes, is computed at each design
+        point, as one dense term (n, n). If not it is interpolated over the box, as sums of small
+        projections need it, and a design point has one ratio for all modes.
     """
 
     def __init__(
@@ -145,7 +147,7 @@ class BrakeProblem(DenseProblem):
         Raises
         ------
         ConvergenceError
-            As `modal_damping`.
+            Where `modal_damping` raises it.
         """
         field, worst = self.modal_damping, 0.0
         if field is None:

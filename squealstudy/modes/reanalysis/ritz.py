@@ -1,7 +1,7 @@
 """Roots of design points in a patch: two-sided Ritz values of interpolated invariant subspaces.
 
-The subspaces are wrong by the interpolation's error, their Ritz values by its square. What is left
-is estimated from both residuals in the sweep basis, the next larger model.
+The error of the subspaces is that of the interpolation, the error of Ritz values its square. The
+latter is estimated from both residuals in the sweep basis, the next larger model.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.system.parametric import Weights
 
 NEAREST = 1e-13  # relative distance below which two followed roots are one
-FIRST_ORDER = 2.0  # on the distance of a heavily_damped root to its first-order approximation
-MOST_AMPLIFIED = 20.0  # dynamic over static response of a mode beyond the band
+FIRST_ORDER = 2.0  # error over the distance of a heavily damped root to its first approximation
+MOST_AMPLIFIED = 20.0  # largest dynamic over static response of a mode beyond the band
 
 
 class RitzRoots(NamedTuple):
@@ -27,9 +27,9 @@ class RitzRoots(NamedTuple):
     Attributes
     ----------
     lam : ndarray (b, m) complex
-        rad/s.
+        Roots, rad/s.
     X, Y : ndarray (b, r, m) complex
-        Right and left vectors in reduced coordinates, y^H Q'(lam) x = 1.
+        Right and left vectors in reduced coordinates, with y^H Q'(lam) x = 1.
     error : ndarray (b, m)
         Estimated |lam - lam of the sweep basis|, rad/s.
     residual : ndarray (b, m)
@@ -55,7 +55,7 @@ class _InterpolatedBases(NamedTuple):
 
 
 def _eigenvalues(blocks: np.ndarray) -> np.ndarray:
-    """Eigenvalues of stacked (b, k, k) matrices; of one and two rows in closed form."""
+    """Eigenvalues (b, k) of stacked matrices (b, k, k), for k = 1 and 2 in closed form."""
     k = blocks.shape[1]
     if k == 1:
         single: np.ndarray = blocks[:, :, 0]
@@ -79,8 +79,9 @@ def ritz_roots(
     patch : Patch
     basis : SweepBasis
     theta : ndarray (b, d)
+        Coordinates of the design points.
     weights : sequence of Weights
-        Of these points.
+        Weights at these points.
     """
     C, K = basis.small.matrices(weights)
     cardinals = patch.cardinals(theta)
@@ -161,7 +162,7 @@ def _separated(V: np.ndarray) -> np.ndarray:
 
 
 def _turn(patch: Patch, Z: np.ndarray, turns: Sequence[np.ndarray]) -> None:
-    """Columns of each block (b, r, k) times its vectors (b, k, k), in place; single ones are."""
+    """Multiply columns of each block (b, r, k) by its vectors (b, k, k), in place, if k > 1."""
     for (start, k), turn in zip(patch.slices, turns, strict=True):
         if k > 1:
             block_columns = slice(start, start + k)
@@ -177,17 +178,18 @@ def _error(
     rx: np.ndarray,
     ry: np.ndarray,
 ) -> np.ndarray:
-    """Second-order error (b, m): through the other modes followed, and through all others.
+    """Second-order error (b, m) by the other followed modes, and by all modes not followed.
 
-    The resolvent of the former is known, sum of x_i y_i^H / (lam - lam_i), their own block's
-    included: Rayleigh's functional moves those roots too. For the latter stand the nominal real
-    modes, dynamic beyond the band, where they may be as near as a followed mode.
+    The resolvent of the followed ones is the sum of x_i y_i^H / (lam - lam_i), those of the same
+    block included, as Rayleigh's functional shifts their roots, too. The others are represented by
+    the nominal real modes; beyond the band, where one may be near a root, with their dynamic
+    response.
     """
     through = (ry.conj().transpose(0, 2, 1) @ X) * (Y.conj().transpose(0, 2, 1) @ rx).transpose(
         0, 2, 1
     )
     gap = lam[:, :, None] - lam[:, None, :]
-    # the distance of a mode to itself keeps it out
+    # an infinite distance leaves out the mode itself
     gap = np.where(np.abs(gap) < NEAREST * np.abs(lam)[:, :, None], np.inf, gap)
     parts = through / gap
     # contributions may cancel by chance, and the next order then counts
@@ -200,9 +202,9 @@ def _error(
 def _error_of_heavily_damped(patch: Patch, cardinals: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """Another estimate (b, m) for heavily damped roots, infinite for light ones.
 
-    Overdamped roots run through decades and collide: the second-order error through others is then
-    far above the true one. Their distance to the roots of the interpolated matrices, which are
-    wrong by the first order, bounds it better.
+    Overdamped roots change by decades and collide; the second-order error by other modes is then
+    far above the true one. Their distance to the roots of the interpolated matrices, whose error is
+    of first order, is a better bound.
     """
     error, heavily_damped = np.full(lam.shape, np.inf), ~lightly_damped(lam)
     flat, offset = cardinals @ patch.S if heavily_damped.any() else np.zeros(0), 0

@@ -30,12 +30,12 @@ from squealstudy.system.parametric import (
 )
 
 FACTOR = 2.0  # cut-off of the real modes over the band: as commercial codes advise
-COST = 0.9  # seconds of a point over those of an exact one, about
+COST = 0.9  # time of a point over that of an exact one, about
 SYMMETRIC = 1e-12  # relative asymmetry of round-off
 
 
 class TwoStep(Rung):
-    """Point by point, with the error that the projection makes as its estimate."""
+    """Two steps for each point, with an estimate of the error of the projection."""
 
     name = "two_step"
     description = "real modes without friction, then a small quadratic eigenproblem"
@@ -47,7 +47,7 @@ class TwoStep(Rung):
             yield i, problem.modes(two_step_roots(problem.swept, theta, FACTOR))
 
     def relative_cost(self, points: int, varied: int) -> float:
-        """Mostly of the real modes."""
+        """Cost of a point over an exact one: mostly that of the real modes."""
         return COST
 
 

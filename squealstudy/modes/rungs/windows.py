@@ -1,8 +1,8 @@
-"""Patches over the design points of a box: placed where the error estimate asks for them.
+"""Patches over the design points of a box, halved where the error estimate needs it.
 
-A patch that cannot follow its modes, or whose estimate exceeds the tolerance, is halved along the
-direction in which modes mix most; where too few points are left to pay for one, they are solved in
-the sweep basis, and where that is not good enough, in the full problem.
+A patch that cannot follow its modes, or whose estimates exceed the tolerance, is halved along the
+direction in which modes mix most. Where too few points are left for a patch to save time, they are
+solved in the sweep basis, and where that is not accurate enough, in the full problem.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from squealstudy.modes.rung import Offer, Scope
 from squealstudy.modes.rungs.sweep_basis import InBasis, OverABasis
 from squealstudy.system.parametric import Weights
 
-DEGREE = {1: 5, 2: 4}  # degree of interpolation by number of parameters; of more than two it is 2
-MIN_POINTS_PER_NODE = 1.5  # fewer design points cost less without a patch
-POINTS_PER_TEST = 32
+DEGREE = {1: 5, 2: 4}  # degree of interpolation by number of parameters; beyond two it is 2
+MIN_POINTS_PER_NODE = 1.5  # with fewer design points a patch costs more than it saves
+POINTS_PER_TEST = 32  # points that are solved together, and tested
 MAX_EXCEEDING_SHARE = 0.1  # share of points beyond the tolerance from which on a patch is halved
-MAX_BISECTIONS = 14  # halvings
+MAX_BISECTIONS = 14
 
 # design points of one structure from which on windows take less time than exact solutions of all,
 # by the number of parameters that vary (one process makes a basis, all processes solve points).
 # studies/benchmarks/method_costs.py measures these and the constants below
 MIN_POINTS_FOR_WINDOWS = {1: 60, 2: 500, 3: 1500}
-# seconds of a point over those of an exact one: (POINTS_OF_EXACT_COST / points) ** COST_EXPONENT.
+# time of a point over that of an exact one: (POINTS_OF_EXACT_COST / points) ** COST_EXPONENT.
 # Measured: 0.23 at 60 points over one varied parameter, 0.89 and 0.64 at 300 and 500 over two
 POINTS_OF_EXACT_COST, COST_EXPONENT = {1: 2.5, 2: 230.0}, 0.46
 
@@ -69,7 +69,7 @@ class WindowsRung(OverABasis):
             yield row, problem.modes(outcome)
 
     def relative_cost(self, points: int, varied: int) -> float:
-        """Seconds of a point over those of an exact one: less, the more points share a patch."""
+        """Time of a point over that of an exact one, which falls with the points in a patch."""
         return float(
             min(
                 1.0,
@@ -94,7 +94,7 @@ class Windows(InBasis):
     Attributes
     ----------
     counts : Counter
-        Patches made, and nodes solved for them.
+        Numbers of ``patches`` that were made, and of ``nodes`` that were solved for them.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -129,10 +129,10 @@ class Windows(InBasis):
     def _solve_in_patch(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
     ) -> Generator[Solution, None, np.ndarray]:
-        """Yield solutions of points in a patch; return the rows that the patch is not to solve.
+        """Yield solutions of points in a patch; return the rows that are left for smaller patches.
 
-        A few points spread over the patch are tested first: where too many of them exceed the
-        tolerance, all rows are returned. Where too many of the others do, the rest is.
+        A few points spread over the patch are tested first. If too many of them exceed the
+        tolerance all rows are returned. If too many of the others do, those not yet solved are.
         """
         node_cost = 2 * len(patch.patch.grid.nodes)  # points that cost as much as both halves
         spread = np.arange(len(rows)) % max(len(rows) // POINTS_PER_TEST, 1) == 0
@@ -154,7 +154,7 @@ class Windows(InBasis):
         return rows[:0]
 
     def _within_tolerance_or_alone(self, row: int, outcome: Outcome, theta: np.ndarray) -> Solution:
-        """The solution of a point, by itself where that of the patch exceeds the tolerance."""
+        """The solution of a point: that of the patch, or without it if its error is too large."""
         return row, outcome if self.within_tolerance(outcome) else self.alone(theta[row])
 
     def _patch(self, box: Box, grid: Interpolation) -> FollowedPatch | np.ndarray:
@@ -179,11 +179,11 @@ class Windows(InBasis):
         return FollowedPatch(patch=patch, starts=local, floor=floor, slope=slope)
 
     def _floor(self, patch: Patch, weights: list[Weights], nodes: list[NodeModes]) -> np.ndarray:
-        """Largest errors of the sweep basis at nodes (2, m): of lightly damped and of all modes.
+        """Largest errors (2, m) of the sweep basis at nodes, of lightly damped and of all modes.
 
-        Errors are divided by the condition |x| |y| of the root: where roots coalesce both grow
-        alike, so that the quotient can be carried to other points. A block may hold roots far from
-        the band, for which the basis was not made: they count only where it has no others.
+        Errors are divided by the condition |x| |y| of the root. Near a coalescence both grow alike,
+        so that the quotient holds at other points, too. A block may have roots far from the band,
+        for which the basis was not made: they count only in a block without others.
         """
         worst = np.zeros((3, patch.m))
         for number, (w, node) in enumerate(zip(weights, nodes, strict=True)):
@@ -236,7 +236,7 @@ class Windows(InBasis):
         inside = in_band(lam, band, 1.0)
         order_inside = np.flatnonzero(inside)
         order_inside = order_inside[np.argsort(np.abs(lam[order_inside]))]
-        # far from the band the basis has roots that the model has not: its error is not added
+        # far from the band the basis has roots that the model lacks: there its error does not count
         doubtful = ~inside & _may_be_inside(lam, root_error, band, self.tolerance)
         may_be_in_band = (np.abs(lam) + root_error >= band[0]) & (
             np.abs(lam) - root_error <= band[1]
@@ -264,7 +264,7 @@ class FollowedPatch(NamedTuple):
 
 
 def conditions(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """|x| |y| of each pair (m,) with y^H Q'(lam) x = 1: how far Q perturbed may move its root."""
+    """Condition |x| |y| (m,) of each root, with y^H Q'(lam) x = 1: its shift per change of Q."""
     product: np.ndarray = np.linalg.norm(X, axis=0) * np.linalg.norm(Y, axis=0)
     return product
 
@@ -272,14 +272,14 @@ def conditions(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
 def _may_be_inside(
     lam: np.ndarray, error: np.ndarray, band: tuple[float, float], tolerance: float
 ) -> np.ndarray:
-    """Roots whose error exceeds the tolerance and that may lie in the band; NaN may."""
+    """Mask of roots whose error exceeds the tolerance and that may be in the band, also if NaN."""
     size = np.abs(lam)
     outside = (size + error < band[0]) | (size - error > band[1]) | (lam.imag + error < 0)
     return ~(outside | (error <= tolerance * size))
 
 
 def _may_be_real(lam: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Complex roots that may be real ones within their error: they are no half of a pair then."""
+    """Mask of complex roots that may be real within their error: not half of a pair then."""
     return (lam.imag != 0) & ~(np.abs(lam.imag) > error)
 
 

@@ -22,26 +22,29 @@ class AssemblyChange:
     Attributes
     ----------
     mass : csr_matrix (n_dof, n_dof)
+        Derivative of the mass.
     stiffness, static_stiffness : LowRankSum (n_dof, n_dof)
-        Components with their changed modes, and springs; `static_stiffness` as at rest.
+        Derivatives of the stiffness of components with their changed modes, and of springs;
+        `static_stiffness` is that at rest.
     dampers : LowRankSum (n_dof, n_dof)
-        Of component modes.
+        Derivative of the damping of component modes.
     damping : csr_matrix (n_dof, n_dof)
-        Of the components' own, gyroscopic terms among it.
+        Derivative of the components' own damping and gyroscopic terms.
     load : ndarray (n_dof,)
-        Nodal forces of a unit pressure, N/Pa, and
+        Derivative of nodal forces by a unit pressure, N/Pa.
     constant_load : ndarray (n_dof,)
-        those that are always there, N.
+        Derivative of constant nodal forces, N.
     area : ndarray (nc,)
-        m2, of the contact points.
+        Derivative of the areas of the contact points, m2.
     frictional : ndarray (nc,)
-        Of their factors on the friction coefficient.
+        Derivative of their factors on the friction coefficient.
     opening : ndarray (nc,)
-        Of the gaps without load, m.
-    ends : (first, second) and the step between them
-        Springs that are not linear (ContactInterface.spring_points) at both ends.
+        Derivative of the gaps without load, m.
+    ends : (first, second, step)
+        Springs that are not linear (ContactInterface.spring_points) at both ends, and the step of
+        the parameter between them.
     own : (first, second)
-        Friction of the points' own (ContactInterface.own_friction) at both ends.
+        Points' own friction (ContactInterface.own_friction) at both ends.
     """
 
     mass: sp.csr_matrix
@@ -60,7 +63,7 @@ class AssemblyChange:
     def friction_at(
         self, operating: OperatingPoint, contact: ContactInterface, point: WorkingPoint
     ) -> np.ndarray:
-        """Derivatives (3, nc) of mu, dmu/ds and dmu/dp at a working point: by own friction."""
+        """Derivatives (3, nc) of mu, dmu/ds and dmu/dp at a working point, by own friction only."""
         p = point.contact_pressure
         if not has_own(self.own[0]):
             return np.zeros((3, len(p)))
@@ -69,7 +72,7 @@ class AssemblyChange:
         return change
 
     def springs_at(self, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives (nc,) of pressure and tangent at gaps (nc,): of springs alone."""
+        """Derivatives (nc,) of pressure and tangent at gaps (nc,), zero except at springs."""
         first, second, step = self.ends
         slopes = np.zeros((2, len(gap)))
         if len(first):

@@ -14,8 +14,8 @@ from squealstudy.linalg.quadratic_pencil import (
     product,
 )
 
-NEIGHBOURS = 6
-OFFSET = 1e-6  # relative shift beside the root: Q(sigma) stays regular, the root the nearest
+NEIGHBOURS = 6  # number of roots, the mode's own included
+OFFSET = 1e-6  # relative distance of the shift from the root, so that Q(sigma) is regular
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class ModeNeighbourhood:
     Attributes
     ----------
     lam : ndarray (k,) complex
-        rad/s.
+        Roots, rad/s.
     X, Y : ndarray (n, k) complex
-        Right and left vectors, Q(lambda) x = 0 and y^H Q(lambda) = 0, of unit mass norm.
+        Right and left vectors of unit mass norm, with Q(lambda) x = 0 and y^H Q(lambda) = 0.
     norm : ndarray (k,) complex
-        y^H Q'(lambda) x = y^H (2 lambda M + C) x of each.
+        Products y^H Q'(lambda) x = y^H (2 lambda M + C) x.
     residual : float
         Larger of the right and left |Q x| / (|lambda|^2 |M x| + |lambda| |C x| + |K x|).
     """
@@ -44,9 +44,9 @@ class ModeNeighbourhood:
     def condition(self) -> float:
         """Eigenvalue condition 2 |lambda| |x|_M |y|_M / |y^H (2 lambda M + C) x|.
 
-        1 for an undamped symmetric mode, 1/sqrt(1 - zeta^2) for a damped oscillator, infinite
-        where two modes coalesce. Norms are those of the mass, not of the matrices (Tisseur 2000
-        has these): under the same change this mode moves that much more than a real one.
+        It is 1 for an undamped symmetric mode, 1/sqrt(1 - zeta^2) for a damped oscillator, infinite
+        where two modes coalesce. Norms are those of the mass, not of the matrices as in Tisseur
+        (2000). By the same change of matrices the root moves so many times as far as a real mode's.
         """
         size = float(np.abs(self.norm[0]))
         return 2.0 * float(np.abs(self.lam[0])) / size if size > 0 else float("inf")
@@ -71,7 +71,7 @@ def mode_family(
 def known_mode(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> ModeNeighbourhood:
     """A mode whose root and right vector x (n,) are known, without neighbours.
 
-    Only its left vector is solved for; all of it by `mode_family` where another root is as near.
+    Only its left vector is computed, or the whole mode (`mode_family`) if another root is as near.
     """
     sigma = lam * (1.0 + OFFSET)
     left_pair = nearest_left(pencil, pencil.factor(sigma), sigma, x.conj())
@@ -94,16 +94,16 @@ def _neighbourhood(
 
 
 def relative_residual(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> float:
-    """|Q(lambda) x| beside the sizes of its three parts."""
+    """|Q(lambda) x| over the sum of the sizes of its three parts."""
     parts = [lam**2 * product(pencil.M, x), lam * product(pencil.C, x), product(pencil.K, x)]
     size = sum(float(np.linalg.norm(part)) for part in parts)
     return float(np.linalg.norm(parts[0] + parts[1] + parts[2])) / max(size, 1e-300)
 
 
 def biorthogonality(pencil: QuadraticPencil, families: Sequence[ModeNeighbourhood]) -> np.ndarray:
-    """|y_i^H ((lambda_i + lambda_j) M + C) x_j| / sqrt(|norm_i norm_j|), (m, m), of first modes.
+    """Products |y_i^H ((lambda_i + lambda_j) M + C) x_j| / sqrt(|norm_i norm_j|) (m, m).
 
-    0 for different modes, 1 for a mode with itself.
+    They are those of the first modes of m families: 0 for different modes, 1 for a mode itself.
     """
     X, Y = (
         np.column_stack(columns)

@@ -1,4 +1,4 @@
-"""Products y^H Q_theta x of a complex mode and its neighbours: what derivatives are made of.
+"""Products y^H Q_theta x of a complex mode and its neighbours, from which derivatives follow.
 
 Modal damping changes a root by the matrices it is made from (THEORY.md eq. (58)):
 C_d = sum of M phi (2 zeta omega) phi^T M is a function of K_sym and M. In the coordinates of the
@@ -30,19 +30,19 @@ EQUAL = 1e-9  # relative distance of frequencies that count as equal
 
 @dataclass(frozen=True, eq=False)
 class RealModes:
-    """Real modes that modal damping is put on.
+    """Real modes that have modal damping.
 
     Attributes
     ----------
     w2 : ndarray (m,)
-        Squares of frequencies [(rad/s)^2]; below zero of modes without damping, of contact that
-        has given way.
+        Squares of frequencies [(rad/s)^2]; below zero for modes without damping where contact has
+        given way.
     phi : ndarray (n, m)
-        Mass-normalised.
+        Mass-normalised modes.
     momenta : ndarray (n, m)
-        M phi.
+        Products M phi.
     zeta : ndarray (m,)
-        Their damping ratios.
+        Damping ratios of the modes.
     N : matrix (nc, n)
         Contact normals.
     """
@@ -55,7 +55,7 @@ class RealModes:
 
     @property
     def omega(self) -> np.ndarray:
-        """Frequencies (m,) that damping is made of, rad/s."""
+        """Frequencies (m,), rad/s; 0 where `w2` is negative."""
         return np.sqrt(np.maximum(self.w2, 0.0))
 
     @cached_property
@@ -70,15 +70,15 @@ class RealModes:
 
 
 class ModeGradient:
-    """A family of modes, seen through the terms of its structure.
+    """Products of the vectors of a mode and its neighbours with the terms of their structure.
 
     Parameters
     ----------
     family : ModeNeighbourhood
     structure : ContactStructure
-        In the coordinates of the family.
+        The structure, in the coordinates of the family.
     real : RealModes or None
-        Needed where modal damping is in force, or a damping ratio of the assembly is asked for.
+        Needed with modal damping, and for derivatives by damping ratios of the assembly.
 
     Attributes
     ----------

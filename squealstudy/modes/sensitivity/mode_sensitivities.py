@@ -11,21 +11,21 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_roots
 from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeNeighbourhood
 
-QUARTER = 0.25  # second-order share of the first at which a derivative stops being valid
-UNSEEN = 1e-9  # second-order change over |lambda| that round-off hides
-CONDITION_LIMIT = 100.0  # eigenvalue condition beyond which a derivative means nothing
-CANDIDATES = 8  # roots about the old one among which the mode is looked for
+QUARTER = 0.25  # second-order term over the first-order one at which a derivative stops being valid
+UNSEEN = 1e-9  # second-order change over |lambda| up to which it is round-off
+CONDITION_LIMIT = 100.0  # eigenvalue condition beyond which a derivative is meaningless
+CANDIDATES = 8  # roots near the old one among which the mode is sought
 
 
 @dataclass(frozen=True)
 class Step:
-    """A parameter with the finite change that its derivative is held against.
+    """A parameter, and the finite change that its derivative is compared with.
 
     Attributes
     ----------
     name : str
     value : float
-        At the design point.
+        Value at the design point.
     reference : float
         The change that counts as 100 %.
     size : float
@@ -53,11 +53,11 @@ class Sensitivity:
         d lambda / d theta, 1/s per unit.
     validity : float
         Change of the parameter at which the second-order term, by the nearest modes, reaches a
-        quarter of the first; at a square-root coalescence that is the distance to it.
+        quarter of the first-order one; near a square-root coalescence the distance to it.
     finite : FiniteChange or None
-        None where the changed design has no solution.
+        The change of the root by the finite step; None where the changed design has no solution.
     reason : str
-        Why there is none.
+        Why there is none; else empty.
     """
 
     step: Step
@@ -79,10 +79,11 @@ class ModeSensitivities:
     Attributes
     ----------
     family : ModeNeighbourhood
+        The mode and its neighbours.
     biorthogonality : float
-        Largest product with the left vector of another chosen mode; 0 is right.
+        Largest product with the left vector of another chosen mode; 0 if exact.
     energies : ndarray (n_components + 1,)
-        Elastic energy shares.
+        Share of each component, then of the interfaces, in the elastic energy.
     sensitivities : tuple of Sensitivity
     """
 
@@ -110,7 +111,7 @@ def with_more(mode: ModeSensitivities, more: Sequence[Sensitivity]) -> ModeSensi
 def change_products(
     family: ModeNeighbourhood, KX: np.ndarray, CX: np.ndarray, MX: np.ndarray
 ) -> np.ndarray:
-    """Products y_i^H (K + lambda_j C + lambda_1 lambda_j M) x_j (k, k) with a change of matrices.
+    """Products (k, k) y_i^H (K + lambda_j C + lambda_1 lambda_j M) x_j with a change of matrices.
 
     The change is given by its products (n, k) with the right vectors X. These are the products of
     the companion form, linear in lambda: the mass stands with both roots (THEORY.md eq. (59)). The
@@ -124,14 +125,15 @@ def change_products(
 def slope_and_validity(
     family: ModeNeighbourhood, products: np.ndarray, size: float, mass: complex = 0.0
 ) -> tuple[complex, float]:
-    """Derivative of the first root, and the range in which it says more than the curvature.
+    """Derivative of the first root, and the range in which it is valid (`Sensitivity.validity`).
 
     Parameters
     ----------
+    family : ModeNeighbourhood
     products : ndarray (k, k)
-        As of `change_products`.
+        `change_products`.
     size : float
-        A curvature that a change of this size does not show is none: the range is infinite.
+        A change of the parameter: if its second-order effect is round-off the range is infinite.
     mass : complex
         y_1^H M_theta x_1.
 
@@ -151,11 +153,10 @@ def slope_and_validity(
 
 @dataclass(frozen=True)
 class FiniteChange:
-    """Change of a root [rad/s], and how surely it is the same mode.
+    """Change of a root [rad/s], and its match: 1 for the mode itself, 0 for a different one.
 
-    `match` is |y^H ((lambda + lambda') M + C) x'| beside |y^H Q'(lambda) x|, with the left vector
-    y and the pencil of the unchanged mode and x' of unit mass norm: 1 for the mode itself, 0 for
-    every other one of the unchanged system.
+    `match` is |y^H ((lambda + lambda') M + C) x'| / |y^H Q'(lambda) x|, with the pencil and the
+    left vector y of the unchanged mode, and x' of unit mass norm.
     """
 
     change: complex
@@ -188,9 +189,9 @@ def followed_roots(
     families: Sequence[ModeNeighbourhood],
     changed: Callable[[], QuadraticPencil] | None,
 ) -> tuple[list[FiniteChange | None], str]:
-    """The first mode of every family in a changed design, or why that has none of them.
+    """Changes of the first mode of every family in a changed design, or why there are none.
 
-    Where no changed design is given there is nothing to follow.
+    `changed` returns the pencil of the changed design; None to follow no mode.
     """
     if not families:
         return [], ""
@@ -210,7 +211,7 @@ def figures(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def figure_slopes(lam: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Their first-order change with a change `slope` (n,) of the roots, by the chain rule.
+    """First-order changes of `figures` with a change `slope` (n,) of the roots, by the chain rule.
 
     d|lambda| = Re(conj(lambda) d lambda) / |lambda|,
     d zeta = -(Re d lambda + zeta d|lambda|) / |lambda|.
