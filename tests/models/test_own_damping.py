@@ -18,6 +18,7 @@ from motions import started
 from shared_kernels import OF_THE_HYBRID_MODEL
 from study_runs import solved
 
+from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.engine.comparison import compare_results
 from squealstudy.errors import ModelError, SquealstudyError
 from squealstudy.laws import FrictionLaw, contact_law, friction_curve
@@ -220,6 +221,11 @@ def test_growth_of_the_brake_on_any_basis(brake, reduced, reference, state):
         np.testing.assert_allclose(
             tangent(shared.system, made, point, state)[0], C, atol=1e-10 * np.abs(C).max()
         )
+        of_cycles = ContactOscillator(shared.system, made).oscillator
+        for matrix, wanted in zip(
+            of_cycles.tangent(*[np.zeros((1, of_cycles.n))] * 2), (C, K), strict=True
+        ):
+            np.testing.assert_allclose(matrix[0], wanted, atol=1e-10 * np.abs(wanted).max())
         low, high = (2 * np.pi * f for f in BAND)
         wanted = upper(dense_roots(C, K, (low, high))[0])
         wanted = wanted[np.argsort(-wanted.real)][: len(made.growing.lam)]
