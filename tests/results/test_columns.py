@@ -171,9 +171,9 @@ def test_no_number_is_without_definition_unit_and_error(solved):
             told, where = field.metadata or {}, f"{kind} {table} {field.name}"
             if not is_number(field.type):
                 continue
-            assert told.get(DEFINITION), where
-            assert UNIT in told, where
-            assert told.get(ERROR) or told.get(LEAVES_OUT), where
+            assert told.get(DEFINITION), f"{where}: no definition in squealstudy/columns"
+            assert UNIT in told, f"{where}: no unit in UNITS of squealstudy/wording.py"
+            assert told.get(ERROR) or told.get(LEAVES_OUT), f"{where}: no error in columns"
             for error in filter(None, told.get(ERROR, b"").decode().split(", ")):
                 assert error in schema.names, where
 

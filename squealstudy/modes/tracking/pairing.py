@@ -20,7 +20,8 @@ LOW_MAC = 0.5  # MAC below which a pair is ambiguous
 # from the edges of the band
 LONE_MODES_DISTANCE = 0.8
 # limits of `Pairing.trust`: a pair is ambiguous up to 1
-HALVING_TRUST = 1.5  # trust up to which the step is halved; a larger value halves steps sooner
+# trust up to which the step is halved; a larger value halves steps sooner, 2 (MAC of 1) every step
+HALVING_TRUST = 1.5
 JOINING_TRUST = 1.5  # trust above which a pair shows that two tracks are one
 PASSING_TRUST = 1.2  # largest trust of a pair whose frequency passes that of another,
 CROSSING_MAC = 0.99  # unless its MAC is above this: then the two modes cross
