@@ -45,6 +45,8 @@ SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
 # rest, and its limit over the difference in the second half, if it rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
 HALF, TWICE = 0.5, 2.0  # steps of repeated runs over that of the run
+# steps in a period of the motion or of its mode: with fewer levels do not converge
+LEAST_STEPS_PER_PERIOD = 12.0
 MAX_REL_STEP_PART = 0.5  # relative error beyond which a level is not known at all
 
 RunsAgain = dict[float, Motion]  # the same run with other steps, by the ratio of steps
@@ -81,7 +83,7 @@ def step_parts(
         return StepParts.unknown(f"'{settings.integrator.name}' has no step that could be halved")
     if has_few_points(system):
         others = runs_again(system, [run], settings)[0] if again is None else again
-        return _by_other_steps(run, others, lasts)
+        return _by_other_steps(run, others, lasts, settings.step)
     if not lasts:
         return NOT_ASKED
     return _from_the_end(system, run, settings)
@@ -121,15 +123,21 @@ def _is_whole(run: Motion, other: Motion) -> bool:
     return other.outcome == "ok" and len(other.times) == len(run.times)
 
 
-def _by_other_steps(run: Motion, others: RunsAgain, lasts: bool) -> StepParts:
-    """Errors from the same run with other steps, over the window of its levels.
+def _by_other_steps(run: Motion, others: RunsAgain, lasts: bool, step: float) -> StepParts:
+    """Errors from the same run with other steps [s], over the window of its levels.
 
-    The larger change counts: one of them may be small by chance.
+    The larger change counts: one of them may be small by chance. With a step that is far too long
+    both are.
     """
     window, half = judged_window(run), others.get(HALF)
     if half is not None and not _is_whole(run, half):
         return StepParts.unknown(f"with half the step: {half.message or 'no run'}")
     own, change = _levels(run, window), np.full(4, np.nan)
+    lam = run.point.growing.lam[:1]
+    hz = float(np.fmax(own[-1], np.abs(lam).max(initial=0.0) / (2 * np.pi)))
+    if lasts and hz * step * LEAST_STEPS_PER_PERIOD > 1.0:
+        steps = f"{1.0 / (hz * step):.2g} steps"
+        return StepParts.unknown(f"a period at {hz:.4g} Hz has {steps}: a shorter one is needed")
     for factor, share in ((HALF, 1.0), (TWICE, SECOND_DIFFERENCE_RATIO)):
         if factor in others and _is_whole(run, others[factor]):
             change = np.fmax(change, share * np.abs(own - _levels(others[factor], window, own)))

@@ -213,7 +213,7 @@ def test_of_an_undecided_run_it_says_what_is_known():
     told = RUNS.verdict(run)
     assert told.startswith("1 run: undecided. Over its end the RMS of the torque is 1191.0 +- 3.0")
     assert " N m, loudest near 599 Hz" in told
-    assert " Whether it stays so is open. It grew by 676.7 1/s" in told
+    assert " Whether it stays so is open. It grew by 676.7 +- 6.0 1/s" in told
     assert RUNS.verdict(run.with_tables(points=points.assign(torque_rms=np.nan))) == (
         "1 run: undecided."
     )

@@ -110,11 +110,21 @@ def heard(row: pd.Series) -> str:
 
 
 def _growth(row: pd.Series) -> str:
-    """How fast a run grew, and from when on its level was steady; '' where neither is known."""
+    """How fast a run grew or decayed, and from when on its level was steady.
+
+    '' where neither is known.
+    """
     rate, forecast = row.get("growth_rate", np.nan), row.get("predicted_growth_rate", np.nan)
     settled = row.get("settled_time", np.nan)
-    beside = f" (complex mode: {figure(forecast)})" if forecast == forecast else ""
-    parts = [f"grew by {figure(rate)} 1/s{beside}"] if rate == rate else []
+    parts = []
+    if rate == rate:
+        width = row.get("growth_rate_high", np.nan) - row.get("growth_rate_low", np.nan)
+        verb = "grew" if rate > 0.0 else "decayed"
+        parts.append(f"{verb} by {with_error(abs(float(rate)), float(width) / 2)} 1/s")
+    if rate == rate and forecast == forecast:
+        opposite = "grows by " if forecast > 0.0 else "decays by "
+        sign = opposite if rate * forecast < 0.0 else ""
+        parts[0] += f" (complex mode: {sign}{figure(abs(forecast))})"
     parts += [f"was steady from {moment(settled)} on"] if settled == settled else []
     return f" It {' and '.join(parts)}." if parts else ""
 
@@ -139,8 +149,13 @@ def _sticking(row: pd.Series) -> str:
     share = row.get("stick_share", np.nan)
     if not share >= 0.0:  # not known
         return ""
-    how = f"sticks for {in_digits(100 * share, 1)} % of area and time" if share else "never sticks"
+    how = f"sticks for about {_percent(share)} of area and time" if share else "never sticks"
     return f"; its contact {how}"
+
+
+def _percent(share: float) -> str:
+    """In percent, in the two digits that a run's step leaves to it."""
+    return f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def _where_it_sticks(lasting: pd.DataFrame, name: str, unit: str) -> str:
@@ -150,8 +165,8 @@ def _where_it_sticks(lasting: pd.DataFrame, name: str, unit: str) -> str:
         return ""
     if not shares.any():
         return f" The contact never sticks in these {len(lasting)} runs."
-    ends = [in_digits(100 * s, 1) for s in (shares[shares > 0].min(), shares.max())]
-    how = f"for {' to '.join(dict.fromkeys(ends))} % of area and time"
+    ends = [_percent(s) for s in (shares[shares > 0].min(), shares.max())]
+    how = f"for about {' to '.join(dict.fromkeys(ends))} of area and time"
     if shares.all():
         return f" The contact sticks in all {len(lasting)} of these, {how}."
     values = ", ".join(amount(float(v), unit) for v in lasting[name][shares > 0])

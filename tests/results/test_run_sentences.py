@@ -1,0 +1,41 @@
+"""Sentences on runs say what the run did, with the errors of their numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_results import made
+from transient_tables import growth_table, modes_table, points_table
+
+from squealstudy.kinds.transient.screen import SCREEN as RUNS
+
+
+@pytest.mark.parametrize(
+    ("rate", "width", "forecast", "text"),
+    [
+        (-1.887, 0.0, -1.887, "It decayed by 1.887 1/s (complex mode: 1.887)."),
+        (-1.9, 0.4, 0.3, "It decayed by 1.90 +- 0.20 1/s (complex mode: grows by 0.3)."),
+        (57.49, 3.0, 58.0, "It grew by 57.5 +- 1.5 1/s (complex mode: 58)."),
+    ],
+)
+def test_a_run_that_dies_away_does_not_grow(rate, width, forecast, text):
+    """It was told to grow "by -1.887 1/s"."""
+    numbers = {"growth_rate_low": rate - width / 2, "growth_rate_high": rate + width / 2}
+    numbers |= {"growth_rate": rate, "predicted_growth_rate": forecast, "settled_time": np.nan}
+    points = points_table({"friction": [0.5]}, ["undecided"], **numbers)
+    run = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
+    assert RUNS.verdict(run).endswith(text)
+
+
+def test_how_much_a_contact_sticks_has_the_digits_that_hold():
+    """It was "10.6 %" of a run whose contact sticks for 11.1 % by the judge of runs."""
+    points = points_table({"friction": [0.5]}, ["limit_cycle"]).assign(stick_share=0.1064)
+    run = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
+    assert "its contact sticks for about 11 % of area and time." in RUNS.verdict(run)
+
+
+def test_a_level_without_a_known_error_says_so():
+    levels = {"torque_rms_low": np.nan, "torque_rms_high": np.nan, "torque_rms": [60.0]}
+    points = points_table({"friction": [0.5]}, ["limit_cycle"], **levels)
+    run = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
+    assert "RMS of the torque 60 (error not known) N m" in RUNS.verdict(run)
