@@ -20,7 +20,7 @@ from squealstudy.tables.stability import BELOW_RANGE, INTO, uncertain_points
 from squealstudy.wording import track_number
 
 REL_TOLERANCE = 0.05  # between frequencies of one mode before and after: a choice, told on screens
-SAME_ONSET_REL_DISTANCE = 1e-9  # values of an onset in a ranking and in the table of onsets
+SAME_ONSET_REL_DISTANCE = 1e-9  # between an onset in a ranking and in the table of onsets
 SIDES = ("before", "after")
 COLUMNS = {  # of each side, with their types
     "mode_{}": "str",
@@ -32,7 +32,7 @@ COLUMNS = {  # of each side, with their types
     "growth_rate_error_{}": "f8",
     "unstable_points_{}": "int64",
 }
-EMPTY: dict[str, object] = {"str": "", "int64": 0}  # of a side on which there is no such mode
+EMPTY: dict[str, object] = {"str": "", "int64": 0}  # cells of a side that has no such mode
 COMPONENTS = ["main_component", "second_component"]
 
 
@@ -42,13 +42,13 @@ class UnstableModes(NamedTuple):
     Attributes
     ----------
     table : DataFrame
-        COLUMNS without the side, and the COMPONENTS of most energy, a row a mode.
+        COLUMNS without the side, and the COMPONENTS of most energy; one row for each mode.
     roots : ndarray (n_modes, n) complex
         Root of each mode at the common points, rad/s; NaN where it is not known.
     unstable, uncertain : int
-        Common points at which a mode is unstable, and those at which stability is uncertain.
+        Numbers of common points at which a mode is unstable, and at which stability is uncertain.
     failed : int
-        Points that failed on the lines.
+        Number of points on the lines that failed.
     """
 
     table: pd.DataFrame
@@ -68,7 +68,7 @@ def unstable_modes(
 ) -> UnstableModes:
     """Unstable modes of a study at some of its points, and their onsets along its lines.
 
-    Tracks that are one mode, whose number changes, are one row.
+    Tracks of one mode, whose number changes, share a row.
 
     Parameters
     ----------
@@ -116,19 +116,21 @@ def unstable_modes(
 
 
 def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
-    """A row a mode that is unstable before or after, the fastest first.
+    """One row for each mode that is unstable before or after, the fastest first.
 
-    Modes are paired by frequency over the common points at which both grow, or one where never
-    both do: in the mean within REL_TOLERANCE, if they have a component of most energy in common.
+    Modes are paired if their frequencies agree within REL_TOLERANCE, in the mean over the common
+    points at which both grow (or one, if both never do at one point), and if they have a component
+    of most energy in common.
 
     Returns
     -------
     DataFrame
-        COLUMNS of both SIDES; of a side without a partner texts are empty, numbers NaN and
-        `unstable_points` 0. Modes without one on both sides may be one whose frequency changes by
-        more. `mode` has the tracks, or what stands in their place; `onset`
-        is the least value at which the mode turns unstable on lines that both studies have
-        (`onset_kind`: `threshold_kind` of `rank_modes`), its error NaN where none is known.
+        COLUMNS of both SIDES. On a side without a partner texts are empty, numbers NaN and
+        `unstable_points` 0. A mode without partner before and one after may be the same mode, whose
+        frequency changes by more. `mode` has the track numbers, or the name of a group of modes
+        without tracks; `onset` is the least value at which the mode turns unstable on lines that
+        both studies have (`onset_kind`: `threshold_kind` of `rank_modes`), its error NaN where it
+        is not known.
     """
     table_before, table_after = before.table, after.table
     distance = _distances(before.roots, after.roots)
@@ -164,7 +166,7 @@ def paired(before: UnstableModes, after: UnstableModes) -> pd.DataFrame:
 
 
 def _roots(rows: pd.DataFrame, row_of_point: np.ndarray, count: int) -> np.ndarray:
-    """Roots (count,) of a mode, rad/s, whose rows stand at these places; of several the fastest."""
+    """Roots (count,) of a mode at common points, rad/s; of several rows at one the fastest."""
     order = np.argsort(rows["growth_rate"].to_numpy(float), kind="stable")
     size = 2.0 * np.pi * rows["frequency_hz"].to_numpy(float)
     real = rows["growth_rate"].to_numpy(float)
@@ -176,8 +178,8 @@ def _roots(rows: pd.DataFrame, row_of_point: np.ndarray, count: int) -> np.ndarr
 def _distances(roots: np.ndarray, other_roots: np.ndarray) -> np.ndarray:
     """Relative distance (n, m) of frequencies, of roots (n, k) and others (m, k), over k points.
 
-    The mean of points where both grow, or, without any, where one does: a mode that will grow may
-    be either of two before they lock in. Infinite where there is no such point.
+    It is the mean over the points at which both grow, or, without any, at which one does: before
+    two modes lock in either may be the one that will grow. Infinite where there is no such point.
     """
     roots, other_roots = roots[:, None], other_roots[None]
     each = np.abs(np.abs(other_roots) / np.abs(roots) - 1.0)
@@ -212,7 +214,7 @@ def _by_mode(ranking: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 def _mode_row(tracks: pd.DataFrame, at_common: pd.DataFrame) -> dict[str, Any]:
-    """A mode by the rows of its tracks in rankings by growth: of lines, of common points."""
+    """Row of a mode from its tracks in rankings by growth, over lines and over common points."""
     fastest = (at_common if len(at_common) else tracks).iloc[0]
     below = tracks[(tracks["threshold_kind"] == BELOW_RANGE).to_numpy(bool)]
     first = below if len(below) else tracks.sort_values("threshold", kind="stable")

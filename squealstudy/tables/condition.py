@@ -1,7 +1,7 @@
 """Conditions on columns of tables as text: comparisons of arithmetic, read without running it.
 
 ``DataFrame.eval`` calls any method that a text names, and some write files. Here Python's parser
-makes the syntax tree, and only the nodes listed are taken over.
+makes the syntax tree, and only listed kinds of nodes are evaluated.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.wording import did_you_mean
 
-# characters of a condition; of those in messages
+# most characters of a condition, and of its beginning in messages
 MAX_CONDITION_CHARACTERS, MAX_SHOWN_CHARACTERS = 1000, 80
 UNLIKE = "text and numbers cannot be compared; numbers are in SI units, without a unit"
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
@@ -60,10 +60,11 @@ class Condition:
     Attributes
     ----------
     tree : ast.expr
+        Syntax tree of this condition.
     text : str
-        All of the text, for messages.
+        The whole text, for messages.
     marked : mapping of str -> str
-        Columns by the names that stand for them in the tree.
+        Columns by the names that replace them in the tree.
     """
 
     tree: ast.expr
@@ -79,15 +80,15 @@ class Condition:
         return {self.marked.get(name, name) for name in names}
 
     def holds(self, table: pd.DataFrame) -> np.ndarray:
-        """Rows of a table for which it holds, bool (n_rows,).
+        """Mask (n_rows,) of the rows of a table for which the condition holds.
 
-        What compares a missing value is neither true nor false, nor is its negation: such a row
-        counts only where the rest decides (Kleene's logic).
+        A comparison with a missing value is neither true nor false, nor is its negation: for such a
+        row the condition holds only if its other parts decide so (Kleene's logic).
 
         Raises
         ------
         ResultsError
-            What is no comparison of arithmetic on columns.
+            A condition that is not made of comparisons of arithmetic on columns.
         """
         try:
             with np.errstate(all="ignore"):
@@ -141,15 +142,16 @@ def conditions(text: str, column_names: Collection[str]) -> list[Condition]:
     Parameters
     ----------
     text : str
-        Of columns, numbers, ``+ - * / // % **``, ``< <= > >= == !=``, ``and or not in`` (also
-        ``& | ~``), brackets and a few functions. Columns with dots and such may stand in backticks.
+        It may have columns, numbers, text in quotes, ``+ - * / // % **``, ``< <= > >= == !=``,
+        ``and or not in`` (also ``& | ~``), brackets and a few functions. Columns with dots and such
+        may be in backticks.
     column_names : collection of str
-        Columns that there are.
+        Columns of the tables.
 
     Raises
     ------
     ResultsError
-        A text that is none; a column that is not known.
+        A text that is no condition; an unknown column.
     """
     if len(text) > MAX_CONDITION_CHARACTERS:
         raise _unusable(
@@ -185,7 +187,7 @@ def conditions(text: str, column_names: Collection[str]) -> list[Condition]:
 
 
 def _dotted(tree: ast.expr, marked: Mapping[str, str]) -> Iterator[str]:
-    """Names with dots, which no known column has: those that are one stand as marks."""
+    """Names with dots that are no columns; columns with dots have been replaced by marks."""
     if isinstance(tree, ast.Attribute):
         name = ast.unparse(tree)
         if not any(mark in name for mark in marked):
@@ -203,7 +205,7 @@ def _conjuncts(tree: ast.expr) -> list[ast.expr]:
 
 
 def _compared(left_operand: Any, op: ast.cmpop, right_operand: Any) -> Any:
-    """A comparison of what can be compared: numbers with numbers, text with text."""
+    """A comparison of numbers with numbers, or text with text; TypeError for others."""
     if isinstance(op, ast.In | ast.NotIn):
         if not isinstance(left_operand, pd.Series) or not isinstance(right_operand, list):
             raise TypeError("expected a column before 'in' and a list in brackets after it")

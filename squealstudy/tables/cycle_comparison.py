@@ -1,4 +1,4 @@
-"""Limit cycles that were predicted beside what runs in time came to."""
+"""Comparison of predicted limit cycles with the motions of runs in time."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def compare_cycles(
     time_parameters: Sequence[str],
     nominal: Mapping[str, float],
 ) -> pd.DataFrame:
-    """A row a design point that both studies have: verdict and level beside a run's.
+    """One row for each design point that both studies have: verdict and level beside a run's.
 
-    Points join as of `tables.comparison.compare`.
+    Points are joined as in `tables.comparison.compare`.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def compare_cycles(
     Raises
     ------
     ResultsError
-        Where no design points join.
+        Studies without a common design point.
     """
     names = list(dict.fromkeys([*time_parameters, *parameters]))
     distinct_cycles = cycles[

@@ -1,4 +1,4 @@
-"""Which modes of the assembly carry the energy of the vibrations that last."""
+"""Ranking of the assembly's modes by their energy in vibrations that last."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def rank_energy(
     top: int | None = None,
     where: str | None = None,
 ) -> pd.DataFrame:
-    """One row an assembly mode, that of the largest mean energy share first.
+    """One row for each assembly mode, that of the largest mean energy share first.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Tracks that are one mode whose number changes between neighbouring design points.
 
-Around a coalescence in the plane of two parameters two modes change places: no numbering holds on
-all lines of a grid. Two tracks are of one family where an onset turns out to be none, because the
-unstable mode continues under the other number. They are also where two modes near in frequency
-exchange their growth between neighbouring points and a label there is ambiguous; modes that are
-followed without doubt are two.
+Around a coalescence in the plane of two parameters two modes change places: no numbering is right
+on all lines of a grid. Two tracks are of one family if an onset turns out to be none, because the
+unstable mode continues under the other number. They are also of one family if two modes near in
+frequency exchange their growth between neighbouring points, and a label there is ambiguous. Modes
+that are followed without doubt are of different families.
 """
 
 from __future__ import annotations
@@ -21,9 +21,8 @@ from squealstudy.tables.stability import INTO, REFINED_ONSETS
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 BEGINS_UNSTABLE = ("first_seen", "broken")  # status of onsets of tracks that begin unstable
 ENDS = ["point_before", "point_after"]
-# relative: frequencies of two modes that may take each other's place differ by less
-MAX_REL_FREQUENCY_GAP = 0.02
-MAX_CELLS = 10**8  # points times pairs of tracks that are compared
+MAX_REL_FREQUENCY_GAP = 0.02  # largest relative distance of two modes that may be exchanged
+MAX_CELLS = 10**8  # most points times squared tracks for which exchanges are sought
 
 
 def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:

@@ -1,8 +1,8 @@
-"""How good methods are: errors of what they found, the least cost of an error, predictions kept.
+"""Quality of methods: errors of their findings, least cost of an error, agreement with predictions.
 
-Findings are plain data: of complex modes ``roots`` (m, 2) and perhaps an ``onset`` with bounds, of
-a run in time ``values`` with bounds, ``energy_share`` by mode and ``class``. Every error has
-bounds: where both have intervals, the smallest and largest distance between them.
+Findings are plain data: for complex modes ``roots`` (m, 2) and perhaps an ``onset`` with bounds,
+for a run in time ``values`` with bounds, ``energy_share`` by mode and ``class``. Every error has
+bounds: if finding and truth have intervals, the smallest and largest distance between these.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ COMPARED = (*SUSTAINED, UNDECIDED)  # classes whose levels over the same time sa
 
 
 class FoundError(NamedTuple):
-    """One quantity of one mode or run: what was found, the truth, and the error with bounds.
+    """One quantity of one mode or run: the value found, the truth, and the error with bounds.
 
-    Errors are relative, but those of damping ratios and energy shares. `chance` is what the 95 %
-    intervals of both explain, root of the sum of squares of their half-widths: values of a smaller
-    error agree within their bounds; 0 where there are none.
+    Errors are relative, except those of damping ratios and energy shares. `chance` is the error
+    that the 95 % intervals of both explain, the root of the sum of squares of their half-widths: a
+    smaller error is within the bounds. It is 0 without intervals.
     """
 
     quantity: str
@@ -72,7 +72,7 @@ class Miscount(NamedTuple):
 def root_errors(
     finding: Mapping[str, Any], truth: Mapping[str, Any]
 ) -> tuple[list[FoundError], Miscount]:
-    """Errors of the light modes of a design point; of the unstable ones under names of their own.
+    """Errors of the light modes of a design point; unstable ones also under separate names.
 
     Modes are paired by their distance in the complex plane, one to one.
     """
@@ -106,7 +106,7 @@ def _roots(finding: Mapping[str, Any]) -> np.ndarray:
 
 
 def _lost(mode: int, root: complex) -> Iterator[FoundError]:
-    """A mode that has no partner is wrong by what pairs may differ, at least."""
+    """Errors of a mode without partner: at least the largest difference that pairs may have."""
     values = {"frequency": abs(root) / (2 * np.pi), "damping_ratio": -root.real / abs(root)}
     for name, truth in values.items():
         yield _plain(name, mode, np.nan, truth, MAX_PAIR_REL_DISTANCE)
@@ -204,7 +204,7 @@ def _interval_error(
 
 
 def _share_errors(shares: Mapping[str, float], reference: Mapping[str, float]) -> list[FoundError]:
-    """Differences of energy shares of all modes that either hears."""
+    """Differences of energy shares of all modes that one of both has."""
     pairs = [
         (k, shares.get(k, 0.0), reference.get(k, 0.0))
         for k in sorted({*shares, *reference}, key=int)
@@ -226,7 +226,7 @@ FRONT_COLUMNS = {
 
 
 def on_front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Which of some measurements (n,) are not beaten in both; NaN never is on a front."""
+    """Mask (n,) of measurements that no other one beats in cost and error; false for NaN."""
     is_finite = np.isfinite(cost) & np.isfinite(error)
     front = np.zeros(len(cost), dtype=bool)
     best = np.inf
@@ -238,13 +238,13 @@ def on_front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def usable(measurements: pd.DataFrame) -> np.ndarray:
-    """Measurements that count (n,) bool: every point solved, nothing missed, nothing spurious."""
+    """Mask (n,) of measurements with every point solved, nothing missed and nothing spurious."""
     counts = measurements[["n_failed", "missed", "spurious"]].sum(axis=1)
     return ((measurements["status"] == "ok") & (counts == 0)).to_numpy(bool)
 
 
 def cost_of(measurements: pd.DataFrame, quantity: str) -> np.ndarray:
-    """Seconds (n,) that a quantity costs: of a design point, or its own, as an onset has."""
+    """Cost (n,) of a quantity in seconds: its own, as an onset has, else that of a design point."""
     own_column = f"cost_{quantity}"
     column = own_column if own_column in measurements else "cost"
     return measurements[column].to_numpy(float)
@@ -262,8 +262,8 @@ def at_tolerances(
         ``missed``, ``spurious``, ``error_<quantity>`` and, where it has a cost of its own,
         ``cost_<quantity>``.
     quantities : sequence of str
-        All of them together too, under the name ``all``, but those that nothing has; at the cost of
-        the dearest.
+        Quantities; several are also judged together, under the name ``all``, at the cost of the
+        dearest. Quantities that no measurement has are left out of these.
     tolerances : sequence of float
 
     Returns

@@ -32,9 +32,10 @@ from squealstudy.tables.stability import (
 )
 from squealstudy.wording import amount, did_you_mean, in_digits
 
-HEAD = ("point_id", "status", "message", "wall_s")  # of every points table, then its parameters
-FIRST_RESULT = ("n_modes", "class", "verdict")  # what follows: of modes, of motion, of cycles
-AT_DIGITS = 4  # of the values in `at`, on a screen
+HEAD = ("point_id", "status", "message", "wall_s")  # first columns of points, then parameters
+# first column after the parameters, in studies of modes, of motion, of cycles
+FIRST_RESULT = ("n_modes", "class", "verdict")
+AT_DIGITS = 4  # digits of the values in `at`, on a screen
 # in place of a track number: overdamped roots together; modes without a track in groups of near
 # frequency, numbered downwards in ascending frequency
 OVERDAMPED_GROUP, FIRST_UNTRACKED_GROUP = -1, -2
@@ -91,13 +92,13 @@ def rank_modes(
     top : int or None
         Rows to keep.
     where : str or None
-        A pandas query over both tables; names with dots or brackets may be bare or in backticks.
-        Of the conditions that `and` joins, those on columns of `points` alone say which points
-        count, the others which unstable modes do.
+        A condition on columns of both tables (`condition.conditions`); names with dots or brackets
+        may be in backticks or not. Of the conditions that `and` joins, those on columns of `points`
+        only select the points that count, the others the unstable modes that count.
     onsets : DataFrame or None
         Table of onsets along `along`; where it has a refined one, that replaces the interpolation.
     scattered : bool
-        The points are those of a random design, whose lines begin nowhere.
+        Whether the points are those of a random design, whose lines begin nowhere.
 
     Returns
     -------

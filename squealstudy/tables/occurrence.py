@@ -18,7 +18,7 @@ def occurrence(
     bins: Sequence[float],
     weights: Sequence[float] | None = None,
 ) -> pd.DataFrame:
-    """A row a bin: at how many solved design points something squeals in it.
+    """One row for each bin: the number of solved design points at which something squeals in it.
 
     A design point counts once in a bin however many of its modes are there, and in every bin that
     has one of them. A bin holds its lower edge and not its upper one.
@@ -28,7 +28,7 @@ def occurrence(
     points : DataFrame
         ``point_id`` and ``status``; only points that are ``ok`` count.
     squeals : DataFrame
-        A row a mode or vibration that squeals: ``point_id``, ``frequency_hz`` and the level.
+        One row for each mode or vibration that squeals: ``point_id``, ``frequency_hz``, the level.
     level : str
         Column of `squeals`.
     bins_hz : sequence of float

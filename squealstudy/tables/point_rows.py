@@ -1,7 +1,7 @@
-"""Which row of the points table each mode belongs to, by arrays.
+"""The row of the points table that each mode belongs to.
 
-Ids are texts, and slow to look up. Modes of a point stand together in their table, so that an id is
-looked up once a point.
+Ids are texts, and slow to look up. Modes of a point are next to each other in their table, so that
+an id is looked up only once for each point.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 
 from squealstudy.errors import ResultsError
 
-ROWS_PER_BATCH = 2**17  # rows of a long table that are looked at together
+ROWS_PER_BATCH = 2**17  # rows of a long table that are processed together
 ROW = "point_row"  # column of a modes table that may hold each mode's row in the points table
 
 
@@ -48,7 +48,7 @@ def rows_in(table: pd.DataFrame, selected: pd.DataFrame) -> np.ndarray:
 
 
 def largest_by_code(values: np.ndarray, code: np.ndarray, count: int) -> np.ndarray:
-    """Largest value of each of `count` codes, NaN of one that has none."""
+    """Largest value (count,) of each code; NaN for a code without values."""
     largest = np.full(count, -np.inf)
     np.maximum.at(largest, code, values)
     has_value = np.zeros(count, dtype=bool)

@@ -33,22 +33,23 @@ class GrowthColumn:
     ----------
     track : int
         LARGEST_GROWTH_GROUP for the largest of a point, OVERDAMPED_GROUP for that of its real,
-        growing roots. Of tracks that are one mode (`families`) that of most unstable points.
+        growing roots. Among tracks of one mode (`families`) that with most unstable points.
     frequency_hz : float
         Frequency of the mode where it grows fastest; NaN for these two groups.
     growth : ndarray (n_points,)
-        1/s; NaN where the point is not ok or the track has no mode.
+        Growth rates, 1/s; NaN where the point is not ok or has no mode of the track.
     unstable : ndarray (n_points,) of bool
+        Points at which it is unstable.
     surely, maybe : ndarray (n_points,) of bool
-        Unstable whatever the errors of the modes, and unstable if these want it.
+        Points at which it is unstable whatever the errors of the modes, and at which it may be.
     absent : ndarray (n_points,) of bool
-        Points without a mode of the track at which it is known to be none of the oscillating modes
-        of the band: all of these have tracks that stand beside this one at other points.
+        Points without a mode of the track at which it is certainly none of the oscillating modes of
+        the band: at other points all of their tracks are found together with this one.
     tracks : tuple of int
-        The tracks that are this one mode; growth is that of the faster where two stand. Empty
-        of the two groups.
+        All tracks of this mode; growth is the largest where a point has several. Empty for the two
+        groups.
     ambiguous : bool
-        One of them may have jumped to another mode between two points.
+        Whether one of them may have jumped to another mode between two points.
     """
 
     track: int
@@ -68,9 +69,9 @@ def growth_columns(
     top: int | None = None,
     onsets: pd.DataFrame | None = None,
 ) -> Iterator[GrowthColumn]:
-    """The largest growth of each point, then non-oscillating and unstable tracks.
+    """The largest growth of each point, then that of non-oscillating roots and of unstable tracks.
 
-    One after the other: of many tracks and points all would fill the memory.
+    Columns are made one after the other: those of many tracks and points would fill the memory.
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ def growth_columns(
 
 
 def _by_unstable_points(track: np.ndarray, growth: np.ndarray, unstable: np.ndarray) -> list[int]:
-    """Unstable tracks, those of most points first, then by largest growth."""
+    """Unstable tracks, those with most unstable points first, then by largest growth."""
     counted = unstable & (track > 0)
     listed = pd.Series(growth[counted]).groupby(track[counted]).agg(["count", "max"])
     numbers: list[int] = listed.sort_values(["count", "max"], ascending=False).index.tolist()
@@ -151,7 +152,7 @@ def _by_unstable_points(track: np.ndarray, growth: np.ndarray, unstable: np.ndar
 
 
 class _Standing:
-    """Which tracks stand at which points, from the oscillating modes' points and tracks (m,)."""
+    """The tracks at each point, from the points and tracks (m,) of oscillating modes."""
 
     def __init__(self, n: int, code: np.ndarray, track: np.ndarray) -> None:
         self._tracks, track_index = np.unique(track, return_inverse=True)
@@ -159,10 +160,10 @@ class _Standing:
         self._here[code, track_index] = True
 
     def absent(self, number: int) -> np.ndarray:
-        """Points (n,) at which a track is certainly none of the modes: each is another one.
+        """Mask (n,) of points at which a track is certainly none of the modes.
 
-        Two tracks at one point are two modes. A mode without a track, or of a track that never
-        stands beside this one, may be the mode that is sought under another number.
+        Two tracks at one point are two modes. But a mode without a track, or of a track that is
+        never at a point together with this one, may be the same mode under another number.
         """
         with_track = self._here[:, np.searchsorted(self._tracks, number)]
         is_present = self._here[with_track].any(axis=0) & (self._tracks > 0)
@@ -224,7 +225,7 @@ def robust_table(
     Raises
     ------
     ResultsError
-        Where every point failed.
+        Tables in which every point failed.
     """
     drawn = np.ones(len(points), dtype=bool) if independent is None else independent
     is_ok = (points["status"] == "ok").to_numpy(bool)
@@ -249,7 +250,7 @@ def robust_table(
 
 
 def probability_interval(unstable: int, points: int, confidence: float) -> tuple[float, float]:
-    """Clopper-Pearson bounds of a probability of which `unstable` of `points` draws are a case."""
+    """Clopper-Pearson bounds of the probability of a case that `unstable` of `points` draws are."""
     from scipy.stats import binomtest
 
     interval = binomtest(unstable, points).proportion_ci(confidence, method="exact")

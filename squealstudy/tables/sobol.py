@@ -17,7 +17,8 @@ import pandas as pd
 from squealstudy.errors import ResultsError
 from squealstudy.tables.robustness import LARGEST_GROWTH_GROUP, growth_columns
 
-ROW_A, ROW_B, MIXED = 0, 1, 2  # places in a group; the mixed points follow in parameter order
+# rows of a group: the points of A and B, and the first mixed one; these are in parameter order
+ROW_A, ROW_B, MIXED = 0, 1, 2
 
 
 class Groups(NamedTuple):
@@ -45,7 +46,7 @@ def saltelli_rows(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def is_saltelli(x: np.ndarray) -> bool:
-    """Whether points (m, d) are such a sample in its order."""
+    """Whether points (m, d) are a sample of `saltelli_rows`, in its order."""
     m, d = x.shape
     if not m or m % (d + MIXED):
         return False
@@ -54,12 +55,12 @@ def is_saltelli(x: np.ndarray) -> bool:
 
 
 def base_rows(n_points: int, d: int) -> np.ndarray:
-    """Which of the points (n_points,) belong to A or B: these alone are independent."""
+    """Mask (n_points,) of the points of A and B; only these are independent of each other."""
     return np.arange(n_points) % (d + MIXED) < MIXED
 
 
 def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
-    """Values (n (d + 2),) by role, without the groups in which one is not finite; their number."""
+    """Values (n (d + 2),) by role without groups that have one not finite; number of these."""
     rows = values.reshape(-1, d + MIXED)
     is_solved = np.isfinite(rows).all(axis=1)
     whole_groups = rows[is_solved]
@@ -68,8 +69,8 @@ def grouped(values: np.ndarray, d: int) -> tuple[Groups, int]:
     )
 
 
-MIN_GROUP_SHARE = 0.5  # share of groups that must be without a failed point
-MIN_GROUPS = 8  # without a failed point
+MIN_GROUP_SHARE = 0.5  # least share of groups without a failed point
+MIN_GROUPS = 8  # least number of groups without a failed point
 N_RESAMPLES = 999
 ROWS_PER_DRAW = 2**20  # rows of groups that are drawn at once
 COLUMNS = (
@@ -113,14 +114,15 @@ def sobol_table(
         oscillating modes and growing real roots) or "track". Groups with a point that failed, or at
         which the track has no mode, are dropped: `dropped_groups`; `groups` remain. These are no
         longer a sample of the distributions, and indices and intervals are theirs.
-        `tracks` and `ambiguous` as in `robust_table`. The indices of a track of fewer whole groups
-        than LEAST_SHARE are NaN. `variance` is that of the growth, 1/s^2.
+        `tracks` and `ambiguous` as in `robust_table`. The indices of a track are NaN if fewer than
+        MIN_GROUPS groups remain, or a smaller share than MIN_GROUP_SHARE. `variance` is that of the
+        growth, 1/s^2.
         Estimators: Saltelli et al. 2010, table 2 b and f, as scipy.stats.sobol_indices.
 
     Raises
     ------
     ResultsError
-        Where the points are not such a sample, or too many of them failed.
+        Points that are not such a sample, or of which too many failed.
     """
     d = len(parameters)
     if d < 2 or not is_saltelli(points[list(parameters)].to_numpy(dtype=float)):

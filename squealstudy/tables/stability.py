@@ -9,9 +9,10 @@ from squealstudy.modes.judged_roots import UNCERTAIN
 
 
 def is_uncertain(modes: pd.DataFrame) -> np.ndarray:
-    """Which rows of a modes table may be stable or unstable; none where it does not tell.
+    """Mask of the rows of a modes table that may be stable or unstable.
 
-    Tables written before errors of the reduction were known have no column for it.
+    Tables that were written before errors of the reduction were known have no column for it: all
+    false.
     """
     if "stability" not in modes:
         return np.zeros(len(modes), dtype=bool)
@@ -22,7 +23,7 @@ def is_uncertain(modes: pd.DataFrame) -> np.ndarray:
 def unstable_bounds(
     modes: pd.DataFrame, group: np.ndarray, code: np.ndarray, counted: np.ndarray
 ) -> pd.DataFrame:
-    """Points at which each group of modes is unstable for sure, and at which it may be.
+    """Numbers of points at which each group of modes is certainly unstable, and may be.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def unstable_bounds(
     -------
     DataFrame
         ``unstable_points_low`` and ``unstable_points_high``, indexed by group. A row that is not
-        unstable belongs to the group of its track, or in whose range of frequency it lies.
+        unstable belongs to the group of its track, or to that whose frequency range contains it.
     """
     uncertain = is_uncertain(modes)
     maybe = np.where(uncertain & counted & (group == 0), _own_group(modes, group), 0)
@@ -55,7 +56,7 @@ def unstable_bounds(
 
 
 def _own_group(modes: pd.DataFrame, group: np.ndarray) -> np.ndarray:
-    """Group (m,) to which each row would belong were it unstable; 0 for none."""
+    """Group (m,) to which each row would belong if it were unstable; 0 for none."""
     group_of_row = np.where(
         modes["overdamped"].to_numpy(bool), -1, np.maximum(modes["track"].to_numpy(), 0)
     )
@@ -69,7 +70,7 @@ def _own_group(modes: pd.DataFrame, group: np.ndarray) -> np.ndarray:
 
 
 def uncertain_points(modes: pd.DataFrame, code: np.ndarray, counted: np.ndarray) -> int:
-    """Number of design points that count at which some mode is uncertain."""
+    """Number of counted design points at which the stability of a mode is uncertain."""
     return len(np.unique(code[is_uncertain(modes) & counted]))
 
 

@@ -1,4 +1,4 @@
-"""How many design points of a study break which assumption."""
+"""Numbers of design points of a study that break assumptions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def validity_counts(points: pd.DataFrame) -> tuple[int, int, list[tuple[str, int
 
 
 def rule_counts(reasons: Iterable[str]) -> list[tuple[str, int]]:
-    """How many of the points with these reasons break each rule, the most frequent first."""
+    """Number of points with these reasons that break each rule, the most frequent first."""
     rules: dict[str, int] = {}
     for text in reasons:
         for rule in dict.fromkeys(part.partition(": ")[0] for part in str(text).split(BETWEEN)):
@@ -80,7 +80,8 @@ def untouched_contact(points: pd.DataFrame) -> str:
 def pulling_rows(points: pd.DataFrame) -> np.ndarray:
     """Positions (m,) of the design points at which steady sliding pulls at a contact.
 
-    Of runs in time, which tell a motion that pulls in the same words, those that say it twice.
+    Reasons of runs in time use the same words for a motion that pulls: there steady sliding pulls,
+    too, if the words occur twice.
     """
     least = 2 if "class" in points else 1
     if "invalid_reason" not in points:
@@ -99,7 +100,7 @@ def pulling_contact(points: pd.DataFrame, contacts: Sequence[str] = ()) -> str:
     points : DataFrame
         A points table.
     contacts : sequence of str
-        Those that pull at the first of these points, where the model has several.
+        Contacts that pull at the first of these points, if the model has several.
     """
     outside, solved, _ = validity_counts(points)
     n_pulling = len(pulling_rows(points)) if outside else 0
@@ -116,9 +117,9 @@ def pulling_contact(points: pd.DataFrame, contacts: Sequence[str] = ()) -> str:
 
 
 def said_first(points: pd.DataFrame, contacts: Sequence[str] = ()) -> str:
-    """Sentences about what makes all other answers doubtful; empty where nothing does.
+    """Sentences on what makes all other answers doubtful; empty where nothing does.
 
-    `contacts` as of `pulling_contact`.
+    `contacts` are those of `pulling_contact`.
     """
     return " ".join(filter(None, (untouched_contact(points), pulling_contact(points, contacts))))
 
