@@ -21,6 +21,7 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
+DISTINCT_RATIO = 1.02  # level of a design over that of a cycle from which on it is another motion's
 MIN_SHOWN_HARMONIC_RATIO = 1e-5  # size over the largest harmonic's from which one is drawn
 
 
@@ -85,5 +86,8 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     design_text = describe(design, points, parameter_columns(points, varied=True), results.units)
     how = {True: "stable", False: "unstable"}.get(cycle_row["stable"], "stability not known")
     title = f"{design_text}: {how} cycle" if design_text else f"{how.capitalize()} cycle"
-    axes.set_title(f"{title}, RMS {cycle_row['torque_rms']:.4g} {unit}", fontsize=10)
+    title = f"{title}, RMS {cycle_row['torque_rms']:.4g} {unit}"
+    if design["torque_rms"] > DISTINCT_RATIO * cycle_row["torque_rms"]:
+        title += f"; louder motion lasts there, {design['torque_rms']:.4g} {unit}"
+    axes.set_title(title, fontsize=10)
     return figure

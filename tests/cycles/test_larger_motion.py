@@ -8,6 +8,7 @@ import cycle_models as models
 import numpy as np
 import pandas as pd
 import pytest
+from made_results import drawn, made
 
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.families import families
@@ -100,3 +101,16 @@ def test_a_kick_beyond_an_unfinished_curve_tells_a_louder_level():
     told = run(replace(quiet, cycles=(replace(family.loudest, levels=levels),)))
     assert told.run is None
     assert told.reason.endswith("m/s comes to no louder motion")
+
+
+@pytest.mark.parametrize(("level", "is_told"), [(45.1, False), (128.0, True), (np.nan, False)])
+def test_the_spectrum_of_a_cycle_tells_that_louder_motion_lasts_there(level, is_told):
+    """Its picture was named "stable cycle, RMS 45 N" and no more where a run of 128 N lasts."""
+    row = {"cycle_id": "a-1-1", "point_id": "a", "frequency_hz": 200.0, "level_error": 1e-3}
+    cycles = pd.DataFrame([row | {"torque_rms": 45.0, "stable": True}])
+    cycles["torque_harmonics"] = [[63.0, 9.0]]
+    points = pd.DataFrame({"point_id": ["a"], "status": "ok", "torque_rms": [level]})
+    results = made(kind="limit_cycles", points=points, cycles=cycles)
+    (title,) = [t for t in drawn(results.plot.cycle_spectrum("a-1-1")) if "RMS" in t]
+    end = "; louder motion lasts there, 128 N m" if is_told else ""
+    assert title == f"Stable cycle, RMS 45 N m{end}"
