@@ -379,3 +379,18 @@ def test_where_a_mode_diverges_is_in_the_answer(tmp_path):
     results = solved(f"{text}[modes]\nreference_points = 0\n", tmp_path / "r")
     told = " ".join(as_text(results.screen.findings(results)).split())
     assert "Hz first at p 0.75; without oscillation first at p 0.6 or less." in told
+
+
+def test_more_modes_than_a_point_has_are_called_tracks(tmp_path):
+    """Two coordinates, with tracks of designs so far apart that nothing joins them."""
+    text = study_text("pulled", "complex_modes", "hulten")
+    text += "[parameters]\ndamping_ratio = 0.004\nsliding_speed = 0.4\n"
+    text += '"friction_law.static_ratio" = 1.6\n"friction_law.decay_speed" = 0.3\n'
+    text += '[[sweep]]\nparameter = "friction"\nstart = 0.02\nstop = 0.9\nnum = 9\n'
+    text += '[[sweep]]\nparameter = "frequency_2"\nvalues = [40.0, 75.0, 90.0, 115.0]\n'
+    results = solved(text + "[modes]\nreference_points = 0\n", tmp_path / "r")
+    table = results.rank("share", None, None)
+    named = table.drop_duplicates("family")["family_modes"].sum()
+    assert named > results.points["n_modes"].max() == 2
+    told = " ".join(as_text(results.screen.findings(results)).split())
+    assert f"{named} tracks of modes, at most 2 at one point, are unstable between 1 and" in told

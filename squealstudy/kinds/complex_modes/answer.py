@@ -49,10 +49,13 @@ def how_many(results: ResultTables, table: pd.DataFrame) -> str:
     """How many modes are unstable, in which band, and from where on each."""
     tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
     named = int(tracked.drop_duplicates("family")["family_modes"].sum())
-    others = len(table) - len(tracked)
+    others, points = len(table) - len(tracked), results.points
+    most = int(points["n_modes"].max()) if "n_modes" in points else named
     text = (plural(named, "mode") if named else "") + (" and " if named and others else "")
+    if named > most:  # tracks of designs that nothing joins, or modes that pass through the band
+        text = f"{named} tracks of modes, at most {most} at one point,{' and' * bool(others)} "
     text += plural(others, "group of modes", "groups of modes") if others else ""
-    text += f" {'is' if named + others == 1 else 'are'} unstable "
+    text = f"{text.rstrip()} {'is' if named + others == 1 else 'are'} unstable "
     text += band_text(results.fact("band_hz"))
     onsets = onsets_in_words(results, table)
     return text + (f": {onsets}" if onsets else "")
