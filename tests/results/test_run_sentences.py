@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_results import made
 from transient_tables import growth_table, modes_table, points_table
 
 from squealstudy.kinds.transient.screen import SCREEN as RUNS
+from squealstudy.kinds.transient.window_screen import in_words
 
 
 @pytest.mark.parametrize(
@@ -39,3 +41,24 @@ def test_a_level_without_a_known_error_says_so():
     points = points_table({"friction": [0.5]}, ["limit_cycle"], **levels)
     run = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
     assert "RMS of the torque 60 (error not known) N m" in RUNS.verdict(run)
+
+
+@pytest.mark.parametrize(
+    ("hz", "text"),
+    [
+        ([200.0, 230.0, 260.0], "200 to 260 Hz"),
+        ([260.0, 230.0, 200.0], "260 to 200 Hz"),
+        ([200.0, 260.0, 210.0], "200 to 260 Hz"),
+        ([np.nan, 200.0, 210.0], "first without a period, then 200 to 210 Hz"),
+        ([200.0, np.nan, 210.0], "200 to 210 Hz, at times without a period"),
+        ([200.0, 210.0, np.nan], "200 to 210 Hz, then without a period"),
+    ],
+)
+def test_frequencies_of_windows_are_those_of_all_of_them(hz, text):
+    """Of 200, 260 and 210 Hz "200 to 210 Hz" was told, and nothing of a first part without any."""
+    times = 0.1 * np.arange(4)
+    windows = {"point_id": "p0", "class": "limit_cycle", "torque_rms": [1.0, 2.0, 3.0]}
+    windows |= {"time_start": times[:-1], "time_stop": times[1:], "frequency_hz": hz}
+    windows |= {"sliding_speed_start": 1.0, "sliding_speed_stop": 1.0, "torque_line_hz": 200.0}
+    results = made(kind="transient", windows=pd.DataFrame(windows))
+    assert f"limit cycle to 300 ms ({text})." in in_words(results, "N")

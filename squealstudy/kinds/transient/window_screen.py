@@ -93,16 +93,29 @@ def in_words(results: ResultTables, unit: str) -> str:
 
 
 def _frequencies(rows: pd.DataFrame) -> str:
-    """Frequencies of windows of one class after the other, in words; empty where none repeats."""
+    """Frequencies of windows of one class after the other, in words; empty where none repeats.
+
+    From the first to the last, or from the least to the largest where one lies beyond these.
+    """
     if rows["class"].iloc[0] == QUIET:
         return ""
     hz = rows["frequency_hz"].to_numpy(float)
     repeating = np.flatnonzero(np.isfinite(hz))
     if not len(repeating):
         return " (no period)"
-    ends = dict.fromkeys(in_digits(hz[k]) for k in (repeating[0], repeating[-1]))
-    later = ", then without a period" if repeating[-1] < len(hz) - 1 else ""
-    return f" ({' to '.join(ends)} Hz{later})"
+    repeating_hz = hz[repeating]
+    first_last, extremes = (
+        (repeating_hz[0], repeating_hz[-1]),
+        (repeating_hz.min(), repeating_hz.max()),
+    )
+    ends = dict.fromkeys(map(in_digits, first_last))
+    if set(map(in_digits, extremes)) != set(ends):
+        ends = dict.fromkeys(map(in_digits, extremes))
+    first, last = int(repeating[0]), int(repeating[-1])
+    earlier = "first without a period, then " if first else ""
+    between = ", at times without a period" if len(repeating) < last + 1 - first else ""
+    later = ", then without a period" if last < len(hz) - 1 else ""
+    return f" ({earlier}{' to '.join(ends)} Hz{between}{later})"
 
 
 def _span(row: Mapping[Hashable, Any] | pd.Series, name: str, factor: float) -> str:
