@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 MAX_SHORT_REASON_CHARACTERS = 12
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
-MOST_BRANCHES, MOST_EVENTS = 6, 6  # listed
+MOST_BRANCHES, MOST_EVENTS = 6, 6  # branches listed, and events of each
 SHOWN_REL_ERROR = 1e-3  # relative error of an event's value from which it is shown
 EVENTS = {"F": "folds", "H": "Hopf points"}
 EVENT_WORDS = {
@@ -66,7 +66,7 @@ BRANCH_ENDS = {
     FAR: "beyond 'reach'",
 }
 MEASURED = re.compile(r"(?<![\w.])(?<!mode )(?<!modes )\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
-MOST_FOLLOWED, SAME_FREQUENCY = 3, 0.02  # modes told one by one; relative, of one mode
+MOST_FOLLOWED, SAME_FREQUENCY = 3, 0.02  # followed modes told; relative distance told as one
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 
@@ -86,7 +86,7 @@ class LimitCyclesScreen(KindScreen):
         )
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """A line a design point."""
+        """A line for each design point, or a map of letters alone where there are too many."""
         points, units = results.points, results.units
         varied = [p for p in results.parameters if len(set(points[p])) > 1]
         shown_units = {p: units.get(p, "") for p in varied if len(varied) <= MOST_COLUMNS}
@@ -145,7 +145,7 @@ class LimitCyclesScreen(KindScreen):
         return [self.verdict(results), "", *letters, *([""] if letters else []), shown, legend]
 
     def verdict(self, results: ResultTables) -> str:
-        """How many designs have which verdict; levels, frequencies and kicks."""
+        """The number of designs of each verdict, with levels, frequencies and kicks."""
         points = results.points
         solved = points["status"] == "ok"
         counts_text = self.counted(results, points["verdict"].where(solved, FAILED).tolist())
@@ -161,9 +161,9 @@ class LimitCyclesScreen(KindScreen):
         return f"{counted}{levels}{self.followed_in_words(results)}"
 
     def followed_in_words(self, results: ResultTables) -> str:
-        """Modes that squeal and were not followed, and what became of those that were.
+        """Modes that squeal and were not followed, and the verdicts on those that were.
 
-        Empty where all that squeal were followed.
+        Empty where all modes that squeal were followed.
         """
         if not (results.points["verdict"] == SQUEALS).any():
             return ""
@@ -189,7 +189,7 @@ class LimitCyclesScreen(KindScreen):
         return f"{text}."
 
     def next_steps(self, results: ResultTables) -> Rows:
-        """The page of curves and levels; silence by a change, where something squeals."""
+        """The page of curves and levels; where a design squeals, also the search for a change."""
         squeals = results.points["verdict"].isin((SQUEALS, IF_KICKED)).any()
         change = [("least change", 'kind = "design" searches the least that silences it')]
         return [
@@ -198,7 +198,7 @@ class LimitCyclesScreen(KindScreen):
         ]
 
     def facts(self, results: ResultTables) -> Rows:
-        """Modes that were followed, and cycles; what the levels err by."""
+        """Modes that were followed, cycles with the largest error of a level, branches, borders."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
         distinct_cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)]
         followed = verdicts[_is_followed(verdicts)]
@@ -222,13 +222,13 @@ class LimitCyclesScreen(KindScreen):
 
 
 def _is_followed(verdicts: pd.DataFrame) -> np.ndarray:
-    """Rows (n,) bool of modes whose curve was asked for; all of results of before."""
+    """Whether the curve of each mode was followed, (n,) bool; all True in older results."""
     ends = verdicts.get("curve_end", pd.Series("", index=verdicts.index))
     return (ends != NOT_FOLLOWED).to_numpy(bool)
 
 
 def _frequencies_text(rows: pd.DataFrame) -> str:
-    """Frequencies of modes, one of those that are near each other: ``861, 3793 and 6306``."""
+    """Frequencies [Hz] of modes, near ones told once: ``861, 3793 and 6306``."""
     distinct: list[float] = []
     for hz in sorted(rows["frequency_hz"].dropna()):
         if not distinct or hz > (1.0 + SAME_FREQUENCY) * distinct[-1]:
@@ -238,7 +238,7 @@ def _frequencies_text(rows: pd.DataFrame) -> str:
 
 def _served(results: ResultTables) -> str:
     """Number of families whose curve is that of a design nearby, in words; empty for none."""
-    named = results.table("verdicts").get("curve_of")  # results of before have none
+    named = results.table("verdicts").get("curve_of")  # older results have none
     served = 0 if named is None else int((named != "").sum())
     return (
         f" ({plural(served, 'mode')} by the curve of a design nearby: `curve_of`)" if served else ""
@@ -246,7 +246,7 @@ def _served(results: ResultTables) -> str:
 
 
 def _branches(results: ResultTables) -> Rows:
-    """Where each branch has its events."""
+    """A row for each branch: its events, with their parameter values, and how it ends."""
     branches, units, rows = results.table("branches"), results.units, []
     points = results.points.set_index("point_id")
     varied = [p for p in results.parameters if len(set(points[p])) > 1]
@@ -282,7 +282,7 @@ def _branches(results: ResultTables) -> Rows:
 
 
 def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:
-    """The error of an event's value, where the value as it is shown does not hold it."""
+    """Error of an event's value in words, where it is larger than the digits shown."""
     error = event.get("value_error", 0.0)  # results of before have none
     if error != error:
         return " (error not known)"
@@ -291,7 +291,7 @@ def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:
 
 
 def _borders(borders: pd.DataFrame) -> Rows:
-    """How many there are, and by how much they differ from the lines of the grid."""
+    """The number of borders, and how much they differ from the branches they meet."""
     if not len(borders):
         return []
     first = borders.drop_duplicates("border_id")
@@ -345,9 +345,9 @@ def _reason(row: Mapping[Hashable, Any]) -> str:
 
 
 def merged_reasons(reasons: list[str]) -> dict[str, str]:
-    """Texts of reasons: those that differ only by numbers are one, with their ranges.
+    """Text for each reason: reasons that differ only by numbers share one, with ranges.
 
-    Numbers of modes stay: what is said of two modes is no range.
+    Numbers of modes are kept, because two mode numbers are no range.
     """
     alike: dict[str, list[str]] = {}
     for reason in dict.fromkeys(reasons):
@@ -365,7 +365,7 @@ def merged_reasons(reasons: list[str]) -> dict[str, str]:
 
 
 def footnotes(reasons: list[str]) -> dict[str, str]:
-    """Mark in the table for each reason: a letter, where some reason is there twice."""
+    """Mark in the table for each reason: a letter, where a long reason would be repeated."""
     distinct_reasons = list(dict.fromkeys(reasons))
     repeated = len(distinct_reasons) < len([r for r in reasons if r]) and len(
         distinct_reasons

@@ -3,9 +3,9 @@
 At a few working points the reduced right and left modes leave loads r = Q(lam) T psi in the
 unreduced equations. The nearly static responses (K0 + s M)^-1 r to random sums of them, each mode
 of unit energy, span what the basis lacks (a randomised range finder: Halko, Martinsson, Tropp
-2011); K0 + s M is what the assembly's modes were found with. With them it is a finer model, whose
-roots are nearer to those of the full-order model by orders of magnitude: the distance of the roots
-of both models is the error of the smaller one.
+2011); K0 + s M is the matrix the assembly's modes were found with. The basis with these responses
+makes a finer model, whose roots are nearer to those of the full-order model by orders of magnitude:
+the distance between the roots of the two models is the error of the smaller one.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from squealstudy.system.contact_weights import ContactWeights, contact_weights
 from squealstudy.system.linearise import component_frequencies, linearise
 
 DIRECTIONS = 160  # static responses: with fewer some of what moves a root is left out
-# smallest direction of the finer model, in the largest; of its square in energy
-FINER_SVD_CUTOFF = 0.003
-ENRICHING = 0.012  # and of what enriches a basis
-STRONG = 0.7  # least friction of the loads: they grow with it, and hold those of weaker friction
+# smallest direction kept, relative to the largest (its square: relative in elastic energy)
+FINER_SVD_CUTOFF = 0.003  # in a finer model
+ENRICHING = 0.012  # in a basis that is enriched
+STRONG = 0.7  # least friction of the loads: they grow with it and cover those of weaker friction
 BAND_WIDENING = 0.02  # relative widening of the band in which the finer model is compared
 FINER_MODEL_SAFETY_FACTOR = 2.0  # on the distance to the finer model, for what that lacks too
 SAME_ROOT = 1e-12  # relative: round-off of the difference of two dense eigenvalues
@@ -58,14 +58,14 @@ class ReductionRecord:
     assembly : AnyAssembly
     modes : mapping of component name -> ComponentModes
     points : tuple of OperatingPoint
-        Residual loads are taken there, at strong friction and at none.
+        Operating points at which residual loads are taken, with strong friction and with none.
     scales : tuple of mapping of (component, mode) -> float
-        And at the first of them, at strong friction, with component frequencies times these.
+        Factors on component frequencies, with which the first point is loaded again.
     top_hz : float
-        Modes up to here leave loads.
+        The largest frequency [Hz] of the modes whose loads are taken.
     damped_to_hz : float
-        Real modes of the unreduced assembly up to here have modal damping of their own, and those
-        of the finer model: that a reduced one has it of all its modes is part of its error.
+        The largest frequency [Hz] of the real modes with modal damping of their own, in the
+        unreduced assembly and in the finer model; that all reduced ones have it is an error.
     """
 
     assembly: AnyAssembly
@@ -88,7 +88,7 @@ class ReductionRecord:
 def with_finer_model(
     prepared: PreparedModel, basis: ComponentBasis, record: ReductionRecord, rounds: int = 0
 ) -> tuple[PreparedModel, ComponentBasis]:
-    """A prepared model, of this basis or of one that is enriched, with its finer model.
+    """A prepared model, in this basis or in an enriched one, together with its finer model.
 
     Parameters
     ----------
@@ -96,16 +96,17 @@ def with_finer_model(
     basis : ComponentBasis
     record : ReductionRecord
     rounds : int
-        0: the basis stays. 1: the leading static responses, which cover most of its error, join it,
-        all of them make the finer model. 2: first all of them join, then the leading ones of what
-        that basis lacks.
+        With 0 the basis stays. With 1 the leading static responses, which cover most of its error,
+        join it, and all of them make the finer model. With 2 all of them join it first, and then
+        the leading responses that this larger basis lacks.
 
     Returns
     -------
-    PreparedModel, Basis
-        Without a finer model (None) where no working point has modes to be found.
+    PreparedModel, ComponentBasis
+        The finer model is None where a contact point is stuck without a stiffness, where no point
+        has modes, and where a factorisation fails.
     """
-    if not is_linear(prepared.model.own_friction):  # it is for runs alone
+    if not is_linear(prepared.model.own_friction):  # a stuck point has no tangent
         return replace(prepared, finer=None), basis
     try:
         if rounds > 1:
@@ -130,7 +131,7 @@ def with_finer_model(
 def _in_basis(
     prepared: PreparedModel, model: ReducedModel, basis: ComponentBasis, record: ReductionRecord
 ) -> PreparedModel:
-    """The structure in another basis."""
+    """The same structure projected on another basis, without a finer model."""
     phi, sensors = shape_basis(record.assembly, model, basis, prepared.nominal_tangent)
     return replace(prepared, model=model, shape_basis=phi, sensor_shapes=sensors, finer=None)
 
@@ -145,13 +146,13 @@ def _responses(
 def residual_loads(
     prepared: PreparedModel, basis: ComponentBasis, record: ReductionRecord
 ) -> np.ndarray:
-    """Random sums (n_dof, DIRECTIONS) of what reduced modes leave in the unreduced equations.
+    """Random sums (n_dof, DIRECTIONS) of the loads that reduced modes leave unbalanced.
 
-    Modes have unit energy |lam|^2 psi^H M psi, so that a load counts as much as it moves the root
-    relatively, and a phase of their own, so that sums do not hang on the eigensolver's. They are
-    added in reduced coordinates, where all their sums cost as much as one.
+    Each mode is scaled to unit energy |lam|^2 psi^H M psi, so that its load counts as much as it
+    moves the root relatively. A random vector fixes its phase, whatever the eigensolver returns.
+    Modes are summed in reduced coordinates, and only the sums are expanded.
 
-    Points without a working point or modes are left out; LinAlgError where no other is left.
+    Points without a working point or modes are left out; LinAlgError if none is left.
     """
     rng = np.random.default_rng(0)  # the same structure has the same finer model
     restricted = basis.restrict(rng.standard_normal(record.assembly.n_dof))
@@ -163,7 +164,7 @@ def residual_loads(
     for modes in chain.from_iterable(solved):  # in their order: so are the random numbers
         lam, x = modes.lam, modes.x
         toward = restricted @ x
-        x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # M-orthonormal coordinates
+        x = x * (toward.conj() / np.abs(toward) / np.abs(lam))  # x has unit norm in M
         mixed = rng.standard_normal((2 * len(lam), DIRECTIONS))
         powers = [_mixed(x * lam**power, mixed) for power in range(3)]
         sums.add(powers, modes.contact, modes.are_left)
@@ -187,7 +188,7 @@ class _LoadingModes:
 def _loading_modes(
     prepared: PreparedModel, state: DesignState, record: ReductionRecord
 ) -> list[_LoadingModes]:
-    """Right modes of a state, and with friction left ones; those before what fails."""
+    """Right modes of a state, and with friction left ones; where a solution fails, those so far."""
     modes: list[_LoadingModes] = []
     with contextlib.suppress(ConvergenceError, np.linalg.LinAlgError):
         point = state_working_point(prepared, state)
@@ -214,7 +215,7 @@ class _ResidualSums:
     Attributes
     ----------
     any : bool
-        Whether there are any.
+        Whether the modes of a point were added.
     """
 
     def __init__(self, model: ReducedModel) -> None:
@@ -233,7 +234,7 @@ class _ResidualSums:
         self._inertia, self._elastic = self._inertia + inertia, self._elastic + x
         normal = model.N @ x
         self._normal = self._normal + contact.normal[:, None] * normal
-        if are_left:  # of K^T
+        if are_left:  # left vectors belong to K^T, where the coupling N-T is transposed
             self._normal = self._normal + contact.coupling[:, None] * (model.T @ x)
         else:
             self._sliding = self._sliding + contact.coupling[:, None] * normal
@@ -242,7 +243,7 @@ class _ResidualSums:
         self._across = self._across + contact.across[:, None] * (model.T_perp @ speed)
 
     def add_changes(self, x: np.ndarray, changes: Mapping[ModeKey, float]) -> None:
-        """Sums (n, DIRECTIONS) of x with changes of modal stiffness [(rad/s)^2]."""
+        """Add the loads of changed modal stiffnesses [(rad/s)^2] on the sums x (n, DIRECTIONS)."""
         for key, change in changes.items():
             load = change * x[self._model.mode_coordinate(*key)]
             self._changed[key] = self._changed.get(key, 0.0) + load
@@ -263,10 +264,11 @@ class _ResidualSums:
 def reduction_errors(
     prepared: PreparedModel, state: DesignState, band_hz: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Roots (m,) of a design point in the reduced model, and how far those of the finer one are.
+    """Roots (m,) of a design point in the reduced model and their errors (m,), in rad/s.
 
-    Both are solved exactly; the errors (m,) are in rad/s. The finer model is looked at a little
-    beyond the band, where a root of its edge may have its partner.
+    An error is the distance to the partner among the roots of the finer model. Both models are
+    solved exactly. The finer model is solved a little beyond the band, because the partner of a
+    root near its edge may lie there.
 
     Raises
     ------
@@ -282,8 +284,8 @@ def relative_errors(
 ) -> np.ndarray:
     """Errors of reduced roots (m,) against the unreduced model, relative to their moduli.
 
-    `modes` are the modes of the design point in the reduced model; what the finer one lacks itself
-    is allowed for.
+    `modes` are the modes of the design point in the reduced model. A safety factor and the error
+    of the basis allow for the error of the finer model itself.
 
     Raises
     ------
@@ -310,7 +312,7 @@ def root_distances(
     states: Sequence[DesignState],
     band_hz: tuple[float, float],
 ) -> float:
-    """Largest distance, relative, of roots in the band from those of another model of a structure.
+    """Largest relative distance of roots in the band from those of another model, over states.
 
     States without a working point are left out; infinite where all are.
     """
@@ -331,7 +333,7 @@ def finer_modes(
     band_hz: tuple[float, float],
     gap: np.ndarray | None = None,
 ) -> PointModes:
-    """Complex modes of a design point in the finer model; `gap` is its working point where known.
+    """Complex modes of a design point in the finer model; `gap` (nc,) of its working point.
 
     Raises
     ------
@@ -352,7 +354,7 @@ def extended_basis(
     added: np.ndarray,
     share: float,
 ) -> tuple[ReducedModel, ComponentBasis]:
-    """The basis and the model with what `added` has outside of it, component by component.
+    """The basis of each component extended by what `added` has outside its span; the model in it.
 
     Parameters
     ----------
@@ -363,8 +365,8 @@ def extended_basis(
     added : ndarray (n_dof, k)
         Displacements of the assembly.
     share : float
-        Directions are kept whose elastic energy is more than share^2 of the largest one's, of all
-        components together: a component that hardly deforms gets few.
+        Directions are kept whose elastic energy is more than share^2 of the largest direction's
+        over all components: a component that hardly deforms gets few.
     """
     parts: Sequence[AnyComponent] = assembly.components
 

@@ -41,7 +41,7 @@ from squealstudy.system.linearise import LinearisedModel, component_frequencies
 
 @dataclass(frozen=True)
 class ChosenModes:
-    """Chosen complex modes of a reduced design point: what all sensitivities start from."""
+    """Chosen complex modes of a reduced design point, from which all sensitivities are computed."""
 
     prepared: PreparedModel
     state: DesignState
@@ -67,7 +67,7 @@ def solve_families(
     Raises
     ------
     ConvergenceError
-        No working point, or ARPACK stops.
+        There is no working point, or ARPACK does not converge.
     """
     point, system = linearised_point(prepared, state, gap)
     lam, _ = dense_roots(system.C, system.K, angular_band(band_hz))
