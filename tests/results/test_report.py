@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from explored import brake_map
 from made_results import made
+from matplotlib.figure import Figure
 from study_runs import solved
 from study_texts import study_text
 from transient_tables import growth_table, modes_table, points_table
@@ -61,6 +62,13 @@ def unillustrated(*results, shapes=False):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("squealstudy.engine.report.report_pictures", lambda one, room: ([], 0))
         return report(results, shapes)
+
+
+def quickly(*results):
+    """The page with pictures that are made, but not painted: half of their time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", lambda figure, file, **_: file.write(b"painted"))
+        return report(results, False)
 
 
 def verdict(results):
@@ -141,7 +149,7 @@ def test_points_without_a_result_are_told_beside_the_verdict(tmp_path):
     text = SPRAG.format(kind="complex_modes", frictions=[0.05, 0.1, 5.0])
     results = solved(text, tmp_path / "r")
     (lost,) = results.points[(results.points["status"] != "ok").to_numpy(bool)].itertuples()
-    page = report([results], False)
+    page = quickly(results)
     told = f"1 of 3 points is not ok (1 {lost.status})."
     assert verdict_of(page) == f"{SILENT}. {told}"
     assert html.escape(f"{told} The first: {lost.message}") in page
@@ -152,14 +160,14 @@ def test_points_without_a_result_are_told_beside_the_verdict(tmp_path):
 def test_of_a_study_without_any_result_it_says_so(tmp_path):
     text = SPRAG.format(kind="complex_modes", frictions=[4.0, 5.0])
     results = sq.open_results(run_failing(text, tmp_path))
-    page = report([results], False)
+    page = quickly(results)
     assert verdict_of(page).startswith("No design point is solved. 2 of 2 points are not ok (2 ")
     assert "no unstable mode" not in page
     cycles = sq.open_results(
         run_failing(text.replace("complex_modes", "limit_cycles"), tmp_path / "c")
     )
     told = "Hz: failed at friction 4 to 5 (2 points). 2 of 2 points are not ok (2 working_point)."
-    page = report([cycles], False)
+    page = quickly(cycles)
     assert verdict_of(page).endswith(told)
     assert not re.search(r"\bnan\b", re.sub(r"base64,[^\"]*", "", page))
 
@@ -265,7 +273,7 @@ def brake(tmp_path_factory, tiny_brake):
 
 def test_a_model_with_a_mesh_moves(brake):
     """The page of its fastest mode is inside, in quotes; it is small enough to be sent."""
-    page = report([brake])
+    page = unillustrated(brake, shapes=True)
     (inside,) = re.findall(r'<iframe class="moving"[^>]* srcdoc="([^"]*)"', page)
     assert html.unescape(inside).lstrip().lower().startswith("<!doctype html>")
     assert "feeds" in page or "growth" in page
@@ -323,7 +331,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run_page(run):
-    return report([run], False)
+    return quickly(run)
 
 
 def test_the_picture_of_the_question_is_the_first(run, run_page, tmp_path):
@@ -332,9 +340,9 @@ def test_the_picture_of_the_question_is_the_first(run, run_page, tmp_path):
     loudest = int(run.points["torque_rms"].to_numpy().argmax())
     firsts = {
         f"torque_history_friction_{run.points['friction'].iloc[loudest]:g}": run_page,
-        "evolution_friction": report([modes], False),
+        "evolution_friction": quickly(modes),
     }
-    firsts["stability_map_growth"] = report([brake_map()], False)
+    firsts["stability_map_growth"] = quickly(brake_map())
     for name, page in firsts.items():
         told = re.findall(r"\(([\w.]+)\)</figcaption>", page)
         assert told[0] == name

@@ -632,10 +632,8 @@ def test_no_scheduler(here, place, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize(
-    ("number", "code"),
-    [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.full_size)],
-)
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.full_size  # by default workers of this machine: test_processes.py
 def test_a_signal_ends_a_run_and_its_tasks(cluster, here, number, code):
     path = trying(here, seconds=0.2, num=200)
     done = started("run", path, "-o", "out", "--scheduler", cluster.address, folder=here)
