@@ -22,7 +22,7 @@ from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.projected import AnyAssembly, AnyComponent
 from squealstudy.reduction.working_point import WorkingPoint
 
-MOST_KEPT = 8_000_000  # numbers of component modes that a process keeps: 64 MB
+MOST_KEPT = 8_000_000  # entries of the mode shapes that a process caches: 64 MB
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class ComponentModes:
     Attributes
     ----------
     omega : ndarray (m,)
-        rad/s; rigid-body modes first, as 0 to round-off.
+        Angular frequencies, rad/s; those of rigid-body modes come first, 0 to round-off.
     phi : ndarray (n, m)
-        Mass-normalised.
+        Mass-normalised mode shapes.
     """
 
     omega: np.ndarray
@@ -50,9 +50,9 @@ class ReductionSettings:
     component_cutoff, assembly_cutoff : float
         Component and assembly modes up to these frequencies, Hz.
     load_cutoff : float
-        Assembly modes up to here [Hz] are loads of the enrichment; 0 for none.
+        Assembly modes up to here [Hz] make the loads of the enrichment; 0 for no loads.
     tolerance : float
-        Smallest singular value of the enrichment that is kept.
+        Smallest singular value of the enrichment that is kept, over its largest.
     """
 
     component_cutoff: float
@@ -74,31 +74,32 @@ class ReducedModel:
     ----------
     components : tuple of str
     offsets : ndarray (n_components + 1,)
-        First coordinate of each component, then n.
+        Number of the first coordinate of each component, then n.
     n_modes : ndarray (n_components,)
-        Free-free modes of each component: its first coordinates.
+        Number of free-free modes of each component; they are its first coordinates.
     k_el : ndarray (n,)
         Diagonal elastic stiffness, (rad/s)^2.
     K_springs : ndarray (n, n)
-        Linear interfaces, symmetric.
+        Stiffness of the linear interfaces, symmetric, (rad/s)^2.
     N, T, T_perp : ndarray (nc, n)
         Contact observation (models.assembly.ContactInterface).
     area, frictional, radius, speed_factor : ndarray (nc,)
     damped_to : float
-        Real modes of the assembly up to here [rad/s] have modal damping of their own, those beyond
-        that of a mode here.
+        Frequency [rad/s] beyond which modal damping takes real modes of the assembly as if they
+        had this frequency (`modal_damping`).
     C_el : ndarray (n, n) or None
-        Damping of the components' own and of dampers, rad/s; None where there is none.
+        The components' own damping and that of dampers, rad/s; None where there is none.
     turning : ndarray (n, n) or None
-        Gyroscopic terms of what turns at 1 m/s of sliding, 1/m, skew-symmetric; None without.
+        Gyroscopic terms of rotors at 1 m/s of sliding, 1/m, skew-symmetric; None where there are
+        none.
     unturned : str
-        Why there are none, where something turns.
+        Why a rotor has no gyroscopic terms; empty where it has, or where there is no rotor.
     spring_points : ndarray (ns, 5)
     own_friction : ndarray (nc, k)
         As in ContactInterface.
-    load : ndarray (n,)
-        Of a unit of brake pressure (Assembly.load); none where springs are there in vibration
-        only, against which a change of it would press.
+    load : ndarray (n,) or (0,)
+        Load of a unit brake pressure (Assembly.load) on the coordinates; empty where springs act in
+        vibration only, as these would resist a change of the load.
     """
 
     components: tuple[str, ...]
@@ -128,7 +129,7 @@ class ReducedModel:
 
     @property
     def mode_counts(self) -> dict[str, int]:
-        """Number of free-free modes held of each component."""
+        """Number of free-free modes of each component in the basis."""
         return {c: int(n) for c, n in zip(self.components, self.n_modes, strict=True)}
 
     def mode_coordinate(self, component: str, mode: int) -> int:
@@ -137,7 +138,7 @@ class ReducedModel:
         Raises
         ------
         KeyError
-            Unknown component, or a mode that the basis does not hold.
+            Unknown component, or a mode that is not in the basis.
         """
         i = self.components.index(component) if component in self.components else -1
         if i < 0 or not 1 <= mode <= self.n_modes[i]:
@@ -147,16 +148,16 @@ class ReducedModel:
 
 @dataclass(frozen=True)
 class ComponentBasis:
-    """Component blocks of T_R (THEORY.md eq. (24)) and what they were made from.
+    """Component blocks of T_R (THEORY.md eq. (24)), and the assembly modes in them.
 
     Attributes
     ----------
     blocks : tuple of ndarray (n_component, k)
     omega, phi : ndarray (m,), (n_dof, m)
-        Assembly modes.
+        Angular frequencies [rad/s] and shapes of the assembly modes.
     factor : RefinedFactor (n_dof, n_dof)
-        Of the stiffness that they were found with, a positive multiple of M added: static response
-        to loads, as nearly as a basis above the modes' cutoff needs it.
+        Factor of the stiffness plus a multiple of M with which the modes were computed. Its
+        response to loads is near enough to the static one for the enrichment.
     """
 
     blocks: tuple[np.ndarray, ...] = field(repr=False)
@@ -186,14 +187,14 @@ def expanded(blocks: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
 class Expansion:
     """A reduced model with its way back to all degrees of freedom.
 
-    The two belong together: what is made again from the same structure is the same model, but its
-    coordinates may turn, as modes of one frequency do.
+    The two must come from one reduction. Another reduction of the same structure describes the same
+    motions, but possibly in other coordinates, as modes of equal frequencies may be mixed.
 
     Attributes
     ----------
     model : ReducedModel
     blocks : tuple of ndarray (n_component, k)
-        Of the basis, as in ComponentBasis.
+        Blocks of the basis (`ComponentBasis`) that the model was projected on.
     """
 
     model: ReducedModel
@@ -207,8 +208,8 @@ class Expansion:
 def component_modes(assembly: AnyAssembly, cutoff_hz: float) -> dict[str, ComponentModes]:
     """Free-free modes of every component up to `cutoff_hz`.
 
-    A process keeps the last ones: structures that differ in contact, gaps or the angle of the rotor
-    have the same components.
+    The process caches the last modes of sparse components, as structures that differ in contact,
+    gaps or the angle of the rotor have the same components.
     """
     return {c.name: _free_modes(c, cutoff_hz) for c in assembly.components}
 
@@ -243,12 +244,12 @@ def _content(*matrices: sp.csr_matrix) -> str:
 def momenta(
     assembly: AnyAssembly, modes: Mapping[str, ComponentModes], keys: Collection[ModeKey]
 ) -> np.ndarray:
-    """Rows phi^T M (k, n_dof) of component modes over the assembly.
+    """Rows phi^T M (k, n_dof) of the component modes `keys`, over the assembly.
 
     Raises
     ------
     ModelError
-        A component mode that is not there.
+        A component or a mode of it that `modes` does not have.
     """
     components = {c.name: c for c in assembly.components}
     rows = np.zeros((len(keys), assembly.n_dof))
@@ -273,15 +274,15 @@ def reduce_cmt(
     assembly : AnyAssembly
     modes : mapping of component name -> ComponentModes
     nominal : WorkingPoint
-        Whose contact tangents give the assembly modes.
+        The assembly modes are computed with its contact tangents.
     settings : ReductionSettings
     others : sequence of WorkingPoint
-        Contact states that the study will reach (the ends of its pressure range): the static
+        Contact states that the study will reach (the ends of its pressure range). The static
         response to their change of contact stiffness joins the enrichment.
 
     Returns
     -------
-    ReducedModel, Basis
+    ReducedModel, ComponentBasis
     """
     K = assembly.K_el + assembly.K_springs() + assembly.K_contact(nominal.tangent)
     cutoff = settings.assembly_cutoff

@@ -1,9 +1,9 @@
 """The static brake seen from its contact points: compliances from one factorisation.
 
-With K0 = K_static + k_c N^T A N factored once, any working point of any pressure, friction and
+With K0 = K_static + k_c N^T A N factored once, the working point at any pressure, friction and
 law is a dense problem in the gaps (THEORY.md eq. (13)). Facets have more contact points than their
-nodes have freedoms: N = S_N Z_N, with the columns S_N of N that are independent, and compliances
-are known of the rows Z_N alone. A change of component modes is a low-rank change of K0, taken
+nodes have freedoms. So N = S_N Z_N, where S_N are independent columns of N, and compliances are
+computed for the rows of Z_N alone. A change of component modes is a low-rank change of K0, made
 exactly by Woodbury's identity.
 """
 
@@ -27,12 +27,17 @@ from squealstudy.models.assembly import ContactInterface
 from squealstudy.reduction.free_motions import free_motion
 from squealstudy.reduction.projected import AnyAssembly
 
-# part of a contact row outside the span of the others, over the largest: less is dependent
+# a column of N is dependent if its part outside the span of the others is less than this, over the
+# largest such part
 INDEPENDENCE_TOLERANCE = 1e-13
-MAX_RIGHT_HAND_SIDES = 512  # of one solve
-MAX_ENTRIES_PER_SOLVE = 64_000_000  # of right-hand sides, and of solutions: half a gigabyte each
-MAX_POINTS_DENSE = 16  # contact points up to which maps are dense: a sparse product takes 10 us
-UNSUPPORTED_REL_ERROR = 1e-4  # error of a check solve: 1e-9 for very soft supports, 1 without any
+MAX_RIGHT_HAND_SIDES = 512  # columns of one solve
+MAX_ENTRIES_PER_SOLVE = (
+    64_000_000  # of the right-hand sides, and again of the solutions: 512 MB each
+)
+MAX_POINTS_DENSE = 16  # contact points up to which S_N and S_T are dense: faster than sparse ones
+# relative residual of a check solve from which K0 is singular: 1e-9 with very soft supports, 1
+# without any
+UNSUPPORTED_REL_ERROR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -44,9 +49,9 @@ class ContactSpace:
     Attributes
     ----------
     k_c : float or ndarray (nc,)
-        Contact stiffness per area in K0, Pa/m; by point where some are springs.
+        Contact stiffness per area in K0, Pa/m; one for each point where some points are springs.
     area, gap0, frictional, speed_factor : ndarray (nc,)
-        Of the contact points.
+        As in ContactInterface.
     S_N : csr_matrix (nc, r)
         Independent columns of N: gaps are gap0 + S_N x.
     S_T : csr_matrix (nc, t)
@@ -97,13 +102,16 @@ class ContactSpace:
 
     @cached_property
     def opened_by_unit_pressure(self) -> float:
-        """Gaps under a pressure of 1 Pa on all contact, summed over its area, m3/Pa."""
+        """Volume by which a pressure of 1 Pa opens all contact but springs (gap by area), m3/Pa."""
         force = np.zeros_like(self.area)
         force[self.touching] = self.area[self.touching]
         return float(force @ self.opening(force, np.zeros_like(force)))
 
     def opening(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Gaps N K0^-1 (N^T s - T^T t) (..., nc) [m] by forces s, t (..., nc) [N]."""
+        """Changes of the gaps (..., nc) [m] by normal forces s and friction t (..., nc) [N].
+
+        They are N K0^-1 (N^T s - T^T t).
+        """
         return self.gaps(self.coordinates(s, t))
 
     @cached_property
@@ -113,29 +121,31 @@ class ContactSpace:
         return tuple(m.toarray() for m in maps) if self.S_N.shape[0] <= MAX_POINTS_DENSE else maps
 
     def gaps(self, x: np.ndarray) -> np.ndarray:
-        """Changes of the gaps (..., nc) [m] by coordinates x (..., r) of S_N."""
+        """Changes S_N x of the gaps (..., nc) [m] from coordinates x (..., r)."""
         gap_changes: np.ndarray = (self._maps[0] @ x.T).T
         return gap_changes
 
     def normal_components(self, s: np.ndarray) -> np.ndarray:
-        """S_N^T s of forces s (..., nc) [N]."""
+        """S_N^T s (..., r) of normal forces s (..., nc) [N]."""
         products: np.ndarray = (self._maps[1] @ s.T).T
         return products
 
     def sliding_components(self, t: np.ndarray) -> np.ndarray:
-        """S_T^T t of forces t (..., nc) [N]."""
+        """S_T^T t (..., t) of friction forces t (..., nc) [N]."""
         products: np.ndarray = (self._maps[2] @ t.T).T
         return products
 
     def coordinates(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Coordinates (..., r) of S_N by forces as of `opening`."""
+        """Coordinates (..., r) that `gaps` takes, for forces s, t (..., nc) [N] of `opening`."""
         displacement: np.ndarray = (
             self.normal_components(s) @ self.C_NN - self.sliding_components(t) @ self.C_TN
         )
         return displacement
 
     def changed(self, dk: Mapping[int, float]) -> ContactSpace:
-        """The space of K0 + U diag(dk) U^T; it has no U and cannot be changed again.
+        """The space of K0 + U diag(dk) U^T. It has no shapes U and cannot be changed again.
+
+        Without any change it is this space itself.
 
         Parameters
         ----------
@@ -169,11 +179,11 @@ class ContactRows:
     S_N, S_T : csr_matrix (nc, r), (nc, t)
         As in ContactSpace.
     normal : ndarray (k,) of int
-        Coordinates of the columns of Z_N that are not zero.
+        Numbers of the coordinates in which Z_N is not zero.
     Z : ndarray (r, k)
-        These columns.
+        The columns of Z_N at these coordinates.
     sliding : ndarray (t,) of int, or (t, n)
-        Coordinates that Z_T selects, or Z_T itself.
+        Numbers of the coordinates that Z_T selects, or Z_T itself.
     """
 
     S_N: sp.csr_matrix
@@ -184,14 +194,14 @@ class ContactRows:
 
     @staticmethod
     def of(contact: ContactInterface) -> ContactRows:
-        """Rows of a contact over the degrees of freedom of meshes."""
+        """Rows of a contact interface over the degrees of freedom of an unreduced assembly."""
         normal, independent, Z = independent_columns(contact.N)
         sliding = np.unique(contact.T.indices)
         S_N, S_T = contact.N[:, normal[independent]], contact.T[:, sliding]
         return ContactRows(S_N, S_T, normal, Z, sliding)
 
     def sliding_rows_times(self, X: np.ndarray) -> np.ndarray:
-        """Z_T X (t, ...)."""
+        """Z_T X (t, ...) of vectors X (n, ...)."""
         products: np.ndarray = X[self.sliding] if self.sliding.ndim == 1 else self.sliding @ X
         return products
 
@@ -203,27 +213,26 @@ def contact_space(
     rows: ContactRows | None = None,
     on_responses: Callable[[np.ndarray], None] = lambda X: None,
 ) -> ContactSpace:
-    """Factor K0 once and back-solve the contact columns once.
-
-    Only independent contact rows are solved for.
+    """Factor K0 and solve for the independent contact rows, loads and shapes.
 
     Parameters
     ----------
     assembly : Assembly or ProjectedAssembly
     k_c : float or ndarray (nc,)
-        Contact stiffness per area, Pa/m: about that of the working points to come.
-    shapes : ndarray (n_dof, m)
-        U = M phi of component modes that may change; m may be 0. Or a function that returns them
-        and is called last, so that they can be computed meanwhile.
+        Contact stiffness per area, Pa/m, best near that of the working points to come.
+    shapes : ndarray (n_dof, m), or callable
+        U = M phi of component modes that may change; m may be 0. A callable returns U and is called
+        last, so that another thread can compute it meanwhile.
     rows : ContactRows or None
-        Over the assembly's coordinates, if computed before.
+        The contact rows over the assembly's coordinates, if computed before.
     on_responses : callable
-        Called with static responses (n_dof, k), some columns at a time.
+        Called with the static responses (n_dof, k) to unit contact forces, some columns at a time,
+        and to the shapes.
 
     Raises
     ------
     ConvergenceError
-        ``singular`` where neither springs nor contact hold some motion: no steady state.
+        ``singular`` where some motion is held neither by springs nor by contact.
     """
     c = assembly.contact
     K0 = assembly.K_el + assembly.K_springs(static=True) + assembly.K_contact(k_c)
@@ -266,9 +275,10 @@ def contact_compliances(
     n_dof: int,
     on_responses: Callable[[np.ndarray], None] = lambda X: None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Z_N A^-1 Z_N^T (r, r) and Z_T A^-1 Z_N^T (t, r) of a symmetric A, by its solves.
+    """Z_N A^-1 Z_N^T (r, r) and Z_T A^-1 Z_N^T (t, r) of a symmetric A.
 
-    `on_responses` is called with A^-1 Z_N^T (n_dof, k), some columns at a time.
+    `solve` returns A^-1 times a block of columns. `on_responses` is called with A^-1 Z_N^T
+    (n_dof, k), some columns at a time.
     """
     normal, Z, r = rows.normal, rows.Z, len(rows.Z)
     C_NN, C_TN = np.empty((r, r)), np.empty((len(rows.sliding), r))
@@ -284,10 +294,11 @@ def contact_compliances(
 
 
 def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Columns (k,) of N (m, n) that are not zero, which (r,) of them are independent, and Z (r, k).
+    """Numbers `columns` (k,) of the non-zero columns of N (m, n), `independent` (r,), and Z (r, k).
 
-    N[:, columns] = N[:, columns[independent]] Z. r is the rank of N to round-off. By QR with
-    pivots (Golub 1965), of each set of rows and columns that share no entry with others.
+    N[:, columns] = N[:, columns[independent]] Z, where r is the rank of N to round-off. The rows
+    and columns fall into sets that share no entry; each is treated by QR with column pivoting
+    (Golub 1965).
     """
     columns = np.unique(N.indices)
     entries = N[:, columns].tocoo()
@@ -315,7 +326,7 @@ def independent_columns(N: sp.csr_matrix) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _checked_factor(assembly: AnyAssembly, K0: sp.csr_matrix) -> RefinedFactor:
-    """The factor of K0, checked by a random load: factorising may miss that K0 is singular."""
+    """The factor of K0, checked with a random load, as factorising may miss that K0 is singular."""
     try:
         factor = factorise(K0, definite=True)
     except ConvergenceError as error:

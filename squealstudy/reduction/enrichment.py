@@ -1,4 +1,4 @@
-"""Vectors beside component modes and traces: responses to loads (THEORY.md (26))."""
+"""Vectors that a basis has beside component modes and traces: load responses (THEORY.md (26))."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ def load_responses(
     others: Sequence[WorkingPoint],
     phi: np.ndarray,
 ) -> np.ndarray:
-    """Responses to the friction, friction-damping and contact-change loads of the modes `phi`.
+    """Static responses (n_dof, k) to contact loads that the modes `phi` (n_dof, m) make.
 
-    Without the first two the basis has an error floor for complex modes (THEORY.md eq. (26));
-    the contact-change loads serve design points at other pressures than the nominal one.
+    These are the loads of friction damping, of friction that follows the pressure, and of the
+    change of contact stiffness at each of the `others`. Without the first two the basis has an
+    error floor for complex modes (THEORY.md eq. (26)); the last serve design points at other
+    pressures than the nominal one. `solve` applies the inverse of a stiffness.
     """
     if not phi.shape[1]:
         return np.zeros((assembly.n_dof, 0))
@@ -43,9 +45,9 @@ def load_responses(
 def sticking_modes(
     assembly: AnyAssembly, K: sp.csr_matrix, k_c: np.ndarray, cutoff: float
 ) -> np.ndarray:
-    """Modes (n_dof, m) up to a cutoff [Hz] with points held that stick in time by themselves.
+    """Modes (n_dof, m) up to a cutoff [Hz] with those points held whose own friction can stick.
 
-    They stick rigidly, and no mode of the stiffness K knows of it.
+    In runs in time these points stick, and the modes of the stiffness K let them slide.
     """
     c = assembly.contact
     sticks = sticks_in_time(c.own_friction)
@@ -57,6 +59,6 @@ def sticking_modes(
 
 
 def _match_size(X: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Scale load responses as a block to the size of the modes; zero columns are dropped."""
+    """Scale load responses as a block to the norm of the modes; a block of zeros is dropped."""
     size = np.linalg.norm(X)
     return X * (np.linalg.norm(phi) / size) if size > 0 else X[:, :0]

@@ -1,4 +1,4 @@
-"""The free motions of a singular stiffness, by components, for its error message."""
+"""Name the free motions of a singular stiffness by components, for its error message."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ FREE_MOTION = (
     "the static stiffness is singular: some motion is free; `squealstudy inspect` of a model file "
     "names it"
 )
-MAX_FREE_EIGENVALUE = 1e-12  # of a free motion, of the stiffness scaled to a diagonal of 1
+# eigenvalue of the stiffness, scaled to a diagonal of 1, below which a motion is free
+MAX_FREE_EIGENVALUE = 1e-12
 MAX_DENSE_FREEDOMS = 500  # degrees of freedom up to which all eigenvalues are computed
-MAX_FREE_MOTIONS = 12  # free motions that are searched for: those of two components
-FACTOR_SHIFT = 1e-9  # of the scaled stiffness, which is singular without
-MIN_MOTION_SHARE = 0.1  # of the largest share in a free motion, from which one is named
-MIN_RIGID_SHARE = 0.99  # of a component's squared motion, from which it moves as a rigid body
+MAX_FREE_MOTIONS = 12  # eigenvalues computed in larger models: rigid motions of two components
+FACTOR_SHIFT = 1e-9  # added to the scaled stiffness, which could not be factorised without
+MIN_MOTION_SHARE = 0.1  # share in the free motions, over the largest share, from which it is named
+MIN_RIGID_SHARE = 0.99  # rigid part of a component's squared motion from which it is rigid
 
 
 def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:
-    """The error about a stiffness K that is singular, with the motions that are free."""
+    """The error about a singular stiffness K (n_dof, n_dof), which names the free motions."""
     motions = ""
     if isinstance(assembly, Assembly) and any(len(c.coordinates) for c in assembly.components):
         motions = _free_motions_text(assembly, K)
@@ -41,7 +42,7 @@ def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:
 
 
 def _free_motions_text(assembly: Assembly, K: sp.csr_matrix) -> str:
-    """Free motions in words; empty where none is found."""
+    """Text about the free motions; empty where none is found."""
     diagonal = np.abs(K.diagonal())
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=0.0) or 1.0))
     S = sp.csr_matrix(sp.diags(scale) @ K @ sp.diags(scale))
@@ -63,7 +64,7 @@ def _free_motions_text(assembly: Assembly, K: sp.csr_matrix) -> str:
 
 
 def _moving(assembly: Assembly, free: np.ndarray) -> list[str]:
-    """Components and directions that take part in free motions (n, k)."""
+    """Names of components and directions that take part in free motions (n_dof, k)."""
     from squealstudy.models.components.component_facts import MOTIONS, rigid_shapes
 
     spans, _ = component_slices(assembly.components)

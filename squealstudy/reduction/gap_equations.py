@@ -1,7 +1,7 @@
-"""The gaps of steady sliding: their imbalance, and Newton's matrix by its low rank.
+"""Equations F(g) = 0 for the gaps of steady sliding, and their Jacobian (THEORY.md (13), (14)).
 
-THEORY.md eq. (13), (14). There are more contact points than freedoms r of their nodes:
-dF/dg = I + S_N W, where W has r rows, and a factor of r x r solves it (Woodbury 1950).
+There are more contact points than freedoms r of their nodes: dF/dg = I + S_N W, where W has r rows,
+and a factorised r x r matrix solves with it (Woodbury 1950).
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from squealstudy.laws.spring import evaluate_points
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 
-Changes = Mapping[int, float]  # column of U -> change of modal stiffness
+Changes = Mapping[int, float]  # column of U -> change of modal stiffness, (rad/s)^2
 
 
 class GapEquations:
     """Imbalance of the gaps, at one operating point or at several at once.
 
-    Component changes enter by Woodbury's identity, never as changed compliances.
+    Changes of components enter each evaluation by Woodbury's identity; compliances stay the same.
 
     Parameters
     ----------
     space : ContactSpace
     operating : sequence of OperatingPoint (b)
     changes : sequence of mapping of column of U -> float, or None
-        Changes of modal stiffness at each point, (rad/s)^2; None for none.
+        Changes of modal stiffness at each operating point, (rad/s)^2; None for no changes.
     """
 
     def __init__(
@@ -42,8 +42,8 @@ class GapEquations:
         self._columns = sorted({j for c in changes for j, dk in c.items() if dk})
         self._cores = [self._core(c) for c in changes]
         self._load = np.array([[o.brake_pressure, 1.0] for o in operating])
-        still = np.zeros((len(operating), len(space.area)))
-        self._size = np.abs(self._movement(still, still)).max(axis=1)
+        no_forces = np.zeros((len(operating), len(space.area)))
+        self._size = np.abs(self._movement(no_forces, no_forces)).max(axis=1)
 
     def _core(self, changes: Changes) -> np.ndarray:
         if not (j := self._columns):
@@ -52,7 +52,7 @@ class GapEquations:
         return np.linalg.solve(np.eye(len(j)) + D @ self.space.C_UU[np.ix_(j, j)], D)
 
     def _movement(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """N K^-1 (N^T s - T^T t + loads) (b, nc) of the changed structures."""
+        """Changes N K^-1 (N^T s - T^T t + loads) of the gaps of changed structures, (b, nc) [m]."""
         space, j = self.space, self._columns
         displacement = space.coordinates(s, t) + self._load @ space.C_Nf.T
         if j:
@@ -67,7 +67,7 @@ class GapEquations:
         return space.gaps(displacement)
 
     def imbalance(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F(g) [m], pressure [Pa] and tangent [Pa/m], each (b, nc)."""
+        """F(g) [m], pressure [Pa] and tangent -dp/dg [Pa/m] at gaps g [m], each (b, nc)."""
         space = self.space
         pairs = [
             evaluate_points(o.law, space.spring_points, row)
@@ -75,14 +75,14 @@ class GapEquations:
         ]
         p, kappa = (np.array(part) for part in zip(*pairs, strict=True))
         by_point = zip(self.operating, p, strict=True)
-        of_points = (space.speed_factor, space.own_friction)
-        drag = np.array([o.traction(row, *of_points) for o, row in by_point])
+        point_factors = (space.speed_factor, space.own_friction)
+        drag = np.array([o.traction(row, *point_factors) for o, row in by_point])
         s = space.area * (p + space.k_c * (g - space.gap0))
         F = g - space.gap0 - self._movement(s, space.area * space.frictional * drag)
         return F, p, kappa
 
     def relative(self, F: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """Largest imbalance relative to the movement under the load and to the gaps, (b,)."""
+        """Largest imbalance (b,), over the sum of the largest movement under load and gap."""
         size: np.ndarray = self._size + np.abs(g).max(axis=1) + 1e-300
         return np.abs(F).max(axis=1) / size
 
@@ -93,7 +93,7 @@ class GapJacobian:
     Parameters
     ----------
     space : ContactSpace
-        With the component changes in force.
+        Contact space with the component changes.
     point : OperatingPoint
     p, kappa : ndarray (nc,)
         Pressures [Pa] and tangents [Pa/m].
@@ -101,7 +101,7 @@ class GapJacobian:
     Raises
     ------
     LinAlgError
-        Where it is singular.
+        The Jacobian is singular.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class GapJacobian:
         self._sliding = space.area * drag_slope * kappa
         normal, sliding = space.by_point
         forces = self._normal[:, None] * normal - self._sliding[:, None] * sliding
-        core = space.normal_components(forces.T).T  # of the transposed matrix
+        core = space.normal_components(forces.T).T  # the transpose of the r x r matrix
         core[np.diag_indices_from(core)] += 1.0
         factorise, self._solve = la.get_lapack_funcs(("getrf", "getrs"), (core,))
         self._lu, self._pivots, lapack_status = factorise(core.T, overwrite_a=True)

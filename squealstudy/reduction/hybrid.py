@@ -1,7 +1,7 @@
 """The hybrid model (THEORY.md eq. (80)): sparse matrices with a dense border, and their real modes.
 
-The modal representation is judged by it. Its state is the deviation from steady
-sliding at a reference working point, whose contact tangent is inside `K`.
+Its state is the deviation from steady sliding at a reference working point, whose contact tangent
+is part of `K`. The simpler modal representation is checked against it.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from squealstudy.reduction.cmt import ComponentModes, momenta
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 from squealstudy.reduction.working_point import WorkingPoint
 
-# largest relative change of contact tangents at which the model is not made again
+# relative change of contact tangents up to which a model at other tangents is the same
 SAME_TANGENT_REL_CHANGE = 1e-9
-STATIC_SHARE = 0.1  # norm of the scaled static state over that of all assembly modes together
+STATIC_SHARE = 0.1  # norm of the scaled static state over that of the matrix of assembly modes
 
 
 @dataclass(frozen=True)
@@ -60,24 +60,26 @@ class HybridModel:
     Attributes
     ----------
     basis : HybridBasis
-        Coordinates to displacements and back.
+        Maps coordinates to displacements and back.
     M, K : csr_matrix (n, n)
-        Symmetric; K holds the contact tangent of the reference, N^T diag(k_ref) N.
+        Mass and stiffness, symmetric; K includes the contact tangent of the reference,
+        N^T diag(k_ref) N.
     N, T, T_perp : csr_matrix (nc, n)
         Contact observation (models.assembly.ContactInterface).
     area, frictional, radius, speed_factor, gap, k_ref : ndarray (nc,)
-        gap [m] and contact tangent [N/m] are those of the reference.
+        As in ContactInterface; `gap` [m] and the contact tangent `k_ref` [N/m] are those of the
+        reference.
     force : ndarray (nc, 3)
-        Normal and friction forces of the reference state, N.
+        Normal force of the reference state, and its friction along T and T_perp, N.
     omega : ndarray (m,)
-        Real modes of this model [rad/s] up to `damping_cutoff`; up to the cutoff of the traces
-        they are those of the assembly.
+        Frequencies [rad/s] of the real modes of this model up to `damping_cutoff`; up to the cutoff
+        of the traces they are those of the assembly.
     phi : ndarray (n, m)
-        Mass-normalised.
+        Mass-normalised shapes of these modes.
     damping_cutoff : float
-        Hz.
+        Frequency [Hz] up to which real modes are computed, so that designs can damp them.
     shapes : csr_matrix (k, n)
-        Rows phi_c^T M of component modes that designs may damp.
+        Rows phi_c^T M of the component modes that designs may damp.
     """
 
     basis: HybridBasis = field(repr=False)
@@ -124,7 +126,7 @@ def hybrid_model_at(model: HybridModel, tangents: np.ndarray) -> HybridModel:
     ----------
     model : HybridModel
     tangents : ndarray (nc,)
-        N/m.
+        Contact tangents of the other working point, N/m.
     """
     change = tangents - model.k_ref
     if np.abs(change).max(initial=0.0) <= SAME_TANGENT_REL_CHANGE * np.abs(model.k_ref).max(
@@ -137,7 +139,7 @@ def hybrid_model_at(model: HybridModel, tangents: np.ndarray) -> HybridModel:
 
 
 def assembly_stiffness(assembly: Assembly, point: WorkingPoint) -> sp.csr_matrix:
-    """Elastic, springs and contact tangent (n_dof, n_dof), N/m: that of the assembly's modes."""
+    """Stiffness (n_dof, n_dof) [N/m] of components, springs and contact, for the real modes."""
     return assembly.K_el + assembly.K_springs() + assembly.K_contact(point.tangent)
 
 
@@ -155,20 +157,22 @@ def hybrid_model(
     ----------
     assembly : Assembly
     point : WorkingPoint
-        Of `operating`.
+        The reference, at `operating`.
     operating : OperatingPoint
     settings : HybridSettings
     damped : mapping of (component, mode from 1) -> ComponentModes of that component, or None
         Component modes that designs may damp; `shapes` has a row for each, in this order.
     modes : (omega, phi) or None
-        Assembly modes at the working point up to the cutoff of the traces, where they are known.
+        Assembly modes at the working point up to the cutoff of the traces, if computed before.
 
     Raises
     ------
     ConvergenceError
         ``singular``, where the static state is not determined.
     ModelError
-        A component mode that is not there; components with damping of their own.
+        A component mode that does not exist; or what the hybrid model cannot represent: damping of
+        components or dampers, gyroscopic terms, springs that are contact points, and contact with
+        friction of its own.
     """
     if assembly.C_el is not None:
         raise ModelError("the hybrid representation has no damping of components of their own")
@@ -215,7 +219,7 @@ def hybrid_model(
 
 @dataclass(frozen=True)
 class Superelement:
-    """Degrees of freedom that are reduced to one basis of traces.
+    """A set of degrees of freedom that is reduced to one basis of mode traces.
 
     Attributes
     ----------
@@ -224,7 +228,7 @@ class Superelement:
     V : ndarray (n_i, r)
         Basis, orthonormal in the mass M of these degrees of freedom.
     MV : ndarray (n_i, r)
-        M V, whose transpose projects a state.
+        M V: its transpose takes displacements to coordinates.
     """
 
     dofs: np.ndarray
@@ -234,12 +238,12 @@ class Superelement:
 
 @dataclass(frozen=True)
 class HybridBasis:
-    """Coordinates q = (explicit degrees of freedom, those of each superelement in order).
+    """Coordinates q: the explicit degrees of freedom, then those of each superelement in order.
 
     Attributes
     ----------
     n_dof : int
-        Of the assembly.
+        Number of degrees of freedom of the assembly.
     explicit : ndarray (n_e,)
         Degrees of freedom of the assembly that are coordinates.
     superelements : tuple of Superelement
@@ -272,7 +276,7 @@ class HybridBasis:
         return np.concatenate([u[self.explicit], *(s.MV.T @ u[s.dofs] for s in self.superelements)])
 
     def project(self, A: sp.spmatrix) -> sp.csr_matrix:
-        """T^T A T of a sparse symmetric matrix of the assembly (n, n): a dense border."""
+        """Project a symmetric matrix (n_dof, n_dof): sparse (n, n) with a dense border."""
         A = A.tocsr()
         e, parts = self.explicit, self.superelements
         rows = [A[s.dofs] for s in parts]
@@ -285,7 +289,7 @@ class HybridBasis:
         return _cleaned((projected + projected.T) / 2)
 
     def observe(self, rows: sp.spmatrix) -> sp.csr_matrix:
-        """Observation rows (m, n) from rows of the assembly (m, n_dof)."""
+        """Rows (m, n) over the coordinates from rows (m, n_dof) over the assembly."""
         rows = rows.tocsc()
         parts = [sp.csr_matrix(rows[:, s.dofs] @ s.V) for s in self.superelements]
         return sp.hstack([rows[:, self.explicit], *parts], format="csr")
@@ -305,7 +309,7 @@ def _cleaned(A: sp.csr_matrix) -> sp.csr_matrix:
 def explicit_dofs(assembly: Assembly, layers: int) -> np.ndarray:
     """Degrees of freedom of the contact surfaces and of `layers` element layers about them.
 
-    Layers are found by adjacency in mass and stiffness of the components.
+    Degrees of freedom are neighbours where the components' mass or stiffness couples them.
 
     Raises
     ------
@@ -337,12 +341,13 @@ def hybrid_basis(
     Parameters
     ----------
     K : sparse (n_dof, n_dof)
-        Stiffness that `phi` was computed with.
+        Stiffness with which `phi` was computed.
     phi : ndarray (n_dof, m)
         Assembly modes.
     static : ndarray (n_dof,)
-        Static state; it is scaled.
+        Static state, m; it is scaled to a share of the modes.
     layers : int
+        Element layers kept about the contact surfaces.
     by_component : bool
         Traces by component; False: over all components together (THEORY.md eq. (80)).
     """
@@ -365,9 +370,9 @@ def hybrid_basis(
 
 
 def static_state(assembly: Assembly, point: WorkingPoint, operating: OperatingPoint) -> np.ndarray:
-    """Displacements (n_dof,) of a working point [m], at which its gaps are observed.
+    """Displacements (n_dof,) [m] of a working point, which reproduce its gaps.
 
-    K_static q = load + N^T A p - T^T mu A p, solved with the contact tangent on both sides.
+    They solve K_static q = load + N^T A p - T^T mu A p. The contact tangent is added on both sides.
 
     Raises
     ------

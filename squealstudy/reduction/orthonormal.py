@@ -1,4 +1,4 @@
-"""Robust mass-orthonormalisation of near-dependent trial vectors after exact component modes."""
+"""Mass-orthonormal bases of exact component modes and of nearly dependent trial vectors."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-GRAM_RESOLUTION = 1e-6  # of singular values: smaller ones are round-off in Gram matrices
-MODE_TOLERANCE = 1e-7  # of the assembly modes' singular values; 1e-6 costs them 3e-8 of frequency
+GRAM_RESOLUTION = 1e-6  # relative singular value below which it is round-off of a Gram matrix
+# smallest singular value kept of traces of assembly modes, over the largest; with 1e-6 their
+# frequencies err by 3e-8
+MODE_TOLERANCE = 1e-7
 
 
 def complete_basis(
@@ -20,9 +22,9 @@ def complete_basis(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The basis [phi | rest] of one component, M-orthonormal, diagonal in K (THEORY.md eq. (25)).
 
-    Vectors of a block are scaled together, not one by one: a small trace carries little of the
-    motion and may be dropped. What the basis holds already is projected out twice, the Gram
-    matrix is truncated by its eigenvalues, Cholesky is done twice (THEORY.md eq. (27)).
+    Vectors of a block are not scaled one by one: a small trace carries little of the motion and may
+    be dropped. The span of the basis is projected out twice, the Gram matrix is truncated by its
+    eigenvalues, and vectors are orthonormalised by Cholesky factors twice (THEORY.md eq. (27)).
 
     Parameters
     ----------
@@ -31,8 +33,8 @@ def complete_basis(
     phi : ndarray (n, m)
         Free-free modes, M-orthonormal.
     blocks : sequence of (ndarray (n, t), float)
-        Displacements of the component in assembly shapes, the most important block first; each
-        with the smallest singular value kept, relative to the largest of the block.
+        Displacements of the component in assembly shapes, the most important block first, each
+        with the smallest singular value to keep, relative to the largest of the block.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def complete_basis(
 def new_directions(
     M: sp.spmatrix, basis: np.ndarray, vectors: np.ndarray, tolerance: float
 ) -> np.ndarray:
-    """M-orthonormal directions of `vectors` outside the span of `basis` (n, r)."""
+    """M-orthonormal directions (n, k) of `vectors` (n, t) outside the span of `basis` (n, r)."""
     M_basis = M @ basis
 
     def project_out(X: np.ndarray) -> np.ndarray:
@@ -88,10 +90,10 @@ def outside(
     block: np.ndarray,
     displacements: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Part of a component's `displacements` outside the span of `block`.
+    """Part of a component's `displacements` (n, t) outside the span of `block` (n, r).
 
-    Returns directions (n, k), orthogonal in K and without those of round-off, and twice the elastic
-    energy of each.
+    Returns directions (n, k) that are orthogonal in K, without those that are round-off, and twice
+    the elastic energy (k,) of each. `block` is M-orthonormal.
     """
     M_block = M @ block
     largest = la.norm(displacements, axis=0).max(initial=0.0)

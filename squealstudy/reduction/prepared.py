@@ -1,4 +1,4 @@
-"""All that design points need of one structure: contact compliances and component-mode model."""
+"""What design points of one structure share: contact compliances and component-mode model."""
 
 from __future__ import annotations
 
@@ -36,28 +36,28 @@ class PreparedModel:
     Attributes
     ----------
     space : ContactSpace
-        For working points; its shapes U are all elastic component modes, in order.
+        Gives working points; its shapes U are all component modes in order, rigid ones included.
     model : ReducedModel
-        For the dynamics.
+        Gives complex modes and runs in time.
     shape_basis : ndarray (n, k)
-        Real modes of the nominal working point in reduced coordinates, up to the assembly cutoff:
-        mode shapes are compared by their coordinates on it.
+        Real modes of the nominal working point in reduced coordinates, up to the assembly cutoff.
+        Mode shapes are compared by their coordinates on it.
     sensor_shapes : ndarray (s, k)
-        Those modes at the places that correspond between structures (Assembly.correspondence), in
-        which shapes of structures that differ in material, geometry or mesh are compared.
+        These modes at the places that correspond between structures (Assembly.correspondence).
+        Shapes of structures that differ in material, geometry or mesh are compared there.
     nominal_gap : ndarray (nc,)
-        Gaps of the nominal working point [m]: where every other one starts.
+        Gaps of the nominal working point [m], from which Newton starts at every other one.
     nominal_tangent : ndarray (nc,)
-        Its contact tangents, Pa/m.
+        Contact tangents of the nominal working point, Pa/m.
     finer : ReducedModel or None
-        The next larger model (modes/full_order/finer_model.py), from which the error of `model`
-        is told; None where `model` is complete.
+        The next larger model (modes/full_order/finer_model.py), by which the error of `model` is
+        estimated; None where `model` is complete.
     n_dof : int
         Degrees of freedom of the assembly.
     timings : mapping of stage -> seconds
     basis_error : float
-        Largest relative error of a root by a basis that serves a range of structures; 0 for a
-        basis of its own.
+        Largest relative error of a root that a basis shared by a range of structures makes; 0 for
+        a basis made for this structure.
     """
 
     space: ContactSpace
@@ -78,7 +78,7 @@ class PreparedModel:
 
 
 def unit_shapes(coordinates: np.ndarray) -> np.ndarray:
-    """Coordinates (k, m) of m shapes as rows of unit norm (m, k) complex64, to be compared."""
+    """Turn coordinates (k, m) of m shapes into rows of unit norm (m, k) complex64 to compare."""
     rows = coordinates.T / np.maximum(np.linalg.norm(coordinates, axis=0)[:, None], 1e-300)
     unit: np.ndarray = rows.astype(np.complex64)
     return unit
@@ -90,9 +90,9 @@ def prepare(
     settings: ReductionSettings,
     others: Sequence[OperatingPoint] = (),
 ) -> PreparedModel:
-    """Component modes, contact compliances, nominal working point and component-mode basis.
+    """Prepare one structure for design points.
 
-    As `prepare_with_basis`, which says more.
+    Arguments and errors are those of `prepare_with_basis`.
     """
     return prepare_with_basis(assembly, nominal, settings, others)[0]
 
@@ -106,21 +106,21 @@ def prepare_with_basis(
 ) -> tuple[PreparedModel, Mapping[str, ComponentModes], ComponentBasis]:
     """The prepared model, its component modes and its basis.
 
-    `others` are operating points at the ends of the study's pressure and contact-law ranges; one
-    without a working point is left out. `space` is that of the same assembly and component modes,
-    where it is there already, or what makes it of the modes.
+    `others` are operating points at the ends of the study's pressure and contact-law ranges; those
+    without a working point are left out. `space` is the contact space of this assembly and its
+    component modes if it is made already, or a function that makes it from the modes.
 
     Raises
     ------
     ConvergenceError
-        Where the nominal working point does not exist.
+        The nominal working point does not exist, or some motion is free.
     """
     clock = _Clock()
     with side_by_side(assembly.n_dof) as pool:
         modes_to_come = pool.submit(component_modes, assembly, settings.component_cutoff)
         if threads_to_share() == 1:
             modes_to_come.result()
-        if space is None:  # in this thread, which shares its solves with others
+        if space is None:  # not in the pool: this thread shares its solves with others
             stiffness = mean_contact_stiffness(assembly, nominal)
             space = contact_space(
                 assembly, stiffness, lambda: mode_shapes(assembly, modes_to_come.result())
@@ -144,7 +144,7 @@ def with_shapes(
     basis: ComponentBasis,
     nominal: WorkingPoint,
 ) -> PreparedModel:
-    """A reduced model with its real modes at the nominal working point, and where they move."""
+    """Add to a reduced model its real modes at the nominal working point, and their sensor rows."""
     phi, sensors = shape_basis(assembly, model, basis, nominal.tangent)
     return PreparedModel(
         space=space,
@@ -160,9 +160,9 @@ def with_shapes(
 def shape_basis(
     assembly: AnyAssembly, model: ReducedModel, basis: ComponentBasis, tangent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`shape_basis` and `sensor_shapes` of a prepared model with nominal tangents (nc,)."""
+    """`shape_basis` and `sensor_shapes` of PreparedModel, with contact tangents (nc,) [Pa/m]."""
     K = contact_stiffness(model, tangent)
-    count = min(max(len(basis.omega), 1), model.n)  # stiff parts have no modes below the cut-off
+    count = min(max(len(basis.omega), 1), model.n)  # stiff parts have no mode below the cutoff
     _, phi = la.eigh(K, subset_by_index=(0, count - 1))
     return phi, assembly.correspondence @ basis.expand(phi)
 
@@ -192,9 +192,9 @@ def _reachable(space: ContactSpace, points: Sequence[OperatingPoint]) -> list[Wo
 
 
 def mean_contact_stiffness(assembly: AnyAssembly, nominal: OperatingPoint) -> float | np.ndarray:
-    """Contact stiffness per area of a uniform pressure under the nominal load, Pa/m.
+    """Contact stiffness per area at a uniform pressure that the nominal loads give, Pa/m.
 
-    By point (nc,) where some are springs, which have that of their first power.
+    An array (nc,) where some contact points are springs, with their linear stiffness [N/m].
     """
     area, springs = assembly.contact.area, assembly.contact.spring_points
     touching = len(area) - len(springs)
@@ -236,30 +236,35 @@ class _Clock:
         self._last = now
 
 
-BAND_FACTOR = 1.1  # shapes a little beyond the band: modes that a sweep moves into it
-SHAPE_TOLERANCE = 1e-2  # relative singular value of nominal shapes that are kept apart
-MAX_COMPARED_COORDINATES = 64  # coordinates up to which shapes are compared by all of them
-# directions drawn beside the nominal shapes: of modes that are none of these
-N_RANDOM_DIRECTIONS = 16
-FIRST_ROOT_COUNT_FACTOR = 1.08  # of the number of roots asked for first
+# nominal shapes are computed up to this times the band's end, for modes that a sweep moves into it
+BAND_FACTOR = 1.1
+SHAPE_TOLERANCE = 1e-2  # relative singular value above which nominal shapes are independent
+MAX_COMPARED_COORDINATES = (
+    64  # coordinates with mass up to which shapes are compared by all of them
+)
+N_RANDOM_DIRECTIONS = (
+    16  # random directions beside the nominal shapes, for modes outside their span
+)
+FIRST_ROOT_COUNT_FACTOR = 1.08  # roots that a design point asks for first, over those at nominal
 
 
 @dataclass(frozen=True)
 class PreparedFamily:
-    """A family and what its design points share.
+    """A family of matrices with the data that its design points share.
 
     Attributes
     ----------
     model : MatrixFamily
     scale : ndarray (n,)
-        Square root of the nominal mass matrix' diagonal: it puts displacements and rotations in
-        one unit.
+        Square root of the diagonal of the nominal mass matrix, which puts displacements and
+        rotations in one unit. Where the nominal point has no roots, the sum of all mass terms takes
+        its place; 1 where the diagonal is zero.
     shape_basis : ndarray (n, k)
-        Orthonormal columns; shapes of all points are compared by their coordinates on it. All
-        coordinates of a small family; of others what spans the real and imaginary parts of the
-        scaled mode shapes at the nominal point, and some directions beside them.
+        Orthonormal columns; shapes of all points are compared by their coordinates on it. In a
+        small family they are all coordinates with mass. Else they span the real and imaginary parts
+        of the scaled mode shapes at the nominal point, and some random directions.
     n_roots : int
-        Roots to ask for first at a design point, conjugates counted.
+        Number of roots to ask for first at a design point, conjugates included.
     timings : mapping of stage -> seconds
     """
 
@@ -279,19 +284,21 @@ class PreparedFamily:
 def prepare_family(
     family: MatrixFamily, nominal: Mapping[str, float], band: tuple[float, float]
 ) -> PreparedFamily:
-    """Solve the nominal point and take its shapes as the basis; without roots there, none.
+    """Solve the nominal point and make the shape basis from its mode shapes (`compared_on`).
+
+    Without roots there the basis of a large family is one coordinate and random directions.
 
     Parameters
     ----------
     family : MatrixFamily
     nominal : mapping of parameter -> value
     band : (low, high)
-        rad/s.
+        Angular frequencies, rad/s.
 
     Raises
     ------
     ModelError
-        A coefficient that has no value there.
+        A coefficient that has no value at the nominal point.
     ConvergenceError
         Entries too large or too small to compute with.
     """
@@ -300,7 +307,7 @@ def prepare_family(
     scale, psi, inside = _scale(M.diagonal()), np.zeros((family.n, 0)), 0
     try:
         roots = roots_in_band(M, C, K, (band[0], BAND_FACTOR * band[1]))
-    except ConvergenceError:  # singular there, which other points need not be
+    except ConvergenceError:  # other points may be solvable all the same
         masses = [abs(t.matrix.diagonal()) for t in family.terms if t.order == ORDERS["M"]]
         scale = _scale(np.sum(masses, axis=0))
     else:
@@ -319,11 +326,11 @@ def prepare_family(
 
 
 def compared_on(psi: np.ndarray, massive: np.ndarray) -> np.ndarray:
-    """Orthonormal columns (n, k) on which shapes are compared, from some of them (n, m).
+    """Orthonormal columns (n, k) on which shapes are compared, made from shapes psi (n, m).
 
-    A mode that a sweep brings into the band may be none of these, and lie in their span by no part:
-    directions drawn at random see it, and always the same way. Coordinates that are not `massive`
-    (n,) do not count.
+    A mode that a sweep brings into the band may be orthogonal to all of these. It still has a
+    component on directions that are drawn at random, the same ones at every call. Only coordinates
+    that are `massive` (n,) take part.
     """
     n, count = len(psi), int(massive.sum())
     if count <= MAX_COMPARED_COORDINATES:
@@ -351,6 +358,6 @@ def spanning(psi: np.ndarray) -> np.ndarray:
 
 
 def _scale(diagonal: np.ndarray) -> np.ndarray:
-    """Square root of the moduli, 1 for all where the diagonal vanishes."""
+    """Square root of the modulus of each entry; ones where the whole diagonal is zero."""
     size: np.ndarray = np.sqrt(np.abs(diagonal))
     return size if size.any() else np.ones(len(diagonal))

@@ -1,6 +1,6 @@
-"""An assembly projected on a basis of displacements: all of it, as dense matrices.
+"""An assembly projected on a basis of displacements, with dense matrices.
 
-To what makes a reduction it is an assembly like the unreduced one, of far fewer degrees of freedom.
+Code that makes reductions treats it as an assembly, one with far fewer degrees of freedom.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class ProjectedComponent:
     name : str
     M, K : ndarray (k, k)
     C : ndarray (k, k) or None
-        Damping of its own.
+        Damping of the component; None where it has none.
     turning : ndarray (k, k) or None
-        As of `Component`.
+        As in `Component`.
     """
 
     name: str
@@ -53,14 +53,15 @@ class ProjectedAssembly:
     ----------
     components : tuple of ProjectedComponent
     contact : ContactInterface
-        Its N, T and T_perp are dense.
+        As in `Assembly`, but N, T and T_perp are dense.
     springs : (ndarray (n, n), ndarray (n, n))
-        Stiffness of the linear interfaces in vibration, and at rest.
+        Stiffness of the linear interfaces in vibration, and in the static state.
     load, constant_load : ndarray (n,)
+        Loads of a unit brake pressure and constant loads, on the coordinates.
     correspondence : csr_matrix (s, n)
-        Of the coordinates, as of an assembly.
+        As in `Assembly`, for the coordinates of the basis.
     rotors : Rotors or None
-        As of an assembly.
+        As in `Assembly`.
     """
 
     components: tuple[ProjectedComponent, ...]
@@ -73,7 +74,7 @@ class ProjectedAssembly:
 
     @property
     def component_names(self) -> tuple[str, ...]:
-        """Names in the order of the coordinates."""
+        """Component names in the order of the coordinates."""
         return tuple(c.name for c in self.components)
 
     @property
@@ -83,7 +84,7 @@ class ProjectedAssembly:
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Coordinates of each component."""
+        """Range of the coordinates of each component."""
         return component_slices(self.components)[0]
 
     @cached_property
@@ -98,14 +99,14 @@ class ProjectedAssembly:
 
     @cached_property
     def C_el(self) -> np.ndarray | None:
-        """Damping (n, n) of the components' own; None for none."""
+        """The components' own damping (n, n); None where no component has any."""
         if all(c.C is None for c in self.components):
             return None
         return _block_diagonal([0 * c.K if c.C is None else c.C for c in self.components])
 
     @cached_property
     def turning(self) -> np.ndarray | None:
-        """Gyroscopic terms (n, n) of rotors at 1 m/s of sliding; None without."""
+        """Gyroscopic terms (n, n) of rotors at 1 m/s of sliding; None where there are none."""
         if self.rotors is None or self.rotors.radius is None:
             return None
         if all(c.turning is None for c in self.components):
@@ -114,7 +115,7 @@ class ProjectedAssembly:
         return _block_diagonal(blocks) / self.rotors.radius
 
     def K_springs(self, static: bool = False) -> np.ndarray:
-        """Stiffness (n, n) of the linear interfaces; `static` leaves out those absent at rest."""
+        """Stiffness (n, n) of linear interfaces, of all or of those in the `static` state."""
         return self.springs[int(static)]
 
     def K_contact(self, tangent: float | np.ndarray) -> np.ndarray:
@@ -124,8 +125,8 @@ class ProjectedAssembly:
         return K
 
     def sparse(self) -> Assembly:
-        """The assembly as sparse matrices, for unreduced solvers; it has no nodes."""
-        both, rest = self.springs
+        """An `Assembly` of sparse matrices without nodes, for solvers of unreduced models."""
+        in_vibration, static = self.springs
         return Assembly(
             components=tuple(
                 Component(
@@ -142,8 +143,8 @@ class ProjectedAssembly:
                 **{n: sp.csr_matrix(getattr(self.contact, n)) for n in ("N", "T", "T_perp")},
             ),
             springs=(
-                StressStiffness(sp.csr_matrix(rest), "springs", in_static=True),
-                StressStiffness(sp.csr_matrix(both - rest), "springs_in_vibration"),
+                StressStiffness(sp.csr_matrix(static), "springs", in_static=True),
+                StressStiffness(sp.csr_matrix(in_vibration - static), "springs_in_vibration"),
             ),
             load=self.load,
             constant_load=self.constant_load,
@@ -156,7 +157,7 @@ AnyComponent = Component | ProjectedComponent
 
 
 def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAssembly:
-    """Project an assembly on one block (n_component, k) for each of its components."""
+    """Project an assembly on a basis with one block (n_component, k) for each component."""
     spans = [assembly.slices[name] for name in assembly.component_names]
 
     def observed(A: sp.csr_matrix) -> np.ndarray:
@@ -191,12 +192,12 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
 
 
 def _few_rows(A: sp.csr_matrix, spans: Sequence[slice], blocks: Sequence[np.ndarray]) -> np.ndarray:
-    """A symmetric matrix (n_dof, n_dof) that is zero but for few rows, on the basis."""
+    """Project a symmetric matrix (n_dof, n_dof) with few non-zero rows on the basis."""
     block_rows = []
     for span, V in zip(spans, blocks, strict=True):
         span_rows = A[span]
         rows = np.flatnonzero(np.diff(span_rows.indptr))
-        parts = [span_rows[rows][:, other] for other in spans]
+        parts = [span_rows[rows][:, columns] for columns in spans]
         block_rows.append(
             [
                 V[rows].T @ (part @ W) if part.nnz else np.zeros((V.shape[1], W.shape[1]))
@@ -222,7 +223,7 @@ def _symmetric(A: np.ndarray) -> np.ndarray:
 
 
 def _positive(K: np.ndarray) -> np.ndarray:
-    """Without negative entries on the diagonal, which rigid motions have by round-off."""
+    """Set negative diagonal entries to 0, in place: rigid motions have such by round-off."""
     np.fill_diagonal(K, np.maximum(np.diag(K), 0.0))
     return K
 

@@ -1,9 +1,9 @@
 """One basis of displacements over a range of materials and springs (THEORY.md eq. (28a)).
 
-Each reduction at one of a few places of the range is made of component modes, traces of assembly
-modes, responses to friction and static responses of the contact. Together they span what a
-reduction at any other place needs: that one then starts from matrices of some thousand rows instead
-of those of the meshes.
+Reductions at a few places of the range contribute component modes, traces of assembly modes,
+responses to friction and static responses of the contact. Together these span the motions that a
+reduction at any other place needs. That reduction then starts from matrices of some thousand rows
+instead of the larger ones of the meshes.
 """
 
 from __future__ import annotations
@@ -21,24 +21,26 @@ from squealstudy.reduction.contact_space import ContactRows, ContactSpace, conta
 from squealstudy.reduction.orthonormal import GRAM_RESOLUTION, new_directions, outside
 from squealstudy.reduction.projected import ProjectedAssembly
 
-MIN_NEW_TRACE = 1e-4  # mass norm from which a new direction of a unit shape joins the basis
-# elastic energy of a static response from which it joins, as the root of its share of the largest
+MIN_NEW_TRACE = 1e-4  # relative singular value from which a new direction joins the basis
+# root of the elastic energy of a new static direction, over the largest of a static response, from
+# which it joins
 MIN_NEW_STATIC = 1e-3
-TOLERANCE = 1e-5  # relative error of roots at a place from which the basis has no directions yet
-# relative difference of these roots from a reduction made there, which has an error too
+# largest relative error of roots at a test place, whose reduction has not joined the basis yet
+TOLERANCE = 1e-5
+# the same where that reduction, which has an error too, changes the roots by TOLERANCE at most
 AGREEMENT = 1e-4
 
 
 @dataclass(frozen=True)
 class SharedBasis:
-    """A basis that serves all structures of a range.
+    """A basis of displacements for all structures of a range.
 
     Attributes
     ----------
     blocks : tuple of ndarray (n_component, k)
         M-orthonormal displacements of each component.
-    k_c : float
-        Contact stiffness per area [Pa/m] at which its static responses were computed.
+    k_c : float or ndarray (nc,)
+        Contact stiffness per area [Pa/m] with which its static responses were computed.
     rows : ContactRows
         Rows of the contact over the coordinates of the basis.
     contact : str
@@ -46,10 +48,10 @@ class SharedBasis:
     reductions : int
         Number of reductions that the basis is made of.
     lacking : float
-        Largest relative change of a root at the last tested places, when their reductions joined.
+        Largest relative change of a root at the last test places when their reductions joined.
     error : float
-        Largest relative distance of a root there from that of the place's reduction, before it
-        joined. Both are infinite where there were too few tests.
+        Largest relative difference of a root there from the same root of the place's reduction,
+        before that joined. Both are infinite where there were too few tests.
     """
 
     blocks: tuple[np.ndarray, ...] = field(repr=False)
@@ -66,25 +68,25 @@ class SharedBasis:
         return is_accurate(self.lacking, self.error)
 
     def serves(self, assembly: Assembly) -> bool:
-        """Whether it is accurate, and made for the contact of an assembly."""
+        """Whether the basis is accurate and was made for the contact of this assembly."""
         return self.is_accurate and self.contact == contact_hash(assembly)
 
     def space(self, small: ProjectedAssembly, shapes: np.ndarray) -> ContactSpace:
-        """Contact compliances of an assembly that is projected on it, and shapes U (n, m)."""
+        """Contact space of an assembly projected on the basis, with shapes U (n, m)."""
         return contact_space(small, self.k_c, shapes, self.rows)
 
 
 def is_accurate(lacking: float, error: float) -> bool:
-    """Whether tests were passed: roots agree with those of the reductions at the tested places.
+    """Whether roots agree with those of the reductions at the test places (`SharedBasis`).
 
-    Where these reductions change the roots no more when they join the basis, AGREEMENT is enough:
-    they have errors too, larger ones of damped modes.
+    Where the roots no longer change as these reductions join the basis, AGREEMENT is enough, as
+    the reductions have errors too, which are larger for damped modes.
     """
     return error <= TOLERANCE or (lacking <= TOLERANCE and error <= AGREEMENT)
 
 
 def contact_hash(assembly: Assembly) -> str:
-    """Hash of the contact's rows over the degrees of freedom."""
+    """Hash of the contact's rows N, T and T_perp over the degrees of freedom."""
     digest = hashlib.sha256()
     for A in (assembly.contact.N, assembly.contact.T, assembly.contact.T_perp):
         for part in (np.array(A.shape), A.indptr, A.indices, A.data):
@@ -107,7 +109,7 @@ class Snapshot:
         self._static: list[list[np.ndarray]] = [[] for _ in assembly.components]
 
     def add(self, X: np.ndarray) -> None:
-        """Keep the leading directions of static responses (n_dof, k), by their elastic energies."""
+        """Add directions of static responses (n_dof, k) whose elastic energy is no round-off."""
         for part, directions in zip(self._assembly.components, self._static, strict=True):
             component_motion = X[self._assembly.slices[part.name]]
             energy, y = la.eigh(component_motion.T @ (part.K @ component_motion))
@@ -123,13 +125,14 @@ class Snapshot:
 def with_snapshot(
     assembly: Assembly, blocks: Sequence[np.ndarray], snapshot: Snapshot
 ) -> tuple[np.ndarray, ...]:
-    """Blocks and the directions of a snapshot that they do not span; `blocks` is empty at first.
+    """Add to blocks of a basis the directions of a snapshot that they do not span.
 
     Parameters
     ----------
     assembly : Assembly
-        The same for all snapshots: its masses and elastic energies measure new directions.
+        The same one for all snapshots: new directions are measured by its mass and elastic energy.
     blocks : sequence of ndarray (n_component, k)
+        Empty for the first snapshot.
     snapshot : Snapshot
     """
     parts, static = assembly.components, snapshot.static
@@ -166,14 +169,14 @@ def shared_basis(
     lacking: float = np.inf,
     error: float = np.inf,
 ) -> SharedBasis:
-    """The basis of some blocks; `assembly` is any one of the range."""
+    """Make the basis of these blocks; `assembly` may be any one of the range."""
     rows, n = ContactRows.of(assembly.contact), assembly.n_dof
     normal = sp.csr_matrix((len(rows.Z), n)).tolil()
     normal[:, rows.normal] = rows.Z
     sliding = sp.identity(n, format="csr")[rows.sliding]
-    named = [*zip(assembly.component_names, blocks, strict=True)]
+    component_blocks = [*zip(assembly.component_names, blocks, strict=True)]
     Z, Z_T = (
-        np.hstack([A[:, assembly.slices[name]] @ V for name, V in named])
+        np.hstack([A[:, assembly.slices[name]] @ V for name, V in component_blocks])
         for A in (normal.tocsr(), sliding)
     )
     return SharedBasis(

@@ -1,4 +1,4 @@
-"""Stiffness of the stresses of steady sliding, added to an assembly (THEORY.md eq. (114))."""
+"""Stress stiffness of an assembly in steady sliding (THEORY.md eq. (114))."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from squealstudy.reduction.working_point import WorkingPoint, working_point
 def stress_stiffness_of(
     assembly: Assembly, operating: OperatingPoint, meshes: Mapping[str, SolidMesh]
 ) -> StressStiffness:
-    """The stiffness of an assembly's stresses at the working point of an operating point.
+    """Stress stiffness of an assembly at the working point of an operating point.
 
     Parameters
     ----------
     assembly : Assembly
     operating : OperatingPoint
     meshes : mapping of component -> SolidMesh
-        Of the components whose stresses count.
+        Meshes of the components whose stresses count.
 
     Raises
     ------
     ConvergenceError
-        Where there is no such working point.
+        There is no steady sliding at the operating point, or some motion is free.
     """
     nothing = np.zeros((assembly.n_dof, 0))
     space = contact_space(assembly, mean_contact_stiffness(assembly, operating), nothing)
@@ -49,9 +49,9 @@ def sliding_displacement(
     ----------
     assembly : Assembly
     space : ContactSpace
-        Of it.
+        Contact space of the assembly.
     point : WorkingPoint
-        Of both, at `operating`.
+        Working point at `operating`.
     operating : OperatingPoint
     """
     c = assembly.contact
@@ -66,8 +66,8 @@ def sliding_displacement(
 def stress_term(
     assembly: Assembly, meshes: Mapping[str, SolidMesh], u: np.ndarray
 ) -> StressStiffness:
-    """The stiffness of the stresses of a displacement u (n_dof,) [m]."""
-    # scikit-fem, which elements need, is slow to load
+    """Stiffness by the stresses of a displacement u (n_dof,) [m] in the meshed components."""
+    # imported here: it needs scikit-fem, which is slow to load
     from squealstudy.models.components.stress_stiffness import stress_stiffness
 
     displacements, blocks = assembly.at_nodes(u), []

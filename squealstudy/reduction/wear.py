@@ -1,4 +1,4 @@
-"""Gaps that sliding wears into a contact: Archard's law over the steady sliding of each moment."""
+"""Gaps that sliding wears into a contact, by Archard's law: at each moment sliding is steady."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from squealstudy.reduction.gap_equations import GapJacobian
 from squealstudy.reduction.prepared import mean_contact_stiffness
 from squealstudy.reduction.working_point import WorkingPoint, working_point
 
-# error of a step, over the change of gap that changes the contact pressure by its own size
+# error of depth in a step, over the gap scale of the law: the change of gap that changes the
+# contact pressure by its own size
 GAP_ERROR = 1e-3
-# relative tolerance, so small that the absolute one decides: faces may wear by many such lengths
+# relative tolerance of a step, so small that the absolute one decides: wear may be many scales
 REL_TOLERANCE = 1e-12
-MIN_MEAN_PRESSURE = 1.0  # Pa: lower bound of the pressure at which that length is taken
+MIN_MEAN_PRESSURE = 1.0  # Pa: lower bound of the pressure at which the gap scale is taken
 
 
 @dataclass(frozen=True)
 class Wear:
-    """Sliding that has worn the contact.
+    """The sliding that has worn a contact.
 
     Attributes
     ----------
     operating : OperatingPoint
-        Brake pressure, friction, speed and laws while it wore.
+        Brake pressure, friction, speed and laws during wear.
     distance : float
-        Sliding at the imposed speed, m; points at other radii slide by their `speed_factor`.
+        Distance slid at the imposed speed, m; a point slides by this times its `speed_factor`.
     rate : float
-        Depth over pressure and sliding, 1/Pa (Archard's coefficient over the hardness).
+        Worn depth per pressure and distance, 1/Pa (Archard's coefficient over the hardness).
     """
 
     operating: OperatingPoint
@@ -44,13 +45,14 @@ class Wear:
 def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
     """Depth (n_points,) [m] that is worn off the contact points with friction.
 
-    It solves dh/ds = rate p(gap0 + h) speed_factor, p being the pressures of steady sliding on the
-    worn faces (THEORY.md eq. (117)). In time p v becomes equal at all points.
+    It solves dh/ds = rate p(gap0 + h) speed_factor, where p are the pressures of steady sliding on
+    the worn faces (THEORY.md eq. (117)). After long wear, pressure times speed is equal everywhere.
 
     Raises
     ------
     ConvergenceError
-        Where there is no steady sliding on the way.
+        ``wear``, where there is no steady sliding at some distance; the status of the working
+        point where there is none on unworn faces.
     """
     contact = assembly.contact
     rubbing = contact.frictional > 0
@@ -60,8 +62,8 @@ def worn_depth(assembly: Assembly, wear: Wear) -> np.ndarray:
     space = contact_space(assembly, mean_contact_stiffness(assembly, wear.operating), no_shapes)
     faces = _WearingFaces(space, wear, np.where(rubbing, wear.rate * contact.speed_factor, 0.0))
     unworn = np.zeros(contact.n_points)
-    pressed = np.maximum(faces.at(unworn).contact_pressure, 0.0)
-    mean_pressure = float(np.average(pressed[rubbing], weights=contact.area[rubbing]))
+    pressures = np.maximum(faces.at(unworn).contact_pressure, 0.0)
+    mean_pressure = float(np.average(pressures[rubbing], weights=contact.area[rubbing]))
     error = GAP_ERROR * law.gap_scale(max(mean_pressure, MIN_MEAN_PRESSURE))
     fastest = float(faces.slope(0.0, unworn).max())
     solution = solve_ivp(
@@ -90,7 +92,7 @@ class _WearingFaces:
         Contact space of the unworn faces.
     wear : Wear
     rates : ndarray (nc,)
-        Depth over pressure and distance, 1/Pa; 0 where nothing wears.
+        Worn depth per pressure and imposed distance, 1/Pa; 0 at points without friction.
     """
 
     def __init__(self, space: ContactSpace, wear: Wear, rates: np.ndarray) -> None:
@@ -128,7 +130,7 @@ class _WearingFaces:
         return rates
 
     def jacobian(self, _: float, depth: np.ndarray) -> np.ndarray:
-        """d(dh/ds)/dh (nc, nc) [1/m]: faces that wear open their gaps, and press less.
+        """d(dh/ds)/dh (nc, nc) [1/m]: worn points open their gaps and press less.
 
         Where there is no steady sliding at this depth, the last Jacobian is returned.
         """

@@ -1,6 +1,6 @@
 """Steady sliding equilibrium: Newton in the gaps, for any pressure, friction and law.
 
-A factor serves for as many steps as it brings nearer fast (THEORY.md eq. (13), (14)).
+A factorised Jacobian is used for as long as its steps converge fast (THEORY.md eq. (13), (14)).
 """
 
 from __future__ import annotations
@@ -22,17 +22,21 @@ from squealstudy.reduction.gap_equations import GapEquations, GapJacobian
 
 AtSteadySliding = TypeVar("AtSteadySliding")
 MAX_ITERATIONS = 200
-GIVEN_WAY = 0.125  # of the most that a softening spring bears: where Newton starts under more
-MAX_STEP = 3.0  # closing, in gap scales of the law: beyond it, Newton on an exponential runs away
-HIGHEST_START = 100.0  # pressure at the start, in mean pressures
-TOLERANCE = 1e-11
-AMPLIFIED = 10.0  # error of gaps over their imbalance: about 1 where K0 has a contact like theirs
-# of an imbalance, after a step with an older Jacobian: more, and it is made anew
+# start of Newton where a softening contact cannot bear the load: this share of the most it bears
+GIVEN_WAY = 0.125
+# largest closing in a step, in gap scales of the law: beyond it, Newton on an exponential runs away
+MAX_STEP = 3.0
+HIGHEST_START = 100.0  # highest pressure of the gaps that Newton starts from, in mean pressures
+TOLERANCE = 1e-11  # relative imbalance of the gaps at which Newton ends
+# estimated error of gaps over their imbalance; it is about 1 where k_c is near the contact tangents
+AMPLIFIED = 10.0
+# imbalance after a step over that before, above which the Jacobian is computed anew
 MAX_IMBALANCE_SHARE_LEFT = 0.2
-OPEN = 0.01  # of the mean pressure, below which a contact point is open
-# of the friction as the model is, where its basis is made if steady sliding needs less of it
+OPEN = 0.01  # pressure over the mean pressure below which a contact point is open
+# factors on the friction that are tried in turn where the model has no steady sliding
 LESS_FRICTION = (0.5, 0.25, 0.125, 0.0)
-TRIED = (0.0, 0.5, 1.0)  # contact points by their pressure, at which laws from outside are tried
+# contact points at which laws from outside the package are tried: lowest, median, highest pressure
+TRIED = (0.0, 0.5, 1.0)
 CONTRADICTORY_LAW = "contradictory_law"  # status of a point where such a law contradicts itself
 SPRING_AT_CORNER = (
     "a spring with a gap or of one side just touches in steady sliding, where its stiffness is all "
@@ -52,22 +56,23 @@ class WorkingPoint:
     Attributes
     ----------
     gap : ndarray (nc,)
-        m, positive when open.
+        Gaps, m, positive where open.
     contact_pressure : ndarray (nc,)
-        Pa.
+        Contact pressures, Pa.
     tangent : ndarray (nc,)
-        -dp/dg, Pa/m.
+        Contact tangents -dp/dg, Pa/m.
     iterations : int
-        Newton iterations used.
+        Number of Newton iterations.
     residual : float
-        Largest imbalance of a gap, relative to the largest gap movement under the load.
+        Largest imbalance of a gap, over the largest gap movement under the load plus the largest
+        gap.
     open_share : float
-        Share of the area with pressure below 1 % of the mean; all of it where the whole contact
-        carries less than 1 % of what the load presses on closed contact.
+        Share of the area with a pressure below 1 % of the mean; 1 where the mean itself is below
+        1 % of the pressure that the load would give closed contact.
     tangent_error : float
-        How far the imbalance of the gaps may have moved the contact stiffness, relative.
+        Estimated relative error of the contact stiffness by the imbalance of the gaps.
     n_springs : int
-        The last points are as many springs (`ContactInterface.spring_points`).
+        Number of springs; they are the last points (`ContactInterface.spring_points`).
     """
 
     gap: np.ndarray
@@ -85,10 +90,10 @@ class WorkingPoint:
         return slice(len(self.gap) - self.n_springs)
 
     def forces(self, contact: ContactPoints, operating: OperatingPoint) -> np.ndarray:
-        """Normal and friction forces (nc, 3) [N] of the contact points, along and across."""
+        """Forces (nc, 3) [N] of the contact points: normal, along T and along T_perp."""
         p, area = self.contact_pressure, contact.area
-        of_points = (contact.speed_factor, contact.own_friction)
-        drag = -area * contact.frictional * operating.traction(p, *of_points)
+        point_factors = (contact.speed_factor, contact.own_friction)
+        drag = -area * contact.frictional * operating.traction(p, *point_factors)
         return np.column_stack([area * p, drag, np.zeros_like(drag)])
 
 
@@ -101,20 +106,21 @@ def working_point(
 
         g = g0 + H_Nf f + H_NN A (p + k_c (g - g0)) - mu H_NT A p,
 
-    mu(p) being the friction of each point at its sliding speed.
+    where H_NN = N K0^-1 N^T and so on, f are the loads, and mu(p) is the friction of each point at
+    its sliding speed.
 
     Parameters
     ----------
     space : ContactSpace
     point : OperatingPoint
     start : ndarray (nc,) or None
-        Gaps to start from; without, the gap of a uniform pressure.
+        Gaps to start from, m; None for the gap of a uniform pressure.
 
     Raises
     ------
     ConvergenceError
-        ``working_point`` where Newton does not converge: no equilibrium (contact lost), or a
-        friction beyond which the steady state does not exist.
+        ``working_point`` where Newton does not converge, as contact is lost or friction is beyond
+        its limit; where a spring just touches; where softening contact has given way.
     """
     law, A, touching = point.law, space.area, space.touching
     equations = GapEquations(space, [point])
@@ -122,7 +128,7 @@ def working_point(
     estimate = max(loaded, _closing_pressure(space, point))
     if start is None:
         g = np.full(len(A), law.gap_at(estimate))
-    else:  # gaps of a softer law may mean absurd pressures in this one
+    else:  # gaps of a softer law may give absurd pressures in this one
         g = np.maximum(start, law.gap_at(HIGHEST_START * estimate))
     g[len(A) - len(space.spring_points) :] = _engaged_springs(space, point, start)
     (F,), (p,), (kappa,) = equations.imbalance(g[None])
@@ -143,7 +149,7 @@ def working_point(
         residual = float(equations.relative(F[None], g[None])[0])
         size = np.abs(step[touching]).max() / law.gap_scale(level)
         if damping == 1.0 and size < TOLERANCE**0.5 and residual < TOLERANCE:
-            g = g - jacobian.solve(F)  # which an older Jacobian left larger than round-off
+            g = g - jacobian.solve(F)  # an older Jacobian left F larger than round-off
             (F,), (p,), (kappa,) = equations.imbalance(g[None])
             residual = float(equations.relative(F[None], g[None])[0])
             return _checked(
@@ -159,7 +165,7 @@ def working_point(
 
 
 def no_sliding_text(friction: float, pressure: float | None) -> str:
-    """The failure of Newton at a friction and a brake pressure [Pa], where one acts."""
+    """Error message of Newton at a friction and brake pressure [Pa]; None where none acts."""
     pressed = "" if pressure is None else f", pressure {pressure:g} Pa"
     return (
         f"no steady sliding equilibrium found at friction {friction:g}{pressed}: "
@@ -170,15 +176,15 @@ def no_sliding_text(friction: float, pressure: float | None) -> str:
 def with_less_friction(
     find: Callable[[OperatingPoint], AtSteadySliding], operating: OperatingPoint
 ) -> AtSteadySliding:
-    """Result of `find` at an operating point; without steady sliding there, at less friction.
+    """Result of `find` at an operating point, or at less friction where that has none.
 
-    Design points bring their own friction. What they share, a basis, is to be there for them even
-    where the model as it is does not slide.
+    Design points bring their own friction. The basis that they share must exist even where the
+    model does not slide steadily at its own friction.
 
     Raises
     ------
     ConvergenceError
-        That of the operating point itself, where there is none at less friction either.
+        The error at the operating point itself, where less friction does not help either.
     """
     try:
         return find(operating)
@@ -194,7 +200,7 @@ def with_less_friction(
 def known_working_point(
     space: ContactSpace, point: OperatingPoint, gap: np.ndarray
 ) -> WorkingPoint | None:
-    """The working point at gaps solved earlier, or None where they do not balance this point."""
+    """The working point at earlier gaps (nc,) [m]; None where they do not balance this point."""
     equations = GapEquations(space, [point])
     g = np.array(gap, dtype=float)
     (F,), (p,), (kappa,) = equations.imbalance(g[None])
@@ -213,7 +219,8 @@ def expect_consistent_laws(
 ) -> None:
     """Try laws from outside the package at a few contact points of a working point.
 
-    Slopes may fit at the pressures and speeds where a law was tried before, and not at these.
+    The slopes of a law may have been right where it was tried before, and be wrong at these
+    pressures and speeds.
 
     Raises
     ------
@@ -247,7 +254,7 @@ def working_point_result(
     loaded: float = 0.0,
     springs: np.ndarray = NO_SPRINGS,
 ) -> WorkingPoint:
-    """The contact state at solved gaps that are out of balance by F (nc,) [m].
+    """The contact state at gaps g (nc,) [m] whose remaining imbalance is F (nc,) [m].
 
     `loaded` is the mean pressure [Pa] that the load gives closed contact.
     """
@@ -267,17 +274,18 @@ def working_point_result(
 def _tangent_error(
     area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray, of_springs: np.ndarray
 ) -> float:
-    """Relative change of the contact stiffness by gaps that err by AMPLIFIED F.
+    """Relative change of the contact stiffness where gaps err by AMPLIFIED F.
 
-    Over a gap of p/kappa the tangent changes by its own size (of an exponential law; of stiffer
-    ones by less). Contact that has given way has a tangent of the other sign: its size counts.
+    A change of gap by p/kappa changes the tangent of an exponential law by its own size, and
+    tangents of stiffer laws by less. Softening contact may have negative tangents: moduli count.
+    `of_springs` (ns,) are changes of the springs' tangents by F [N/m].
     """
     pressed, size = np.abs(p) > 0, np.abs(kappa)
     total = max(float((area * size)[pressed].sum()), 1e-300)
     springs = len(of_springs)
     pressed[len(p) - springs :] = False
     weight = area[pressed] * size[pressed]
-    with np.errstate(over="ignore"):  # next to no pressure: infinitely wrong
+    with np.errstate(over="ignore"):  # next to no pressure: infinite error
         rel_change = AMPLIFIED * np.abs(F[pressed]) * size[pressed] / np.abs(p[pressed])
         return float((weight @ rel_change + AMPLIFIED * of_springs.sum()) / total)
 
@@ -285,7 +293,7 @@ def _tangent_error(
 def open_share(area: np.ndarray, p: np.ndarray, loaded: float = 0.0) -> float:
     """Share of the contact area (nc,) whose pressure (nc,) is below 1 % of the mean.
 
-    All of it where the mean itself is below 1 % of `loaded` [Pa], the pressure of closed contact.
+    1 where the mean itself is below 1 % of `loaded` [Pa], the pressure of closed contact.
     """
     mean = float(area @ p / area.sum())
     if abs(mean) < OPEN * loaded:
@@ -294,7 +302,7 @@ def open_share(area: np.ndarray, p: np.ndarray, loaded: float = 0.0) -> float:
 
 
 def mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
-    """Scale of the contact pressure, Pa: the rigid balance of the load over all points."""
+    """Scale of the contact pressure, Pa: mean pressure of springs k_c in K0 under the loads."""
     gap = space.gaps(space.C_Nf @ np.array([point.brake_pressure, 1.0]))
     stiffness, touching = np.abs(space.k_c * gap), space.touching
     area = space.area[touching]
@@ -304,9 +312,10 @@ def mean_pressure(space: ContactSpace, point: OperatingPoint) -> float:
 def _engaged_springs(
     space: ContactSpace, point: OperatingPoint, start: np.ndarray | None
 ) -> np.ndarray:
-    """Elongations of springs (ns,) from which Newton starts: beyond the gaps, as loads move them.
+    """Elongations of springs (ns,) [m] from which Newton starts, without `start` beyond their gaps.
 
-    Within a gap they hold nothing, and what they hold may be free there.
+    They start to the side to which the loads move them. Within its gap a spring has no stiffness,
+    and a part that it should hold may be free.
     """
     first = len(space.area) - len(space.spring_points)
     if start is not None:
@@ -316,7 +325,7 @@ def _engaged_springs(
 
 
 def _checked(space: ContactSpace, state: WorkingPoint) -> WorkingPoint:
-    """ConvergenceError where a spring is at its corner, without a tangent, or a gap presses."""
+    """The working point; ConvergenceError where a spring is at a corner or an open gap presses."""
     if len(space.spring_points) and at_a_corner(state.gap, space.spring_points):
         raise ConvergenceError("working_point", SPRING_AT_CORNER)
     touching = space.touching
@@ -326,7 +335,7 @@ def _checked(space: ContactSpace, state: WorkingPoint) -> WorkingPoint:
 
 
 def presses_open(gap: np.ndarray, pressure: np.ndarray, tangent: np.ndarray) -> np.ndarray:
-    """Whether points (.., nc) of a softening law bear beyond its second zero (..,).
+    """Whether any of the points (.., nc) of a softening law is beyond a zero of its force: (..,).
 
     There an open gap presses, and a closed one pulls: a branch of the law that no contact has.
     """
@@ -335,18 +344,18 @@ def presses_open(gap: np.ndarray, pressure: np.ndarray, tangent: np.ndarray) -> 
 
 
 def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:
-    """Uniform pressure that takes back the mean opening under the load and closed gaps, Pa.
+    """Uniform pressure [Pa] that closes the gaps which the loads open on average, and gaps below 0.
 
-    What stiff contact carries, and more than soft contact does. A spring that gives way under the
-    whole load has next to no k_c, and `mean_pressure` is nothing then: a share of what it bears,
-    for Newton is to come from where it holds.
+    Stiff contact carries about this pressure, soft contact less. A softening contact that cannot
+    bear the load has a k_c near 0, and so `mean_pressure` is near 0 too. Newton then starts at a
+    share of the largest pressure that it bears, where it still holds.
     """
     opened = space.gaps(space.C_Nf @ np.array([point.brake_pressure, 1.0]))
     touching = space.touching
     area, preloaded = space.area[touching], np.maximum(-space.gap0[touching], 0.0)
     opening = abs(float(area @ opened[touching])) + float(area @ preloaded)
     closing = opening / max(abs(space.opened_by_unit_pressure), 1e-300)
-    if not 1e-300 < closing < np.inf:  # of nothing an exponential law has no gap
+    if not 1e-300 < closing < np.inf:  # an exponential law has no gap at pressure 0
         return 0.0
     ((borne,), _) = point.law.evaluate(np.array([point.law.gap_at(closing)]))
     pressure = closing if borne > 0.99 * closing else GIVEN_WAY * float(borne)
@@ -354,10 +363,10 @@ def _closing_pressure(space: ContactSpace, point: OperatingPoint) -> float:
 
 
 def _damping(law: ContactLaw, level: float, g: np.ndarray, step: np.ndarray) -> float:
-    """Share of a Newton step to go, so that no point closes too far.
+    """Share of a Newton step to take so that no point closes too far.
 
-    Opening is harmless, and so is closing up to the gap of the pressure `level`: limiting those too
-    takes a hundred iterations where a stiff contact opens widely.
+    Opening is not limited, nor closing down to the gap of the pressure `level` [Pa]: limits there
+    would cost a hundred iterations where a stiff contact opens widely.
     """
     closing = float((np.minimum(g, law.gap_at(level)) - g - step).max() / law.gap_scale(level))
     return min(1.0, MAX_STEP / closing) if closing > 0 else 1.0

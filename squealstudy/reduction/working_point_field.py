@@ -1,8 +1,8 @@
 """Gaps of steady sliding over a box of design points: interpolated, then polished by Newton.
 
-Gaps are polynomials of the box coordinates (pressure in its logarithm, where a gap of the
-exponential law is nearly linear); a few simplified Newton steps with the Jacobian of the nearest
-anchor take them to the tolerance (THEORY.md eq. (13), (14)).
+Gaps are interpolated by polynomials of the box coordinates; pressure enters by its logarithm, of
+which a gap of the exponential law is a nearly linear function. A few simplified Newton steps with
+the Jacobian of the nearest anchor bring them to the tolerance (THEORY.md eq. (13), (14)).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.gap_equations import Changes, GapEquations, GapJacobian
 from squealstudy.reduction.working_point import WorkingPoint, mean_pressure, working_point_result
 
-POLISHED = 1e-10  # relative gap imbalance; studies promise 1e-8
-MOST_STEPS = 25
+POLISHED = 1e-10  # relative gap imbalance at which Newton ends; studies promise 1e-8
+MOST_STEPS = 25  # simplified Newton steps
 Cardinals = Callable[[np.ndarray], np.ndarray]
 
 
@@ -34,7 +34,7 @@ class NewtonAnchor:
 def anchor_at(
     theta: np.ndarray, space: ContactSpace, operating: OperatingPoint, point: WorkingPoint
 ) -> NewtonAnchor:
-    """Anchor at a working point; `space` has the point's component changes."""
+    """Anchor at a working point; the component changes there are made in `space`."""
     jacobian = GapJacobian(space, operating, point.contact_pressure, point.tangent)
     return NewtonAnchor(theta, jacobian)
 
@@ -48,6 +48,7 @@ class WorkingPointField:
     space : ContactSpace
         Contact space without component changes.
     node_gaps : ndarray (q, nc)
+        Gaps at the interpolation nodes, m.
     cardinals : callable
         Interpolation weights (b, q) of the nodes at theta (b, d).
     anchors : tuple of NewtonAnchor
@@ -69,7 +70,10 @@ class WorkingPointField:
         operating: Sequence[OperatingPoint],
         changes: Sequence[Changes],
     ) -> list[WorkingPoint | None]:
-        """Polished working points at theta (b, d); None where the residual stays too large."""
+        """Working points at theta (b, d) after Newton steps.
+
+        None where the imbalance stays too large, or a spring is at a corner of its law.
+        """
         working_points: list[WorkingPoint | None] = [None] * len(theta)
         thetas = np.array([anchor.theta for anchor in self.anchors])
         nearest = ((theta[:, None] - thetas[None]) ** 2).sum(axis=2).argmin(axis=1)
@@ -88,18 +92,18 @@ class WorkingPointField:
 def _polish(
     equations: GapEquations, g: np.ndarray, jacobian: GapJacobian
 ) -> list[WorkingPoint | None]:
-    """Simplified Newton from gaps g (b, nc)."""
+    """Working points by simplified Newton from gaps g (b, nc), with None as in `solve`."""
     with np.errstate(over="ignore", invalid="ignore"):
         F, p, kappa = equations.imbalance(g)
         residual = equations.relative(F, g)
         steps = 0
-        while steps < MOST_STEPS and (open_ := ~(residual < POLISHED)).any():
+        while steps < MOST_STEPS and (unbalanced := ~(residual < POLISHED)).any():
             steps += 1
-            g = np.where(open_[:, None], g - jacobian.solve(F), g)
+            g = np.where(unbalanced[:, None], g - jacobian.solve(F), g)
             F, p, kappa = equations.imbalance(g)
             residual = equations.relative(F, g)
     space = equations.space
-    loaded = [mean_pressure(space, point) for point in equations.operating]
+    mean_pressures = [mean_pressure(space, point) for point in equations.operating]
     return [
         working_point_result(
             space.area,
@@ -109,7 +113,7 @@ def _polish(
             steps,
             float(residual[i]),
             F[i],
-            loaded[i],
+            mean_pressures[i],
             space.spring_points,
         )
         if residual[i] < POLISHED and not at_a_corner(g[i], space.spring_points)

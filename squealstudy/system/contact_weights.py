@@ -6,10 +6,10 @@ the friction coefficient mu(s, p), the forces A p and mu A p change with gap and
     stiffness  N^T (A kappa) N  +  T^T (-(mu + p dmu/dp) A kappa) N
     damping    T_perp^T (mu A p / s) T_perp  +  T^T (dmu/ds A p) T
 
-with the velocity s of the point itself, and mu of the sign of s. These four weights, a figure a
-contact point each, are formed here alone, whatever the coordinates; mu is multiplied by the factor
-`frictional` of the point. In time the same signs are those of the traction and its slope in
-`kernels/laws.py` and, for loops over points, `kernels/law_text.py`.
+where s is the velocity of the point itself along T, and mu has the sign of s. These four weights,
+one number each for every contact point, are formed here alone, whatever the coordinates; mu is
+multiplied by the factor `frictional` of the point. Runs in time have the same signs, in the
+traction and its slope in `kernels/laws.py` and, for loops over points, in `kernels/law_text.py`.
 """
 
 from __future__ import annotations
@@ -29,14 +29,15 @@ class ContactWeights(NamedTuple):
     Attributes
     ----------
     normal : ndarray
-        Of N^T (.) N in the stiffness, N/m.
+        Stiffness in N^T (.) N, N/m.
     coupling : ndarray
-        Of T^T (.) N in the stiffness, N/m: negative, friction follows the pressure.
+        Stiffness in T^T (.) N, N/m, as friction follows the pressure: negative for sliding along
+        T, positive for sliding against it.
     across : ndarray
-        Of T_perp^T (.) T_perp in the damping, N s/m: friction turns with the sliding direction.
+        Damping in T_perp^T (.) T_perp, N s/m, as friction turns with the sliding direction.
     along : ndarray or float
-        Of T^T (.) T in the damping, N s/m: negative where friction falls with speed, the number 0
-        where it does not depend on it.
+        Damping in T^T (.) T, N s/m: negative where friction falls with speed; the float 0 where no
+        point's friction depends on speed.
     """
 
     normal: np.ndarray
@@ -62,27 +63,28 @@ def contact_weights(
 
 
 def over_speed(drag: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Friction over the sliding velocity; 0 where no sliding is imposed: nothing turns there."""
+    """Friction force over sliding velocity (nc,), N s/m; 0 where no sliding is imposed."""
     return np.divide(drag, speed, out=np.zeros(np.shape(drag)), where=speed != 0.0)
 
 
 class ContactChange(NamedTuple):
-    """Derivatives by one parameter of what the weights depend on, numbers or ndarray (nc,).
+    """Derivatives, by one parameter, of the quantities that the weights depend on.
 
-    All are total: those of the contact laws hold what the moving working point adds.
+    Each is a float, or ndarray (nc,). They are total derivatives: the working point moves with the
+    parameter, and its pressures change the tangent and friction too.
 
     Attributes
     ----------
     pressure, tangent : ndarray or float
-        Of p [Pa] and kappa [Pa/m].
+        Derivatives of p [Pa] and kappa [Pa/m].
     area : ndarray or float
-        m2.
+        Derivative of the areas, m2.
     frictional : ndarray or float
-        Of the factor of each point on the friction coefficient.
+        Derivative of each point's factor on the friction coefficient.
     speed : float or ndarray
-        Of the sliding velocities along T, m/s.
+        Derivative of the sliding velocities along T, m/s.
     mu, by_speed, by_pressure : float or ndarray
-        Of mu, dmu/ds [s/m] and dmu/dp [1/Pa].
+        Derivatives of mu, dmu/ds [s/m] and dmu/dp [1/Pa].
     """
 
     pressure: Any = 0.0
@@ -98,7 +100,7 @@ class ContactChange(NamedTuple):
 def contact_weights_change(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint, by: ContactChange
 ) -> ContactWeights:
-    """Derivatives of `contact_weights` by one parameter: the product rule on its four lines."""
+    """Derivatives of `contact_weights` by one parameter, by the product rule."""
     p = point.contact_pressure
     friction = operating.friction_at(p, contact.speed_factor, contact.own_friction)
     speed = operating.sliding_speed * contact.speed_factor
@@ -114,19 +116,20 @@ def changed_weights(
     speed: np.ndarray,
     by: ContactChange,
 ) -> ContactWeights:
-    """Changed weights from arrays (nc,), or (m, nc) with a row a design point.
+    """Derivatives of the weights from arrays (nc,), or (m, nc) with a row for each design point.
 
     Parameters
     ----------
     area, frictional : ndarray
-        m2; share of the friction coefficient.
+        Areas, m2, and factors on the friction coefficient.
     p, tangent : ndarray
-        Pa, Pa/m.
+        Contact pressures [Pa] and their tangents -dp/dg [Pa/m].
     friction : Friction or StackedFriction
-        At these pressures.
+        Friction at these pressures and speeds.
     speed : ndarray
         Sliding velocities along T, m/s.
     by : ContactChange
+        Derivatives of the quantities above by the parameter.
     """
     k_n, force = area * tangent, area * p
     d_k_n = area * by.tangent + by.area * tangent
@@ -137,10 +140,10 @@ def changed_weights(
         by.mu - over_speed(friction.mu * by.speed + 0.0 * speed, speed)
     ) * force + friction.mu * d_force
     d_along = by.by_speed * force + friction.by_speed * d_force
-    more = by.frictional
+    d_factor = by.frictional
     return ContactWeights(
         normal=d_k_n,
-        coupling=-frictional * (d_following * k_n + following * d_k_n) - more * following * k_n,
-        across=over_speed(frictional * d_drag + more * friction.mu * force, speed),
-        along=frictional * d_along + more * friction.by_speed * force,
+        coupling=-frictional * (d_following * k_n + following * d_k_n) - d_factor * following * k_n,
+        across=over_speed(frictional * d_drag + d_factor * friction.mu * force, speed),
+        along=frictional * d_along + d_factor * friction.by_speed * force,
     )

@@ -1,9 +1,9 @@
 """The two real modes that a complex mode is made of, and how far friction has coupled them.
 
-Real modes are those about steady sliding without the coupling by friction. A coupling force a q_2
-on one and -a q_1 on the other does the work 2 pi a |q_1| |q_2| sin(phase) a cycle: two modes that
-move in step, or in opposition, get none. Without damping they do so until their frequencies have
-met, and from there cos(phase) = (omega_2^2 - omega_1^2) / (2 a).
+The real modes are those of steady sliding without the coupling by friction. A coupling force a q_2
+on one mode and -a q_1 on the other does the work 2 pi a |q_1| |q_2| sin(phase) in a cycle: two
+modes that move in step, or in opposition, get none. Without damping they move so until friction has
+brought their frequencies together; beyond, cos(phase) = (omega_2^2 - omega_1^2) / (2 a).
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ import numpy as np
 
 
 class CoupledPair(NamedTuple):
-    """The two real modes with most of a complex mode's kinetic energy, that with most first.
+    """The two real modes with the largest shares of a complex mode's kinetic energy, largest first.
 
     Attributes
     ----------
     modes : ndarray (2,) of int
         Their numbers among the real modes, from 0; equal where the model has a single mode.
     share : ndarray (2,)
-        Of the kinetic energy.
+        Share of each in the kinetic energy of the complex mode.
     phase_deg : float
-        Between their coordinates, 0 to 90: signs of real modes are arbitrary. NaN of a single mode.
+        Phase between their coordinates, from 0 to 90 degrees, as signs of real modes are
+        arbitrary. NaN where the model has a single mode.
     """
 
     modes: np.ndarray
@@ -32,14 +33,14 @@ class CoupledPair(NamedTuple):
 
 
 def coupled_pair(phi: np.ndarray, x: np.ndarray) -> CoupledPair:
-    """The pair of a complex mode.
+    """Find the pair of real modes of a complex mode.
 
     Parameters
     ----------
     phi : ndarray (n, n)
         Real modes in coordinates in which the mass is the identity.
     x : ndarray (n,) complex
-        The mode.
+        Shape of the complex mode, in the same coordinates.
     """
     q = phi.T @ x
     share = np.abs(q) ** 2

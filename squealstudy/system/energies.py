@@ -15,7 +15,7 @@ from squealstudy.system.parametric import (
 def energy_shares(
     components: np.ndarray, springs: Matrix, N: Matrix, weights: StructureWeights, X: np.ndarray
 ) -> np.ndarray:
-    """Share of each component, then of the interfaces, in psi^H K_sym psi, of either sign.
+    """Share of each component, then of all interfaces, in psi^H K_sym psi; it may be negative.
 
     Parameters
     ----------
@@ -27,12 +27,13 @@ def energy_shares(
         Contact normals, in the same coordinates.
     weights : StructureWeights
     X : ndarray (n, m) complex
-        The mode shapes.
+        Mode shapes.
 
     Returns
     -------
     ndarray (n_components + 1, m)
-        Columns sum to one; friction does no elastic work and is left out.
+        Each column sums to one, or is zero where the energies sum to zero. Friction stores no
+        energy and is left out.
     """
     spring_energies = np.einsum("im,im->m", X.conj(), product(springs, X)).real
     interfaces = weights.springs * spring_energies + weights.normal @ squared(product(N, X))

@@ -48,21 +48,24 @@ class StructureWeights(NamedTuple):
     Attributes
     ----------
     mass : float
+        Factor on the mass: 1, or 0 in derivatives.
     elastic : ndarray (n,) or float
-        Elastic stiffness: the diagonal, (rad/s)^2, or the factor of a whole matrix.
+        Elastic stiffness: its diagonal, (rad/s)^2, or a factor on the whole matrix.
     springs : float
+        Factor on the stiffness of linear interfaces.
     shapes : ndarray (m,) or float
-        Changes of component modes' stiffness where these are no coordinates, (rad/s)^2.
+        Changes of the stiffness of component modes that are no coordinates, (rad/s)^2.
     normal, coupling : ndarray (nc,) or float
         As in ContactWeights.
     elastic_damping, spring_damping, shape_damping, normal_damping : as the above
-        Of the same matrices in the damping: dampers of component modes, and stiffness damping.
+        Weights of the same matrices in the damping: dampers of component modes (in the first and
+        third), and stiffness damping.
     across, along : ndarray (nc,) or float
         As in ContactWeights.
     own_damping : float
-        Of the components' own damping: 1, or 0 for derivatives.
+        Weight of the components' own damping: 1, or 0 in derivatives.
     turning : float
-        Of the gyroscopic terms of what turns, m/s.
+        Weight of the gyroscopic terms of rotors (`OperatingPoint.turning`), m/s.
     """
 
     mass: Any = 0.0
@@ -82,7 +85,7 @@ class StructureWeights(NamedTuple):
 
     @classmethod
     def of(cls, weights: Weights) -> StructureWeights:
-        """The named ones at the front of weights with more terms behind."""
+        """Name the first of `weights`, which may have further terms behind them."""
         return cls(*weights[: len(cls._fields)])
 
 
@@ -99,7 +102,7 @@ def structure_weights(
     mass: float = 1.0,
     turning: float = 0.0,
 ) -> StructureWeights:
-    """Weights of a structure, stiffness damping among them.
+    """Weights of a structure, including its stiffness damping.
 
     Parameters
     ----------
@@ -107,13 +110,13 @@ def structure_weights(
         Weights of the symmetric stiffness without contact.
     contact : ContactWeights
     dampers : (elastic, shapes)
-        Dampers of component modes, rad/s: where these are coordinates, and where they are shapes.
+        Dampers of component modes, rad/s: of those that are coordinates, of those that are shapes.
     beta : float
-        Stiffness damping, s.
+        Factor of the stiffness damping beta K_sym, s.
     mass : float
-        0 for derivatives.
+        1, or 0 for derivatives; `own_damping` is the same.
     turning : float
-        Of the gyroscopic terms of what turns, m/s.
+        Weight of the gyroscopic terms of rotors, m/s.
     """
     elastic, springs, shapes = stiffness
     return StructureWeights(
@@ -139,30 +142,31 @@ class ContactStructure:
     Attributes
     ----------
     mass : matrix (n, n) or None
-        None is the identity.
+        None stands for the identity.
     elastic : matrix (n, n) or None
-        Elastic stiffness of the components; None where it is diagonal, by its weights.
+        Elastic stiffness of the components; None where it is diagonal: its weights are then the
+        diagonal.
     stiffness : ndarray (n,) or float
         Weights of `elastic` without changes of component modes: the diagonal, or 1.
     springs : matrix (n, n) or None
-        None where there are none, or where `elastic` holds them.
+        Stiffness of linear interfaces; None where there are none, or where `elastic` holds them.
     N, T, T_perp : matrix (nc, n)
         Contact observation (models.assembly.ContactInterface).
     area, frictional, speed_factor : ndarray (nc,)
     own_friction : ndarray (nc, k)
         As in ContactInterface.
     frequencies : mapping of (component, mode) -> float
-        Component modes that a design point may change or damp, rad/s.
+        Frequency [rad/s] of each component mode that a design point may change or damp.
     places : mapping of (component, mode) -> int
-        The coordinate of each, or its row of `shapes`.
+        The coordinate of each of these, or its row of `shapes`.
     shapes : matrix (m, n) or None
         Rows phi^T M of component modes; None where they are coordinates.
     damping : matrix (n, n) or None
-        Damping of the components' own; None where there is none.
+        The components' own damping; None where there is none.
     turning : matrix (n, n) or None
-        Gyroscopic terms of what turns at 1 m/s of sliding; None where there are none.
+        Gyroscopic terms of rotors at 1 m/s of sliding; None where there are none.
     unturned : str
-        Why there are none, where something turns.
+        Why a rotor has no gyroscopic terms; empty where it has, or where there is no rotor.
     """
 
     mass: Matrix | None
@@ -190,7 +194,7 @@ class ContactStructure:
 
     @cached_property
     def system(self) -> ParametricSystem:
-        """The terms, those of symmetric stiffness in the damping once more."""
+        """All terms; those of the symmetric stiffness stand in the damping once more."""
         none = np.zeros((0, self.n))
         springs = none if self.springs is None else None
         U = none if self.shapes is None else self.shapes
@@ -218,10 +222,11 @@ class ContactStructure:
     def weights(
         self, point: WorkingPoint, state: DesignState, in_time: bool = False
     ) -> StructureWeights:
-        """Weights without modal damping; ConvergenceError where entries become too large.
+        """Weights at a working point of a design point, without modal damping.
 
-        ParameterError where gyroscopic terms are asked for and there are none; ModelError where a
-        contact point is stuck without a stiffness, but `in_time`.
+        ConvergenceError where entries of a matrix become too large; ParameterError where gyroscopic
+        terms are asked for and there are none; ModelError where a contact point is stuck without a
+        stiffness, except `in_time`.
         """
         if not (in_time or is_linear(self.own_friction)):
             raise ModelError(NOT_LINEAR)
@@ -238,7 +243,7 @@ class ContactStructure:
         return weights
 
     def by_mode(self, values: Mapping[ModeKey, float]) -> tuple[Any, Any]:
-        """Values of component modes as weights of the elastic diagonal, and of the shapes."""
+        """Numbers of component modes as weights of the elastic diagonal and of shapes; one is 0."""
         if not values:
             return 0.0, 0.0
         weights = np.zeros(self.n if self.shapes is None else self.shapes.shape[0])
@@ -247,9 +252,9 @@ class ContactStructure:
         return (weights, 0.0) if self.shapes is None else (0.0, weights)
 
 
-@lru_cache(maxsize=4)  # design points of a structure share it
+@lru_cache(maxsize=4)  # shared by the design points of a structure
 def reduced_structure(model: ReducedModel) -> ContactStructure:
-    """A component-mode model: unit mass, elastic diagonal, component modes are coordinates."""
+    """The structure of a component-mode model: unit mass, and component modes as coordinates."""
     frequencies = component_frequencies(model)
     return ContactStructure(
         mass=None,
@@ -274,7 +279,7 @@ def reduced_structure(model: ReducedModel) -> ContactStructure:
 def unreduced_structure(
     assembly: Assembly, modes: Mapping[str, ComponentModes], state: DesignState
 ) -> ContactStructure:
-    """An assembly; the component modes that the state changes or damps are shapes."""
+    """The structure of an assembly; component modes that the state changes or damps are shapes."""
     used = list(dict.fromkeys([*state.frequency_scale, *state.mode_damping]))
     contact = assembly.contact
     return ContactStructure(
@@ -299,7 +304,7 @@ def unreduced_structure(
 
 
 def component_frequencies(model: ReducedModel) -> dict[ModeKey, float]:
-    """Free-free frequency [rad/s] of every component mode held by the basis."""
+    """Free-free frequency [rad/s] of every component mode in the basis."""
     return {
         (name, j + 1): float(np.sqrt(max(model.k_el[int(start) + j], 0.0)))
         for name, start, count in zip(model.components, model.offsets, model.n_modes, strict=False)
@@ -309,19 +314,21 @@ def component_frequencies(model: ReducedModel) -> dict[ModeKey, float]:
 
 @dataclass(frozen=True)
 class LinearisedModel:
-    """Matrices of one design point in component-mode coordinates; the mass is the identity.
+    """Matrices of one design point; the mass is the identity.
+
+    The coordinates are those of the component modes, or of an orthonormal basis of them.
 
     Attributes
     ----------
     C, K : ndarray (n, n)
         Damping [rad/s] and non-symmetric stiffness [(rad/s)^2].
     K_sym : ndarray (n, n)
-        Symmetric part without friction: elastic, springs and contact.
+        Stiffness without friction: components, springs and contact.
     weights : StructureWeights
     C_modal : ndarray (n, n) or float
         The part of C that is modal damping of the assembly; 0 where it has none.
     known_modes : Modes or None
-        The `real_modes`, where they were solved for the damping.
+        The `real_modes`, if they were solved for the modal damping already; else None.
     """
 
     C: np.ndarray
@@ -338,7 +345,7 @@ class LinearisedModel:
 
     @property
     def pencil(self) -> QuadraticPencil:
-        """The identity, C and K."""
+        """The quadratic pencil of the identity, C and K."""
         return QuadraticPencil(sp.identity(len(self.K), format="csr"), self.C, self.K)
 
 
@@ -349,7 +356,7 @@ def linearise(
     projected: ParametricSystem | None = None,
     in_time: bool = False,
 ) -> LinearisedModel:
-    """A component-mode model about a working point, modal damping of the assembly included.
+    """Linearise a component-mode model about a working point, with modal damping of the assembly.
 
     Parameters
     ----------
@@ -357,17 +364,20 @@ def linearise(
     point : WorkingPoint
     state : DesignState
     projected : ParametricSystem or None
-        The terms of its structure on an orthonormal basis, in whose coordinates the matrices then
-        are; modal damping is that of the real modes of the projected stiffness.
+        The terms of the model's structure projected on an orthonormal basis. The matrices are then
+        in its coordinates, and modal damping acts on real modes of the projected stiffness.
     in_time : bool
-        For runs in time, where stuck points need no tangential stiffness.
+        True for runs in time, where stuck points need no tangential stiffness.
 
     Raises
     ------
+    ConvergenceError
+        Entries of a matrix become too large.
     ParameterError
-        Damping of an assembly mode that the basis does not have.
+        The state damps an assembly mode that the basis does not have, or asks for gyroscopic terms
+        that the model does not have.
     ModelError
-        A contact point that is stuck without a stiffness.
+        A contact point is stuck without a stiffness, except `in_time`.
     """
     structure = reduced_structure(model)
     system = projected or structure.system
@@ -375,14 +385,14 @@ def linearise(
     K_sym = system.summed(weights, SYMMETRIC_STIFFNESS_FIELDS)
     K = K_sym + system.summed(weights, [StructureWeights._fields.index("coupling")])
     beta = state.stiffness_damping
-    other_weights = weights
+    undamped_weights = weights
     if beta:
-        other_weights = structure.weights(point, replace(state, stiffness_damping=0.0), in_time)
-    C = system.summed(other_weights, system.numbers(DAMPING)) + beta * K_sym
+        undamped_weights = structure.weights(point, replace(state, stiffness_damping=0.0), in_time)
+    C = system.summed(undamped_weights, system.numbers(DAMPING)) + beta * K_sym
     modal, assembly_modes = assembly_damping(K_sym, state, model.damped_to)
     return LinearisedModel(C + modal, K, K_sym, weights, modal, assembly_modes)
 
 
 def symmetric_stiffness(structure: ContactStructure, weights: Weights) -> np.ndarray:
-    """Elastic, spring and contact stiffness (n, n), without friction, of dense terms."""
+    """Stiffness (n, n) of components, springs and contact without friction; terms must be dense."""
     return structure.system.summed(weights, SYMMETRIC_STIFFNESS_FIELDS)

@@ -1,4 +1,4 @@
-"""Quadratic eigenproblems whose dependence on the design point sits in weights alone.
+"""Quadratic eigenproblems that depend on the design point by the weights of their terms alone.
 
     Q(lambda; p) = lambda^2 M(p) + lambda C(p) + K(p) = sum_t lambda^order_t L_t^T diag(w_t(p)) R_t
 
@@ -40,9 +40,9 @@ class Term:
     order : int
         Power of lambda: 0 stiffness, 1 damping, 2 mass.
     left, right : matrix (k, n) or None
-        None is the identity.
+        None stands for the identity.
     dense : bool
-        The weight is a whole matrix (n, n) in its place; left and right are None.
+        Whether the weight is a matrix (n, n) and the whole term; left and right are then None.
     """
 
     order: int
@@ -201,19 +201,19 @@ class ParametricSystem:
         return ParametricSystem(V.shape[1], tuple(terms))
 
     def of_order(self, weights: Weights, order: int) -> tuple[ParametricSystem, Weights]:
-        """The terms of one power of lambda, with their weights."""
+        """The system of the terms of one power of lambda, and their weights."""
         chosen = self.numbers(order)
         part = ParametricSystem(self.n, tuple(self.terms[i] for i in chosen))
         return part, tuple(weights[i] for i in chosen)
 
     def apply(self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns) -> np.ndarray:
-        """Q(lam_j) x_j for every column (n, m)."""
+        """Q(lam_j) x_j (n, m) for every column x_j of X."""
         return self._sum(weights, [lam**order for order in range(3)], columns(X), adjoint=False)
 
     def apply_adjoint(
         self, weights: Weights, lam: np.ndarray, Y: np.ndarray | Columns
     ) -> np.ndarray:
-        """Q(lam_j)^H y_j for every column (n, m)."""
+        """Q(lam_j)^H y_j (n, m) for every column y_j of Y."""
         return self._sum(
             weights, [lam.conj() ** order for order in range(3)], columns(Y), adjoint=True
         )
@@ -221,7 +221,7 @@ class ParametricSystem:
     def slopes(
         self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns, Y: np.ndarray | Columns
     ) -> np.ndarray:
-        """y_j^H Q'(lam_j) x_j for every pair of columns (m,)."""
+        """y_j^H Q'(lam_j) x_j (m,) for every pair of columns of X and Y."""
         right, left_columns = columns(X), columns(Y)
         total = np.zeros(len(lam), dtype=complex)
         system, weights = self.gathered(weights)
@@ -240,7 +240,7 @@ class ParametricSystem:
     def forms(
         self, weights: Weights, lam: np.ndarray, X: np.ndarray | Columns, Y: np.ndarray | Columns
     ) -> np.ndarray:
-        """y_i^H Q(lam_j) x_j of all pairs (k, m), of Y (n, k) and X (n, m)."""
+        """y_i^H Q(lam_j) x_j (k, m) for all pairs of columns of Y (n, k) and X (n, m)."""
         right, left_columns = columns(X), columns(Y)
         total = np.zeros((left_columns.values.shape[1], len(lam)), dtype=complex)
         self._check(weights)

@@ -1,7 +1,8 @@
-"""Sums of L^T diag(w) R of dense matrices whose rows see a part of the coordinates only.
+"""Sums of L^T diag(w) R of dense matrices whose rows are zero in most columns.
 
-A contact point moves with its own two components alone: rows of points that see the same
-coordinates are a block, and what the block does not see is left out of its products.
+A contact point moves with its own two components alone: its row is zero in the coordinates of all
+others. Rows that are zero in the same columns form a block, whose products leave these columns out.
+A row "sees" the other columns.
 """
 
 from __future__ import annotations
@@ -11,24 +12,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-LEAST_COORDINATES = 100  # of a smaller model products take no time
-MOST_BLOCKS = 16
+LEAST_COORDINATES = 100  # coordinates from which blocks are looked for: small products are fast
+MOST_BLOCKS = 16  # more different sets of columns than this, and no blocks are made
 # multiplications with blocks over those without, up to which blocks are used
 LARGEST_SHARE = 0.7
-Run = tuple[slice, slice]  # neighbouring columns: in the block, in the whole matrix
+Run = tuple[slice, slice]  # a range of columns seen: in the block, in the whole matrix
 
 
 class RowBlock(NamedTuple):
-    """Rows (r,) that see the same columns, those as runs of neighbours."""
+    """Numbers (r,) of rows that see the same columns, and these columns as ranges of neighbours."""
 
     rows: np.ndarray
     runs: tuple[Run, ...]
 
 
 def blocks_of(matrices: Sequence[np.ndarray]) -> tuple[RowBlock, ...]:
-    """Blocks of rows of matrices (m, n), in all of which they see the same columns.
+    """Blocks of rows of matrices (m, n); a row sees the columns in which any matrix has an entry.
 
-    Rows that see nothing are in no block. There is none where they are many or save little.
+    Rows of zeros are in no block. There are no blocks in small matrices, nor where they would be
+    many or save little.
     """
     rows, n = matrices[0].shape
     if n < LEAST_COORDINATES or not rows:
@@ -60,13 +62,13 @@ def _runs(columns: np.ndarray) -> tuple[Run, ...]:
 
 
 class BlockRows(NamedTuple):
-    """Blocks that some matrices share, and what each of these has in them.
+    """Blocks that some matrices share, and the entries of each matrix in them.
 
     Attributes
     ----------
     blocks : tuple of RowBlock
     parts : dict of int -> list of ndarray
-        By `id` of a matrix: its entries in each block, (rows, columns seen).
+        Entries of a matrix, found by its `id`, in each block: (rows, columns seen).
     """
 
     blocks: tuple[RowBlock, ...]
@@ -74,7 +76,7 @@ class BlockRows(NamedTuple):
 
     @classmethod
     def of(cls, matrices: Sequence[np.ndarray]) -> BlockRows:
-        """Blocks of matrices (m, n); none where they do not pay."""
+        """Blocks of matrices (m, n); none where they save little (`blocks_of`)."""
         blocks = blocks_of(matrices)
         entries = {
             id(A): [np.hstack([A[b.rows, columns] for _, columns in b.runs]) for b in blocks]
@@ -93,14 +95,14 @@ class BlockRows(NamedTuple):
             part = parts[0]
             for other_part in parts[1:]:
                 part += other_part
-            for own, there in block.runs:
-                for other, across in block.runs:
-                    total[there, across] += part[own, other]
+            for part_rows, rows in block.runs:
+                for part_columns, columns in block.runs:
+                    total[rows, columns] += part[part_rows, part_columns]
 
 
 def weighted(L: np.ndarray, w: np.ndarray, R: np.ndarray) -> np.ndarray:
     """L^T diag(w) R of dense matrices (m, n) and weights (m,)."""
     if L is R and (w >= 0).all():
         half = np.sqrt(w)[:, None] * R
-        return half.T @ half  # half the work: BLAS sees that this is symmetric
+        return half.T @ half  # half the work: NumPy computes one triangle of X^T X only
     return L.T @ (w[:, None] * R)
