@@ -191,7 +191,8 @@ def _by_size(plan: Plan, cost: Estimate, size: SizeForecast, missing: int, jobs:
         for r, p in zip(size.reduction_s, size.point_s, strict=True)
     ]
     each = " to ".join(map(duration, size.reduction_s))
-    text = f"{plural(count, 'reduction')} of {size.n_dof:,} degrees of freedom, {each}"
+    text = f"{plural(count, 'reduction')} of {size.n_dof:,} degrees of freedom, factors by "
+    text += f"{size.factors}, {each}"
     text += f"{' each' * (count > 1)}, {size.by}"
     first = "--build makes the first one and times design points"
     if not as_model_kind(plan.kind).points_are_modes:

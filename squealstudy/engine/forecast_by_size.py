@@ -13,7 +13,7 @@ import numpy as np
 
 from squealstudy.engine.cache import past_reductions
 from squealstudy.engine.plan import Plan
-from squealstudy.linalg.factor import automatic_backend
+from squealstudy.linalg.factor import LABELS, automatic_backend
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.wording import plural
 
@@ -49,6 +49,8 @@ class SizeForecast:
         What they are told by, in words.
     memory_gb : (float, float)
         The most that one reduction needs.
+    factors : str
+        The library that makes its sparse factors.
     """
 
     n_dof: int
@@ -56,6 +58,7 @@ class SizeForecast:
     point_s: tuple[float, float]
     by: str
     memory_gb: tuple[float, float]
+    factors: str
 
     def memory_text(self, free_gb: float) -> str:
         """Memory that a reduction needs, and whether it fits into what is left [GB]."""
@@ -97,6 +100,7 @@ def forecast_by_size(plan: Plan) -> SizeForecast | None:
         (ends[0] * point_s, ends[1] * point_s),
         by,
         _memory_gb(n_dof),
+        LABELS[automatic_backend(n_dof, definite=True)],
     )
 
 

@@ -7,6 +7,7 @@ import platform
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from squealstudy.engine.result_names import (
 )
 from squealstudy.errors import ModelError, ResultsError
 from squealstudy.files import TEMPORARY
+from squealstudy.linalg.factor import MODULES
 from squealstudy.machine.locks import HeldError, lock
 from squealstudy.machine.resources import cores
 from squealstudy.models.assembly import Assembly
@@ -92,7 +94,8 @@ def versions() -> dict[str, str]:
 @cache
 def _installed() -> dict[str, str]:
     """Versions of packages, whose metadata are read once a process."""
-    return {name: version(name) for name in PACKAGES}
+    factors = (name for name in MODULES.values() if find_spec(name))
+    return {name: version(name) for name in (*PACKAGES, *factors)}
 
 
 def model_facts(plan: Plan) -> dict[str, Any]:

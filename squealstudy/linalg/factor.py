@@ -42,6 +42,7 @@ FEW_ROWS = 200  # solved faster than a thread starts (0.1 ms)
 PARDISO_DEFINITE, PARDISO_UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
 
 MODULES = {"pardiso": "pypardiso", "cholmod": "cholespy"}
+LABELS = {"pardiso": "PARDISO", "cholmod": "CHOLMOD", "superlu": "SuperLU"}
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -49,6 +49,7 @@ def test_memory_is_told_before_a_machine_runs_out_of_it(monkeypatch):
     ):
         low, high = of_size(n_dof, backend).memory_gb
         assert low < measured_gb < high < 3 * low
+    assert of_size(544_929, "cholmod").factors == "CHOLMOD"
     size = of_size(544_929, "superlu")  # both triangles
     needed = "a reduction needs about 28.3 GB, 17.4 to 46.3 GB"
     assert size.memory_gb[0] > 1.4 * of_size(544_929, "cholmod").memory_gb[0]

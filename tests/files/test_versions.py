@@ -1,6 +1,7 @@
 """Results of an earlier version of squealstudy, whose models gave other numbers."""
 
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +13,7 @@ import squealstudy
 from squealstudy.cli.app import app
 from squealstudy.engine.manifest import outdated
 from squealstudy.engine.manifest_file import read_manifest, write_manifest
+from squealstudy.linalg.factor import MODULES
 from squealstudy.models.catalogue import MODELS
 from squealstudy.models.parameter import ModelChange
 
@@ -66,6 +68,9 @@ def made_by_the_first(directory: Path) -> None:
 def test_resuming_results_of_before_a_change_warns(tmp_path, changed):
     file, directory = study(tmp_path, COMPLEX, "old")
     assert read_manifest(directory)["versions"]["squealstudy"] == squealstudy.__version__
+    for name in MODULES.values():  # of the library of sparse factors, where one is installed
+        has_version = name in read_manifest(directory)["versions"]
+        assert has_version == (find_spec(name) is not None)
     made_by_the_first(directory)
     for verb in ("check", "run"):
         options = ("--no-pictures",) if verb == "run" else ()
