@@ -1,8 +1,7 @@
-"""The one cache: what can be made again, in folders that appear whole, read as memory maps.
+"""The cache of values that can be made again: folders that appear whole, read as memory maps.
 
 A value is a dataclass or named tuple of arrays, sparse matrices, numbers, texts and other such
-values: arrays are files of their own, all else, small arrays too, stands in one JSON file beside
-them.
+values. Large arrays are files of their own; all else, small arrays included, is in one JSON file.
 """
 
 from __future__ import annotations
@@ -44,11 +43,11 @@ from squealstudy.study.design import DesignPoint
 ARRAY = re.compile(r"[^/\\\x00]{1,250}\.npy")
 NO_MORE_FILES = (errno.EMFILE, errno.ENFILE)
 META, MODELS = "meta.json", "models"
-GAPS_SUFFIX = ".npz"  # of files of working points
-FORMAT = 4  # format of a folder: what an earlier version wrote is made again
-MOST_PAST, LEAST_MESH_DOF = 30, 1000  # reductions that tell of others: how many, how large
-PROJECTION_S = "projection_s"  # in the timings of one by a basis that serves a range
-FEWEST_KEPT_GAPS = 16  # of a working point: fewer are solved sooner than they are read
+GAPS_SUFFIX = ".npz"  # suffix of files of working points
+FORMAT = 4  # number of the format of a folder; values in former formats are made again
+MOST_PAST, LEAST_MESH_DOF = 30, 1000  # past reductions to look at: how many, and their least size
+PROJECTION_S = "projection_s"  # key in the timings of a reduction on the basis of a range
+FEWEST_KEPT_GAPS = 16  # a working point with fewer gaps is solved sooner than read
 Prepared = PreparedModel | PreparedFamily
 
 
@@ -59,8 +58,8 @@ _verified: dict[Path, list[tuple[int, int]]] = {}  # sizes and times of files wh
 def is_whole(folder: Path) -> bool:
     """Whether a folder holds a value as it was written, of classes that values may have.
 
-    Its files are read once a process; from then on their sizes and times are compared. The folder
-    counts as used (`touched`).
+    Its files are read once in a process; later only their sizes and times are compared. A folder
+    that is whole counts as used (`touched`).
     """
     try:
         if not is_plain_file(folder / META):
@@ -83,7 +82,7 @@ def is_whole(folder: Path) -> bool:
             unpacked(meta["value"], folder, thoroughly=True)
             _verified[folder] = sizes_and_times
     except OSError as error:
-        if error.errno in NO_MORE_FILES:  # of the process or the machine, not the value's fault
+        if error.errno in NO_MORE_FILES:  # a limit of the process or machine, not the value's fault
             raise
         return False
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
@@ -93,7 +92,7 @@ def is_whole(folder: Path) -> bool:
 
 
 def save_value(folder: Path, value: Any) -> None:
-    """Keep a value; the folder appears whole or not at all."""
+    """Write a value to a folder of the cache, which appears whole or not at all."""
     arrays: dict[str, np.ndarray] = {}
     content = packed(value, "", arrays)
     check_classes(content)
@@ -107,14 +106,14 @@ def save_value(folder: Path, value: Any) -> None:
 
 
 def discard(folder: Path) -> None:
-    """Remove a value that is not what it should be, where there is one."""
+    """Remove the folder of a value that turned out to be wrong, if it exists."""
     _remove_links(folder)
     shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
 def _appearing(folder: Path) -> Iterator[Path]:
-    """A new directory to fill, which then takes the place of a value's folder."""
+    """Give a new directory to fill, which then takes the place of a value's folder."""
     with named(folder):
         _remove_links(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -124,7 +123,7 @@ def _appearing(folder: Path) -> Iterator[Path]:
         yield temporary
         try:
             temporary.rename(folder)
-        except OSError:  # another run was faster, or what is damaged or not finished is in the way
+        except OSError:  # another run was faster, or a damaged or unfinished folder is in the way
             if is_whole(folder):
                 shutil.rmtree(temporary, ignore_errors=True)
             else:
@@ -133,7 +132,7 @@ def _appearing(folder: Path) -> Iterator[Path]:
 
 
 def _links(folder: Path) -> list[Path]:
-    """Links on the way to a folder, from the folder of models on; that itself may be one."""
+    """Links among a folder and its parents below the folder of models, which itself may be one."""
     root = cache_directory() / MODELS
     if not folder.is_relative_to(root):
         return []
@@ -145,13 +144,13 @@ def _links(folder: Path) -> list[Path]:
 
 
 def _remove_links(folder: Path) -> None:
-    """Have what is written stay in the cache, whoever made a link in it."""
+    """Remove links on the way to a folder, so that nothing is written outside the cache."""
     for link in _links(folder):
         link.unlink(missing_ok=True)
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove what processes that are gone have left unfinished in a folder."""
+    """Remove unfinished files in a folder whose processes have ended."""
     for path in filter(abandoned, folder.glob(TEMPORARY)):
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
@@ -165,7 +164,7 @@ def load_value(folder: Path) -> Any:
     Raises
     ------
     OSError
-        Where it is not there, or not as it was written.
+        Where the value is missing, or not as it was written.
     """
     if not is_whole(folder):
         raise OSError(f"{folder}: not as it was written; the next run makes it again")
@@ -178,7 +177,7 @@ _watching: list[set[Path]] = []
 
 @contextmanager
 def touched() -> Iterator[set[Path]]:
-    """Collects folders of values and files of working points that are written or read inside."""
+    """Collect folders of values and files of working points that are used inside this context."""
     paths: set[Path] = set()
     _watching.append(paths)
     try:
@@ -193,25 +192,25 @@ def _touch(path: Path) -> None:
 
 
 def folders_of(key: str) -> list[Path]:
-    """Folders of the prepared model of a key and of what was made of it; its own comes first."""
+    """Whole folders of a key: first its prepared model's, then those of values made of that."""
     model_folder = prepared_path(key)
     folders = [model_folder, *sorted(p.parent for p in model_folder.glob(f"[!.]*/[!.]*/{META}"))]
     return [folder for folder in folders if is_whole(folder)]
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Files by name of a folder of a value, or a file of working points, to be sent elsewhere."""
+    """Bytes by file name of the folder of a value, or of a file of working points."""
     files = [folder] if folder.is_file() else [p for p in folder.iterdir() if p.is_file()]
     return {file.name: file.read_bytes() for file in files}
 
 
 def keep_contents(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Keep what `contents` gave in another cache.
+    """Write into this cache the files that `contents` read in another one.
 
     Raises
     ------
     OSError
-        Where it is not as it was written, or not of the cache.
+        Where the value is not as it was written, or a path leads out of the folder of models.
     """
     inside = not {"..", "."} & set(folder.parts) and all(Path(n).name == n for n in files)
     if not (inside and folder.is_relative_to(cache_directory() / MODELS)):
@@ -234,28 +233,28 @@ def keep_contents(folder: Path, files: Mapping[str, bytes]) -> None:
 
 # -- prepared models -----------------------------------------------------------------------------
 def prepared_path(key: str) -> Path:
-    """Folder of the prepared model of that key, there or not."""
+    """Folder of the prepared model of a key, whether it exists or not."""
     return cache_directory() / MODELS / key
 
 
 def is_prepared(key: str) -> bool:
-    """Whether the cache holds that model, whole."""
+    """Whether the cache holds the prepared model of a key, whole."""
     return bool(key) and is_whole(prepared_path(key))
 
 
 def save_prepared(key: str, prepared: Prepared) -> None:
-    """Keep the prepared model of a structure or of a family of matrices."""
+    """Write the prepared model of a structure or of a family of matrices to the cache."""
     save_value(prepared_path(key), prepared)
 
 
 def load_any(key: str) -> Prepared:
-    """The prepared model of a key, of an assembly or of a family of matrices."""
+    """Read the prepared model of a key: that of a structure or of a family of matrices."""
     prepared: Prepared = load_value(prepared_path(key))
     return prepared
 
 
 def load_prepared(key: str) -> PreparedModel:
-    """The prepared model of a structure; TypeError where the key is a family's."""
+    """Read the prepared model of a structure; TypeError where the key is a family's."""
     prepared = load_any(key)
     if not isinstance(prepared, PreparedModel):
         raise TypeError(f"{key} is a family of matrices")
@@ -263,9 +262,10 @@ def load_prepared(key: str) -> PreparedModel:
 
 
 def past_reductions() -> list[tuple[int, float]]:
-    """Degrees of freedom of structures that the cache holds, and seconds that each took.
+    """Degrees of freedom and seconds of the last reductions that the cache holds.
 
-    Of those that were reduced from their meshes, the last ones; arrays are not looked at.
+    Among the last MOST_PAST prepared models only those reduced from a mesh count. Only the JSON
+    files are read.
     """
     folders = (cache_directory() / MODELS).glob(f"[!.]*/{META}")
     last = sorted((p for p in folders if is_plain_file(p)), key=lambda p: -p.stat().st_mtime)
@@ -281,13 +281,13 @@ def past_reductions() -> list[tuple[int, float]]:
 
 @lru_cache(maxsize=4)
 def prepared_any(key: str) -> Prepared:
-    """`load_any`, but read once a process."""
+    """Like `load_any`, but the last few are read only once in a process."""
     return load_any(key)
 
 
 @lru_cache(maxsize=4)
 def prepared_model(key: str) -> PreparedModel:
-    """`load_prepared`, but read once a process."""
+    """Like `load_prepared`, but the last few are read only once in a process."""
     return load_prepared(key)
 
 
@@ -301,7 +301,7 @@ def _gaps(key: str) -> dict[str, np.ndarray]:
         with contextlib.suppress(ValueError, KeyError, OSError, TypeError):
             content = read_whole(file) if is_plain_file(file) else b""
             if hashlib.sha256(content).hexdigest() != file.stem:
-                file.unlink(missing_ok=True)  # damaged, or of a version that named it otherwise
+                file.unlink(missing_ok=True)  # damaged, or named otherwise by another version
                 continue
             arrays = read_arrays(io.BytesIO(content))
             keys, gaps = arrays["keys"], arrays["gaps"]
@@ -315,23 +315,23 @@ def _gap_folder(key: str) -> Path:
 
 
 def known_gap(key: str, design: DesignPoint) -> np.ndarray | None:
-    """Gaps (nc,) of the design's working point, where a study has solved it before."""
+    """Gaps (nc,) [m] of the design's working point; None where no study has solved it before."""
     return _gaps(key).get(working_point_key(design)) if design.has_working_point else None
 
 
 class NewGaps:
-    """Working points found by one chunk, to be kept for later studies."""
+    """Working points that one chunk has solved, to be written for later studies."""
 
     def __init__(self) -> None:
         self._found: dict[str, dict[str, np.ndarray]] = {}
 
     def add(self, key: str, design: DesignPoint, gap: np.ndarray) -> None:
-        """Remember the gaps of a design's working point, where it has one that is worth keeping."""
+        """Add the gaps (nc,) [m] of a design's working point, if reading it would save time."""
         if design.has_working_point and len(gap) >= FEWEST_KEPT_GAPS:
             self._found.setdefault(key, {})[working_point_key(design)] = gap
 
     def save(self) -> None:
-        """Write them to the cache, in files named by the hashes of their contents."""
+        """Write the gaps to the cache, in files that are named by hashes of their contents."""
         for key, gaps in self._found.items():
             content = io.BytesIO()
             np.savez(content, keys=np.array(list(gaps)), gaps=np.stack(list(gaps.values())))
@@ -344,7 +344,7 @@ class NewGaps:
 
 
 def working_point_key(design: DesignPoint) -> str:
-    """Hash of what a working point depends on beside its structure."""
+    """Hash of all that a working point depends on beside its structure."""
     state = design.state()
     op = state.operating
     return content_hash(

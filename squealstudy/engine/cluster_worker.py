@@ -1,7 +1,8 @@
-"""What a worker of a cluster does: one task at a time, with the caller's models and extensions.
+"""A worker of a cluster: it does one task at a time, with the caller's models and extensions.
 
-It shares no file system with the process that runs the study: models and source texts come with
-the tasks, into this worker's own cache; what a task adds to the cache goes back with its result.
+The worker shares no file system with the process that runs the study. Models and source texts come
+with the tasks and are put into the worker's own cache; files that a task adds to this cache go back
+with its result.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from squealstudy.version import __version__
 
 PACKAGES = ("numpy", "scipy", "numba", "pyarrow")  # numbers and their transfer depend on them
 SAME_VERSIONS_ADVICE = "install the same versions there as here"
-Parcel = Mapping[str, Mapping[str, bytes]]  # files by name, of places in the folder of models
+# by path in the cache's folder of models: the files there, by name
+Parcel = Mapping[str, Mapping[str, bytes]]
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,10 @@ class Setting:
     Attributes
     ----------
     versions : mapping of str -> str
-        Of the process that runs the study.
+        Versions of packages in the process that runs the study.
     extensions : sequence of mapping of str -> bytes
-        Of each file outside the package: its source, then those of its folder that it may import.
+        Source texts by name for each extension: first its own file, then the files of its folder
+        that it may import.
     """
 
     versions: Mapping[str, str]
@@ -61,7 +64,7 @@ class Answer:
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions on which numbers rest; of squealstudy the hash of its source as well."""
+    """Versions that results depend on; squealstudy's includes the hash of its source."""
     python = ".".join(platform.python_version_tuple()[:2])
     version_text = f"{__version__} (source {source_hash(('.',))})"
     return {"squealstudy": version_text, "python": python} | {
@@ -70,13 +73,13 @@ def versions() -> dict[str, str]:
 
 
 def facts(dask_worker: Any) -> dict[str, Any]:
-    """Versions, and MB of memory that a worker may use; 0 without a limit."""
+    """Versions of a worker, and its memory [MB]: the limit (0 without one) and the peak so far."""
     limit = getattr(dask_worker.memory_manager, "memory_limit", None) or 0
     return {"versions": versions(), "limit_mb": limit / 2**20, "used_mb": peak_memory_mb()}
 
 
 def shared_value(value: Any) -> Any:
-    """A value that others need, as a task: dask makes it again where a worker that has it dies."""
+    """A value that tasks need, made by a task so that dask remakes it if its worker dies."""
     return value
 
 
@@ -85,22 +88,24 @@ def in_cache(name: str) -> Path:
     return cache_directory() / name
 
 
-_one_at_a_time = Lock()  # caches, warnings and threads of libraries are those of a process
+_one_at_a_time = Lock()  # tasks would share the process's caches, warnings and library threads
 
 
 def answer(
     setting: Setting, parcels: Sequence[Parcel], names_here: frozenset[str], call: bytes
 ) -> Answer:
-    """Do a task: `call` is a pickled function with its argument.
+    """Do a task and return its result.
 
     Parameters
     ----------
     setting : Setting
+        Settings of the run.
     parcels : sequence of Parcel
         Models that the task needs.
     names_here : frozenset of str
-        Folders of the models that the task names which the caller has in its cache.
+        Paths in the folder of models that the caller has in its cache: they are not sent back.
     call : bytes
+        A pickled function with its argument.
     """
     with _one_at_a_time:
         _enter(setting)
@@ -122,7 +127,7 @@ def answer(
 
 
 def _portable(error: Exception) -> bool:
-    """Whether an error can be read on the other side."""
+    """Whether an error can be pickled and read again."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
@@ -130,11 +135,11 @@ def _portable(error: Exception) -> bool:
     return True
 
 
-_entered: list[Setting] = []  # the last one
+_entered: list[Setting] = []  # the setting of the last run, if any
 
 
 def _enter(setting: Setting) -> None:
-    """Check versions, set threads and load extensions, once a run."""
+    """Check versions, set threads and load extensions, once for each run."""
     if setting in _entered:
         return
     if text := difference(setting.versions, versions()):
@@ -153,7 +158,7 @@ def _enter(setting: Setting) -> None:
 
 
 def _extension_file(files: Mapping[str, bytes]) -> Path:
-    """An extension in a folder of its own, named by its content; the path of its file."""
+    """Write an extension into a folder that is named by its content; the path of its file."""
     digest = hashlib.sha256(repr(list(files.items())).encode()).hexdigest()
     folder = cache_directory() / "extensions" / digest
     for name, text in files.items():

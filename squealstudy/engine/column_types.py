@@ -1,6 +1,7 @@
 """Types that the columns of a table must have, whoever wrote it: numbers, texts or flags.
 
-A hash in a journal tells that a table is as it was written, not by whom.
+They are checked because a hash in a journal proves that a table is as it was written, but not who
+wrote it.
 """
 
 from __future__ import annotations
@@ -35,17 +36,18 @@ FITS: Mapping[str, Callable[[pa.DataType], bool]] = {
 def misfit(
     schema: pa.Schema, kind: str, table: str, parameters: Collection[str], n_rows: int
 ) -> str:
-    """Why a table is none of its kind's, in words; empty where nothing speaks against it.
+    """Why a table cannot be that table of this kind of study, in words; empty if it can.
 
     Parameters
     ----------
     schema : pyarrow.Schema
-        Of the table.
+        Names and types of the table's columns.
     kind, table : str
-        Of study; file of the table without ending.
+        Kind of study; name of the table's file without its suffix.
     parameters : collection of str
-        Of the study.
+        Names of the study's parameters.
     n_rows : int
+        Number of rows of the table.
     """
     if n_rows * len(schema) > MOST_CELLS:
         return f"{n_rows:,} rows of {len(schema):,} columns are more than a table has"

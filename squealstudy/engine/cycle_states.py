@@ -1,6 +1,7 @@
 """Limit cycles of a results directory as Fourier series, which runs in time can begin with.
 
-Series are about steady sliding, in component-mode coordinates, rows as of `cycles/harmonics.py`.
+Series are deviations from steady sliding in component-mode coordinates; their rows have the order
+of `cycles/harmonics.py`.
 """
 
 from __future__ import annotations
@@ -20,17 +21,18 @@ from squealstudy.errors import ResultsError
 
 @dataclass(frozen=True, eq=False)
 class CycleSeries:
-    """A limit cycle.
+    """A limit cycle as a Fourier series.
 
     Attributes
     ----------
     cycle_id : str
         ``<point_id>-<mode>-<number>``.
     prepared_key : str
-        Of the structure of its design point.
+        Cache key of the structure of its design point.
     Q : ndarray (2 H + 1, n)
+        Fourier coefficients up to harmonic H.
     omega : float
-        rad/s.
+        Angular frequency of the cycle, rad/s.
     """
 
     cycle_id: str
@@ -47,9 +49,10 @@ class CycleSeries:
 def cycle_file(
     name: str, prepared_key: str, cycles: Mapping[str, tuple[np.ndarray, float]]
 ) -> dict[str, dict[str, Any]]:
-    """Series and frequencies of cycles by their ids as a file of a results directory, by its path.
+    """The content of a file that holds cycles, by its path in a results directory.
 
-    `name` is as long as the id of a design point.
+    `cycles` are series (2 H + 1, n) with angular frequencies [rad/s], by their ids. `name` of the
+    file is as long as the id of a design point.
     """
     content: dict[str, Any] = {f"series_{k}": Q for k, (Q, _) in enumerate(cycles.values())}
     content["cycle_id"] = np.array(list(cycles), dtype=str)
@@ -58,13 +61,13 @@ def cycle_file(
 
 
 def stored_cycles(store: Store) -> Iterator[CycleSeries]:
-    """All cycles of a results directory; ResultsError where a file is damaged."""
+    """Yield all cycles of a results directory; ResultsError where a file is damaged."""
     for name in store.names(STATES):
         yield from _read(store, name)
 
 
 def stored_cycle(store: Store, cycle_id: str) -> CycleSeries:
-    """One of them; ResultsError where there is none."""
+    """The cycle with this id; ResultsError where there is none."""
     names = store.names(STATES)
     own_file = f"{STATES}/{cycle_id.partition('-')[0]}.npz"
     for name in sorted(names, key=lambda n: n != own_file):

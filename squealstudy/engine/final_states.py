@@ -1,6 +1,6 @@
-"""Final states of runs in time: files of arrays, which anybody may have written.
+"""Final states of runs in time, in files of arrays that are checked: anybody may have made them.
 
-A design point has a file of its own, named by its id, or is a row of one that a batch has.
+A design point has a file of its own, named by its id, or one row of the file of a batch.
 """
 
 from __future__ import annotations
@@ -18,13 +18,24 @@ from squealstudy.engine.result_names import STATES
 from squealstudy.engine.store import Store
 
 POINT_ID = re.compile(rf"[0-9a-f]{{{HASH_DIGITS}}}")
-IDS = "point_id"  # of the rows of a file that several points share
+IDS = "point_id"  # array with the id of each row in a file of several points
 
-States = Mapping[str, tuple[np.ndarray, np.ndarray]]  # deviation and velocity (n,) by point id
+# by point id: deviation from steady sliding and velocity, each (n,)
+States = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
 class FinalState(NamedTuple):
-    """Deviation from steady sliding and velocity (n,), and of which model and representation."""
+    """State of a model at the end of a run.
+
+    Attributes
+    ----------
+    q, v : ndarray (n,)
+        Deviation from steady sliding and velocity, in the coordinates of `representation`.
+    prepared_key : str
+        Cache key of the prepared model.
+    representation : str
+        Name of the representation that the run was computed in.
+    """
 
     q: np.ndarray
     v: np.ndarray
@@ -35,9 +46,9 @@ class FinalState(NamedTuple):
 def state_files(
     states: States, prepared_key: str, representation: str, in_own_folder: bool
 ) -> dict[str, dict[str, Any]]:
-    """Files of final states by their paths: each `in_own_folder`, or one of all.
+    """Contents of files with final states of one model, by the files' paths.
 
-    States are in component-mode coordinates of one model.
+    Each state has a file of its own if `in_own_folder`; otherwise all are in one.
     """
     model = {"prepared_key": prepared_key, "representation": representation}
     if in_own_folder or len(states) < 2:
@@ -48,16 +59,16 @@ def state_files(
 
 
 def state_names(store: Store) -> dict[str, str]:
-    """Files of the final states in a results directory by the ids of their points, ascending."""
+    """Names of the files with final states by the ids of their points, which are ascending."""
     names = store.names(STATES)
     every = {i: name for name in names for i in _points_of(store.directory / name)}
     return dict(sorted(every.items()))
 
 
 def _points_of(path: Path) -> list[str]:
-    """Ids of the design points that a file should have the states of.
+    """Ids of the design points whose states a file should hold.
 
-    Of one that cannot be read as of several, its name: whoever reads it tells what is wrong.
+    A file that has no list of ids gives its own name; if it is damaged, `read_state` reports that.
     """
     try:
         ids = read_arrays(path)[IDS].ravel().astype(str).tolist()
@@ -67,9 +78,9 @@ def _points_of(path: Path) -> list[str]:
 
 
 def read_state(path: Path, point_id: str = "") -> FinalState:
-    """The final state of a point in a file; OSError, ValueError where it holds none.
+    """The final state of a point in a file; OSError or ValueError where the file holds none.
 
-    The id is of no matter where the file is that of one point.
+    A file of a single point is read whatever the id.
     """
     arrays = read_arrays(path)
     try:
@@ -88,7 +99,7 @@ def read_state(path: Path, point_id: str = "") -> FinalState:
 
 
 def expect_numbers(values: np.ndarray, shape: tuple[int, ...]) -> None:
-    """Raise ValueError where an array is none of finite numbers of that shape, of some axes."""
+    """Raise ValueError unless an array has this shape, at least one axis, and finite floats."""
     if not shape or values.shape != shape or values.dtype.kind != "f":
         raise ValueError(f"an array {values.shape} of {values.dtype}, expected numbers {shape}")
     if not np.isfinite(values).all():

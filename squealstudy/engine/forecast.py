@@ -26,9 +26,9 @@ from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.study.design import DesignPoint
 
-TIMED_POINTS, MOST_TIMING = 3, 20.0  # s, from which on no other point is timed
-UNRELIABLE_TIMING_S = 1.0  # s: the first call of a process may owe that much to imports
-RUN_OVERHEAD_S = (0.5, 5.0)  # s of a run beside its points: workers, tracking, tables
+TIMED_POINTS, MOST_TIMING = 3, 20.0  # at most so many points are timed, none after so many seconds
+UNRELIABLE_TIMING_S = 1.0  # s: up to so much of the first call may be spent on imports
+RUN_OVERHEAD_S = (0.5, 5.0)  # s, least and most, of a run beside its points: workers, tables
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,10 @@ class Estimate:
     Attributes
     ----------
     n_missing_structures : int
-        Reductions to be made first.
+        Number of reductions to be made first.
     structure_s : float or None
-        Seconds of one reduction, from one made before for this study; None where there is none.
+        Seconds of one reduction, as an earlier one for this study took; None where there is none.
+        0 where points are solved as a batch.
     point_s : float or None
         Seconds of one design point on one core; None where it cannot be timed yet.
     memory_mb : float or None
@@ -48,7 +49,7 @@ class Estimate:
     n_coordinates : int or None
         Degrees of freedom of the reduced model.
     by_size : SizeForecast or None
-        What is told in place of these where no structure of the study is in the cache.
+        Forecast in place of these figures where no structure of the study is in the cache.
     reason : str
         Why a figure is missing.
     """
@@ -65,21 +66,22 @@ class Estimate:
 def run_seconds(
     plan: Plan, cost: Estimate, missing: int, jobs: int, max_points: int | None = None
 ) -> tuple[float, float]:
-    """Least and longest time of what is left of a study, without its pictures.
+    """Shortest and longest time [s] that the rest of a study takes, without its pictures.
 
-    By what the kind of study says that its points cost beside the timed ones (`Solves`).
+    It follows from the time of the timed points and from what the kind of study says that others
+    cost in comparison (`Solves`).
 
     Parameters
     ----------
     plan : Plan
     cost : Estimate
-        Whose `point_s` is known.
+        Estimate with a known `point_s`.
     missing : int
-        Design points not solved yet, at least one.
+        Number of design points that are not solved yet, at least one.
     jobs : int
-        Workers.
+        Number of workers.
     max_points : int or None
-        The same of a design that grows, at most.
+        Largest number of design points left where a design grows; None: it does not grow.
     """
     assert cost.point_s is not None
     solves = as_model_kind(plan.kind).solves(plan)
@@ -93,9 +95,9 @@ def run_seconds(
 
 
 def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> tuple[list[float], str]:
-    """Seconds of a few design points, and why there are none.
+    """Seconds of each of a few design points; where none can be timed, the reason.
 
-    Where the first is brief it is timed once more.
+    If the first takes less than UNRELIABLE_TIMING_S it is timed once more.
     """
     seconds: list[float] = []
     why: list[str] = []
@@ -105,7 +107,7 @@ def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> tuple[l
             return kind.time_point(plan, task)
         except StudyFileError:
             raise
-        except FAILURES as error:  # a run tells of it in the point's row
+        except FAILURES as error:  # a run would report it in the point's row
             why.append(reason(error)[1])
             return None
 
@@ -122,7 +124,10 @@ def _timed(kind: ModelKind, plan: Plan, tasks: Sequence[DesignPoint]) -> tuple[l
 
 
 def estimate(plan: Plan) -> Estimate:
-    """Time a few design points, spread over the design, of structures that are in the cache."""
+    """Time a few design points whose structures are in the cache, spread over the design.
+
+    A study that is solved as a batch has its first point timed.
+    """
     kind = as_model_kind(plan.kind)
     if plan.stacked:
         seconds, why = _timed(kind, plan, [plan.tasks[0]])
@@ -171,15 +176,15 @@ class MeshError:
     meshes : tuple of str
         The study's mesh and the next finer one.
     frequency : ndarray (m,)
-        Of the modes with a partner: |change| of the frequency, relative.
+        |Change| of |lam| relative to the finer mesh, for each of the m modes with a partner.
     damping : ndarray (m,)
-        |change| of their damping ratios, absolute.
+        |Change| of their damping ratios, absolute.
     unpaired : int
-        Light modes of the finer mesh without a partner.
+        Number of light modes of the finer mesh without a partner.
     unstable : tuple of int
-        Unstable modes on each mesh, non-oscillating ones among them.
+        Number of unstable modes on each mesh, those that do not oscillate included.
     seconds : tuple of float
-        Of each mesh: to build and reduce it, unless the cache holds it, and to solve the point.
+        Time on each mesh to build and reduce it, unless the cache holds it, and solve the point.
     """
 
     meshes: tuple[str, str]
@@ -191,12 +196,12 @@ class MeshError:
 
 
 def mesh_error(plan: Plan, threads: int) -> MeshError:
-    """Solve the nominal point of a study on its mesh and on the next finer one, densely.
+    """Solve the nominal point of a study densely on its mesh and on the next finer one.
 
     Raises
     ------
     SquealstudyError
-        No finer mesh; a reduction or the nominal point fails.
+        Where there is no finer mesh, or a reduction or the nominal point fails.
     """
     mesh = str(plan.study.options.get(MESH_OPTION, ""))
     if mesh not in FINER_MESH:
@@ -224,7 +229,7 @@ def mesh_error(plan: Plan, threads: int) -> MeshError:
 
 
 def _nominal_modes(plan: Plan, threads: int) -> tuple[PointModes, np.ndarray, float]:
-    """Modes of the nominal point, their shapes at corresponding places, and the time taken."""
+    """Modes of the nominal point, their shapes at places that both meshes have, and seconds."""
     started = time.perf_counter()
     design = plan.design(plan.nominal_values)
     design = replace(design, structure=plan.structure_key(design))

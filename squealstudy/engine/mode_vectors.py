@@ -18,9 +18,11 @@ from squealstudy.study.family import read_family
 from squealstudy.system.coupled_pair import coupled_pair
 from squealstudy.tables.other_codes import roots_of
 
-SAME_ROOT_REL_DISTANCE = 1e-4  # of a root solved again and that of the table: its tolerance
-SYMMETRIC = 1e-12  # relative: what a mass matrix may lack of its transpose
-REAL_SQUARE = 1e-6  # imaginary part of a square of a frequency, relative: two equal ones lose 1e-8
+SAME_ROOT_REL_DISTANCE = 1e-4  # largest relative distance of a root solved again from the table's
+SYMMETRIC = 1e-12  # largest difference of a mass matrix from its transpose over its largest entry
+# largest imaginary part, relative to its size, of a squared frequency that counts as real: equal
+# ones are split by 1e-8
+REAL_SQUARE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -30,23 +32,24 @@ class ModeVectors:
     Attributes
     ----------
     row : int
-        Of its design point.
+        Row of its design point in `points`.
     lam : complex
-        rad/s.
+        Eigenvalue, rad/s.
     coordinates : tuple of str (n,)
-        Of the model's own degrees of freedom.
+        Names of the model's own degrees of freedom.
     right, left : ndarray (n,) complex
-        Their largest entry is 1.
+        Right and left vectors, scaled so that the largest entry of each is 1.
     by_stiffness, by_velocity : float
-        Parts of the growth rate [1/s]: of the unsymmetric part of K, and of C. NaN where M is not
-        symmetric.
+        Parts of the growth rate [1/s] that the unsymmetric part of K and that C contribute. NaN
+        where M is not symmetric.
     pair_hz, pair_share : ndarray (2,)
-        Frequencies of the two real modes of M and the symmetric part of K with most of its
-        kinetic energy, and their shares, the largest first; NaN where M is not positive definite.
+        Frequencies [Hz] of the two real modes of M and the symmetric part of K that carry most of
+        the mode's kinetic energy, and their shares of it (0 to 1), the largest first; NaN where M
+        is not positive definite.
     phase_deg : float
-        Between their coordinates, 0 to 90; NaN of one alone.
+        Phase between the coordinates of these two, 0 to 90 deg; NaN where one moves alone.
     locked_in : bool
-        Whether without damping two modes have one frequency here, and one of them grows.
+        Whether without damping this mode and another have one frequency, and one of both grows.
     """
 
     row: int
@@ -63,12 +66,12 @@ class ModeVectors:
 
 
 def mode_vectors(results: ResultTables, track: int) -> ModeVectors:
-    """A tracked mode at the design point where it grows fastest, which is solved again.
+    """Solve a tracked mode again, at the design point where it grows fastest.
 
     Raises
     ------
     ResultsError
-        No such track; results that this version cannot make again.
+        Where there is no such track, or this version finds other modes or no files of the study.
     """
     row, (number, *_) = chosen_modes(results, None, None, track)
     plan = plan_of(results)
@@ -76,7 +79,7 @@ def mode_vectors(results: ResultTables, track: int) -> ModeVectors:
     values = {
         n: float(np.broadcast_to(v, len(plan.tasks))[row]) for n, v in plan.tasks.columns.items()
     }
-    # what a law that was not chosen ignores is at its default
+    # parameters of laws that were not chosen, which a Model refuses, are at their defaults
     values = {n: v for n, v in values.items() if v != definition.defaults().get(n)}
     family = None
     if isinstance(definition, FamilyDefinition):
@@ -121,7 +124,7 @@ def mode_vectors(results: ResultTables, track: int) -> ModeVectors:
 
 
 def _coordinates(build: object, slices: dict[str, slice]) -> tuple[str, ...]:
-    """Names of the degrees of freedom: of a lumped file its own, else numbers in a component."""
+    """Names of degrees of freedom: those of a lumped file, else each component with a number."""
     if isinstance(build, LumpedBuild):
         return tuple(n if isinstance(n, str) else " ".join(n) for n in build.space.names)
     return tuple(
@@ -135,14 +138,14 @@ def _by_largest(x: np.ndarray) -> np.ndarray:
 
 
 def _locked_in(linear: LinearSystem, lam: complex) -> bool:
-    """Whether the root nearest to a mode's frequency is complex where nothing but M and K acts."""
+    """Whether with M and K alone the squared root nearest to a mode's frequency is complex."""
     squares = scipy.linalg.eigvals(np.asarray(linear.K), np.asarray(linear.M))
     nearest = squares[np.abs(np.sqrt(squares.astype(complex)) - abs(lam.imag)).argmin()]
     return bool(abs(nearest.imag) > REAL_SQUARE * abs(nearest))
 
 
 def _growth(linear: LinearSystem, lam: complex, x: np.ndarray) -> tuple[float, float]:
-    """Parts of the growth rate of unsymmetric stiffness and of C (THEORY.md eq. (108))."""
+    """Parts of the growth rate [1/s] due to unsymmetric K and due to C (THEORY.md eq. (108))."""
     M, C, K = (np.asarray(A) for A in (linear.M, linear.C, linear.K))
     if np.abs(M - M.T).max() > SYMMETRIC * np.abs(M).max():
         return np.nan, np.nan

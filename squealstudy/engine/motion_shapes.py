@@ -1,4 +1,4 @@
-"""Motion at the end of runs in time: its operating deflection shape, and its complex modes."""
+"""Motion at the end of runs in time: its deflection shape, and its parts along complex modes."""
 
 from __future__ import annotations
 
@@ -25,25 +25,26 @@ LEVEL, FREQUENCY = "torque_rms", "torque_line_hz"  # columns of points
 class EndMotion:
     """The state in which a run ended, as a harmonic motion and by its complex modes.
 
-    The displacement u (from steady sliding) and velocity v of one instant are those of the motion
-    Re(U exp(i omega t)), U = u - i v / omega, with the dominant frequency of the run: exact where
-    the vibration has that frequency alone. Energy is that of THEORY.md eq. (86), about the design
-    point's steady sliding.
+    The final displacement u (from steady sliding) and velocity v are those of the harmonic motion
+    Re(U exp(i omega t)) with U = u - i v / omega, where omega is the run's dominant frequency. This
+    is exact where the vibration has that frequency alone. Energy is defined by THEORY.md eq. (86),
+    about the design point's steady sliding.
 
     Attributes
     ----------
     shape : Shape
-        U on all nodes.
+        U at all nodes.
     number : ndarray (m,) of int
-        Of the complex modes of the band at this design point that oscillate, as a study of complex
-        modes numbers them.
+        Numbers of the m oscillating complex modes in the band at this design point, as a study of
+        complex modes numbers them.
     lam : ndarray (m,) complex
-        rad/s.
+        Eigenvalues of these modes, rad/s.
     mac : ndarray (m,)
-        Of each with U, over the degrees of freedom weighted by mass.
+        Modal assurance criterion of each mode with U, 0 to 1; degrees of freedom are weighted by
+        mass.
     share : ndarray (m,)
-        Of the energy, in the plane of motion along each mode alone: 0 to 1. Planes are not
-        orthogonal: shares do not add up.
+        Share of the energy in the plane of motion along each mode alone, 0 to 1. Planes are not
+        orthogonal, so shares do not add up to 1.
     residual : float
         Share of the energy outside of all these planes together.
     """
@@ -57,7 +58,10 @@ class EndMotion:
 
 
 def loudest(results: ResultTables) -> int:
-    """Row of the run with the largest RMS of the torque; ResultsError where there is none."""
+    """Row of the run with the largest RMS of the torque.
+
+    ResultsError where no run came to its end, or where speed or pressure changes in any of them.
+    """
     _expect_runs(results)
     rms = results.points[LEVEL].where(results.points["status"] == "ok")
     if (results.points["class"] == CHANGING).any():
@@ -84,13 +88,13 @@ def _expect_runs(results: ResultTables) -> None:
 
 
 def end_motion(results: ResultTables, row: int) -> EndMotion:
-    """The motion at the end of a run, of a design point of a transient study by its row.
+    """The motion at the end of a run; `row` is that of its design point in a transient study.
 
     Raises
     ------
     ResultsError
-        Another kind of results, no final state, no frequency, a representation whose states are in
-        other coordinates, or results that this version cannot make again.
+        Where results are of another kind, the run has no final state or no dominant frequency, its
+        states are not in component-mode coordinates, or this version cannot make its model again.
     """
     _expect_runs(results)
     point_row = results.points.iloc[row]
@@ -129,7 +133,7 @@ def end_motion(results: ResultTables, row: int) -> EndMotion:
 def _state(
     results: ResultTables, point_id: str, shapes: PointShapes
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Deviation from steady sliding and velocity in the coordinates of the shapes' model."""
+    """Deviation from steady sliding and velocity (n,) in the coordinates of the shapes' model."""
     name = state_names(results.store).get(point_id)
     if name is None:
         raise ResultsError(f"{results.directory}: there is no final state {STATES}/{point_id}.npz")

@@ -1,8 +1,8 @@
-"""Reductions of structures: each from its meshes, or all of a range by one basis.
+"""Reductions of structures: each from its meshes, or all of a range on one basis.
 
-A range is reduced at its ends and between, until what the basis of the reductions so far gives at
-the next place is what a reduction there gives. Where that does not come about, or where a structure
-has another contact, structures are reduced each for itself.
+For a range, structures at its ends and between are reduced one after the other, and their bases
+joined, until at the next places the joint basis gives the roots that a reduction there gives. Where
+that never happens, or where a structure has another contact, each structure is reduced for itself.
 """
 
 from __future__ import annotations
@@ -53,21 +53,21 @@ from squealstudy.reduction.shared_basis import (
 from squealstudy.reduction.working_point import with_less_friction
 from squealstudy.study.design import DesignPoint
 
-MOST_ENTRIES = 60_000_000  # entries of assemblies on bases that a process keeps: about a gigabyte
+MOST_ENTRIES = 60_000_000  # matrix entries of assemblies that a process keeps: about a gigabyte
 
 
 @dataclass(frozen=True)
 class SharedTask:
-    """The range that a structure is in.
+    """A range of structures that have one basis.
 
     Attributes
     ----------
     key : str
-        Of its basis in the cache.
+        Key of the range's basis in the cache.
     places : tuple of DesignPoint
-        Where reductions are made, in this order.
+        Structures that are reduced to make the basis, in this order.
     tests : int
-        How many in a row must be known before they are made.
+        Number of last reductions, in a row, whose roots the basis made before them must give.
     """
 
     key: str
@@ -79,10 +79,11 @@ class SharedTask:
 class BuildTask:
     """The structure of a design point to assemble, reduce and store.
 
-    `top_hz` is that of the band of a reduction, None where no error of it is asked for; `band_hz`
-    the whole band. `enriching` is how often what a finer model shows joins the basis
-    (`with_finer_model`); `coarse_key` that of the same structure with less of it, empty where there
-    is none. `shared` is the range that it has one basis with; None: it has its own.
+    `top_hz` is the highest frequency at which errors of the reduction are estimated, None where
+    they are not asked for; `band_hz` is the whole band. `enriching` is how often directions that a
+    finer model shows to be lacking join the basis (`with_finer_model`). `coarse_key` is the cache
+    key of the same structure with fewer such enrichments, empty where there is none. `shared` is
+    the range of structures that use one basis, None where the structure has its own.
     """
 
     point: DesignPoint
@@ -100,7 +101,7 @@ class BuildTask:
     def record(
         self, assembly: AnyAssembly, modes: Mapping[str, ComponentModes], top_hz: float
     ) -> ReductionRecord:
-        """Record of what the prepared model was made from."""
+        """What a prepared model is made from, to compare it with a finer one."""
         return ReductionRecord(
             assembly,
             modes,
@@ -114,10 +115,11 @@ class BuildTask:
 def reduced_with_basis(
     task: BuildTask, contact: ContactSpace | None = None
 ) -> tuple[PreparedModel, tuple[np.ndarray, ...]]:
-    """Assemble and reduce: the prepared model, and the blocks (n_component, k) of its basis.
+    """Assemble and reduce a structure.
 
-    `contact` is the contact space of the same structure, by default that of its coarser model where
-    the cache has one.
+    Returns the prepared model, and a block (n_component, k) of its basis for each component.
+    `contact` is the contact space of the same structure; None: the one of its coarser model where
+    the cache holds that, else it is computed.
     """
     shared = None if task.shared is None else _shared_of(task, task.shared)
     with threadpool_limits(1), solve_threads(task.threads):
@@ -137,7 +139,7 @@ def reduced_with_basis(
 def _reduced(
     task: BuildTask, assembly: AnyAssembly, space: ContactSpace | SpaceOf | None
 ) -> tuple[PreparedModel, ComponentBasis]:
-    """The prepared model of an assembly, with its finer one where it is asked for."""
+    """The prepared model of an assembly and its basis, made with less friction if need be."""
 
     def reduced_at(nominal: OperatingPoint) -> Reduction:
         return reduced(
@@ -158,7 +160,7 @@ def _reduced(
 def _by_shared(
     task: BuildTask, shared: SharedBasis, assembly: Assembly, contact: ContactSpace | None = None
 ) -> tuple[PreparedModel, tuple[np.ndarray, ...]]:
-    """The assembly reduced as by `_reduced`, after its projection on the shared basis."""
+    """Project the assembly on the shared basis, then reduce it with `_reduced`."""
     started = time.perf_counter()
     V = [np.asarray(block) for block in shared.blocks]
     small = projected(assembly, V)
@@ -175,7 +177,7 @@ def _by_shared(
 
 # -- the basis of a range --------------------------------------------------------------------------
 def shared_task(plan: Plan, point: DesignPoint) -> SharedTask | None:
-    """The range that the structure of a design point has one basis with; None where it has none."""
+    """The range with one basis that a design point's structure is in; None where in none."""
     common_range = plan.shared_range
     if common_range is None or not common_range.holds(point.values):
         return None
@@ -184,7 +186,7 @@ def shared_task(plan: Plan, point: DesignPoint) -> SharedTask | None:
 
 
 def shared_key(plan: Plan) -> str:
-    """Key of the basis that serves the structures of a plan; empty where there is none."""
+    """Cache key of the basis for a plan's structures; empty if it is not made or not accurate."""
     if plan.shared_range is None or not is_whole(prepared_path(plan.shared_key(plan.first))):
         return ""
     key = plan.shared_key(plan.first)
@@ -198,11 +200,11 @@ class BuiltOnBasis:
     Attributes
     ----------
     build : callable
-        (values of all the model's parameters) -> Assembly.
+        Takes values of all the model's parameters by name, returns the Assembly.
     key : str
-        Of the basis.
+        Key of the basis in the cache.
     names : tuple of str
-        Parameters that the assembly follows.
+        Names of the parameters that the assembly depends on.
     """
 
     build: Callable[[Mapping[str, float]], Assembly]
@@ -210,9 +212,9 @@ class BuiltOnBasis:
     names: tuple[str, ...]
 
     def __call__(self, values: Mapping[str, float]) -> Assembly:
-        """The assembly at values of parameters, in coordinates of the basis if that serves it.
+        """The assembly at values of parameters, in coordinates of the basis if it is made for it.
 
-        Operating points of one design ask for the same few: the last ones are kept.
+        The last ones are kept, because operating points of one design ask for the same few.
         """
         key = (self.key, *(values[name] for name in self.names))
         if key not in _built:
@@ -230,13 +232,13 @@ _built: dict[tuple[object, ...], Assembly] = {}
 
 
 def _entries(assembly: Assembly) -> int:
-    """Nonzero entries of an assembly's largest matrices."""
+    """Number of nonzero entries of an assembly's largest matrices."""
     c = assembly.contact
     return int(sum(A.nnz for A in (assembly.M, assembly.K_springs(), c.N, c.T, c.T_perp)))
 
 
 def shared_facts(plan: Plan) -> dict[str, dict[str, Any]]:
-    """The range over which structures have one basis, and its error; nothing without one."""
+    """Facts of the manifest about a range with one basis and its error; none if there is none."""
     if plan.shared_range is None or not is_whole(prepared_path(plan.shared_key(plan.first))):
         return {}
     basis: SharedBasis = load_value(prepared_path(plan.shared_key(plan.first)))
@@ -250,7 +252,7 @@ def shared_facts(plan: Plan) -> dict[str, dict[str, Any]]:
 
 
 def make_shared(task: BuildTask) -> tuple[str, str]:
-    """Make the basis of a task's range and keep it; (key, "") or (key, reason of failure)."""
+    """Make and cache the basis of a task's range; (key, "") or (key, reason of failure)."""
     assert task.shared is not None
     try:
         _shared_of(task, task.shared)
@@ -279,9 +281,10 @@ def _loaded(key: str) -> SharedBasis:
 
 
 def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
-    """Reduce places of the range until the last ones were known before."""
+    """Reduce structures of the range until the basis made before gives the last ones' roots."""
     blocks: tuple[np.ndarray, ...] = ()
-    tests: list[tuple[float, float]] = []  # what was lacking, and how far from a reduction it was
+    # relative changes of roots: as the place joins the basis, and from the basis to its reduction
+    tests: list[tuple[float, float]] = []
     first: Assembly | None = None
     stiffness: float | np.ndarray = 0.0
     count, failure = 0, None
@@ -296,7 +299,7 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
                 task_here, assembly, _SnapshotSpace(assembly, stiffness, snapshot)
             )
         except (ConvergenceError, ModelError) as error:
-            failure = error  # moduli that no material has together, or no steady sliding
+            failure = error  # e.g. moduli that no material has together, or no steady sliding
             continue
         first = assembly if first is None else first
         snapshot.blocks = basis.blocks
@@ -320,9 +323,10 @@ def _make_shared_basis(task: BuildTask, shared: SharedTask) -> SharedBasis:
 
 
 def _worst(tests: list[tuple[float, float]], needed: int) -> tuple[float, float]:
-    """The most that was lacking in the last tests, one more than needed, and the largest distance.
+    """Largest change of roots in the last `needed` + 1 tests, largest distance in `needed`.
 
-    Infinite where there were too few: one place more has to be spanned where reductions differ.
+    Infinite where there were fewer tests. Changes need one test more than distances: where
+    reductions themselves differ, one place more has to be spanned.
     """
     lacking, error = np.array([(np.inf, np.inf)] * (needed + 1) + tests).T
     return float(lacking[-needed - 1 :].max()), float(error[-needed:].max())

@@ -1,4 +1,4 @@
-"""Rankings and statistics of results: tables that are made of those of a results directory."""
+"""Rankings and statistics of results: tables computed from those of a results directory."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RankedResults(ResultTables):
-    """Results of a study with what is ranked, counted and compared of them (see `Results`)."""
+    """Results of a study with methods that rank, count and compare them (see `Results`)."""
 
     @cached_property
     def screen(self) -> KindScreen:
@@ -39,17 +39,17 @@ class RankedResults(ResultTables):
         Parameters
         ----------
         by : str
-            What comes first: ``share`` of the design points, ``growth``, ``damping`` or
+            Quantity to sort by: ``share`` of the design points, ``growth``, ``damping`` or
             ``threshold``.
         top : int or None
             At most so many rows; None: all.
         where : str or None
-            A pandas query over `points`: those that count.
+            A pandas query over `points`: only points that satisfy it count.
 
         Raises
         ------
         ResultsError
-            A kind of study without such a ranking, an unknown `by`, a query that cannot be used.
+            Where this kind of study has no such ranking, `by` is unknown, or the query is wrong.
         """
         table = self.screen.rank(self, by, top, where)
         attrs = dict(table.attrs)
@@ -63,12 +63,12 @@ class RankedResults(ResultTables):
         bins: Sequence[float],
         weights: Sequence[float] | None = None,
     ) -> pd.DataFrame:
-        """At how many design points something squeals, by bins of frequency and level.
+        """Count the design points that squeal, by bins of frequency and level.
 
-        Of complex modes unstable ones that oscillate, the level being their growth rate [1/s]; in
-        time the leading line of vibrations that last, the level being the RMS of the torque. Runs
-        that still grow or are undecided are in no bin: ``attrs["n_undecided"]`` counts them. See
-        tables.occurrence.occurrence.
+        A study of complex modes counts unstable modes that oscillate; the level is their growth
+        rate [1/s]. A transient study counts vibrations that last, at the frequency of the torque's
+        strongest line; the level is the RMS of the torque. Runs that still grow or are undecided
+        are in no bin: ``attrs["n_undecided"]`` counts them. See tables.occurrence.occurrence.
 
         Parameters
         ----------
@@ -77,12 +77,12 @@ class RankedResults(ResultTables):
         bins : sequence of float
             Edges of the bins of the level, ascending.
         weights : sequence of float or None
-            How often each of `points` occurs, on any scale; alike by default.
+            How often each of `points` occurs, on any scale; None: all equally often.
 
         Raises
         ------
         ResultsError
-            A kind of study without either; edges or weights that cannot be used.
+            Where the study is neither of these, or edges or weights cannot be used.
         """
         from squealstudy.tables.occurrence import occurrence
 
@@ -109,12 +109,12 @@ class RankedResults(ResultTables):
         return table
 
     def compare(self, other: ResultTables) -> pd.DataFrame:
-        """Effect of a change, or predictions beside what happens in time.
+        """Compare two studies: the effect of a change, or predictions beside runs in time.
 
-        Of two studies of complex modes these are before and `other` after a change
-        (tables.before_after.paired). Else one study predicts and one is in time, in any order: of
-        complex modes see tables.comparison.compare, of limit cycles
-        tables.cycle_comparison.compare_cycles.
+        Two studies of complex modes are compared as before (these results) and after (`other`) a
+        change (tables.before_after.paired). Otherwise one study predicts and the other is
+        transient, in any order: tables.comparison.compare compares complex modes with runs in time,
+        tables.cycle_comparison.compare_cycles limit cycles.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class RankedResults(ResultTables):
         Raises
         ------
         ResultsError
-            These are not two such studies of one model, with common design points.
+            Where these are not two such studies of one model with common design points.
         """
         from squealstudy.engine.before_after import compare_modes
         from squealstudy.engine.comparison import compare_results
@@ -134,8 +134,8 @@ class RankedResults(ResultTables):
     def robust(self, confidence: float = 0.95) -> pd.DataFrame:
         """Probability of instability with its interval, of any mode and of each track.
 
-        The points of a random design count as draws (tables.robustness.robust_table);
-        of a sobol_indices design its two independent samples alone.
+        Every point of a random design is one draw (tables.robustness.robust_table). Of a
+        sobol_indices design only its two independent samples are draws.
 
         Parameters
         ----------

@@ -53,9 +53,10 @@ class ResultTables(NamedTables):
     ----------
     directory : Path
     manifest : dict
-        The study as run, versions, timings.
+        What the run recorded: the study as run, versions, timings.
     solved : int or None
-        Design points that were solved by the run that returned this; None of opened results.
+        Number of design points that the run solved which returned these results; None where they
+        were opened from a directory.
     """
 
     directory: Path
@@ -63,7 +64,7 @@ class ResultTables(NamedTables):
     solved: int | None = None
 
     def with_tables(self, **tables: pd.DataFrame) -> Self:
-        """These results with other tables, by name."""
+        """A copy of these results in which the tables of these names are replaced."""
         changed = type(self)(self.directory, self.manifest, self.solved)
         changed._loaded.update(self._loaded | tables)
         return changed
@@ -85,14 +86,14 @@ class ResultTables(NamedTables):
         return tuple(n for n in self.screen.tables if self._written(n))
 
     def _written(self, name: str) -> bool:
-        """Whether the run wrote a table, which earlier versions may have known nothing of."""
+        """Whether the run wrote this table; runs of earlier versions lack those added since."""
         if name not in self.screen.added_tables or name in self._loaded:
             return True
         return f"{name}.parquet" in self.store.journal.entries
 
     @cached_property
     def store(self) -> Store:
-        """The files of the results, compared with what the run wrote."""
+        """Reader of the results' files, which refuses files that are not as the run wrote them."""
         return Store(self.directory)
 
     def fact(self, key: str) -> Any:
@@ -114,7 +115,7 @@ class ResultTables(NamedTables):
         Parameters
         ----------
         name : str
-            Of `tables`.
+            One of `tables`.
 
         Raises
         ------
@@ -137,7 +138,7 @@ class ResultTables(NamedTables):
         return table
 
     def _expect_fit(self, name: str) -> pa.Schema:
-        """The schema of a table of a file; ResultsError where it is not one of this kind's."""
+        """The schema of a table's file; ResultsError where this kind of study has no such table."""
         if name not in self._fits:
             schema, n_rows = self.store.shape_of(f"{name}.parquet")
             why = misfit(schema, self.kind, name, self.units, n_rows)
@@ -165,21 +166,21 @@ class ResultTables(NamedTables):
         Parameters
         ----------
         name : str
-            Of `tables`.
+            One of `tables`.
 
         Raises
         ------
         ResultsError
-            As of `table`.
+            Where `table` raises it.
         """
         if name in self._loaded or name not in self.tables:
             return [str(column) for column in self.table(name)]
         return self._expect_fit(name).names
 
     def batches(self, name: str, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
-        """Columns of a table, some thousand rows at a time, indexed by the rows' numbers.
+        """Yield columns of a table, some thousand rows at a time, indexed by the rows' numbers.
 
-        Of `modes` the column ROW (tables.point_rows) is there too: the row of its point.
+        `columns` of ``modes`` may include ROW (tables.point_rows): each mode's row in `points`.
         """
         plain = [column for column in columns if column != ROW]
         loaded = self._loaded.get(name)
@@ -191,33 +192,33 @@ class ResultTables(NamedTables):
             yield batch[list(columns)]
 
     def rows(self, name: str, columns: Sequence[str], keep: Keep | None = None) -> pd.DataFrame:
-        """Some columns of those rows of a table that are wanted, indexed by the rows' numbers.
+        """Read the wanted rows of some columns of a table, indexed by the rows' numbers.
 
         Parameters
         ----------
         name : str
         columns : sequence of str
-            As of `batches`; those that the table has not are left out.
+            Columns as in `batches`; names that the table does not have are left out.
         keep : callable or None
-            (batch of the rows) -> which of them are wanted (n,) of bool; None: all.
+            Takes a batch of n rows, returns which of them are wanted (n,) of bool; None: all.
         """
         names = {*self.columns(name), ROW}
         return chosen_rows(self.batches(name, [c for c in columns if c in names]), keep)
 
     @cached_property
     def point_rows(self) -> np.ndarray:
-        """Row in `points` of each row of `modes` (n_modes,)."""
+        """Row in `points` (n_modes,) of each mode in `modes`."""
         return mode_points(self.points, self.batches("modes", ["point_id"]))
 
     def _give_units(self, table: pd.DataFrame, file: str = "") -> pd.DataFrame:
-        """The table, of a file of the results where it is one, with ``attrs["units"]``."""
+        """The table with ``attrs["units"]``; `file` is its file's name, if the results have one."""
         table.attrs["units"] = column_units(self.manifest, table.columns, file)
         return table
 
     def ranked(self, where: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Points, and the modes that count in a ranking within a query.
+        """The points, and those modes that a ranking may count; `where` is a query over points.
 
-        Of a boundary design all nodes of its grid.
+        A boundary design is filled up to all nodes of its full grid.
         """
         modes = ranked_modes(self, where)
         if self.boundary is None:
@@ -226,9 +227,9 @@ class ResultTables(NamedTables):
 
     @cached_property
     def nodes(self) -> tuple[pd.DataFrame, np.ndarray | None]:
-        """`points` on every node of a boundary design's full grid, and which were solved.
+        """`points` on every node of a boundary design's full grid, and which nodes were solved.
 
-        See tables.boundary_map.full_points; `points` and None of other designs.
+        See tables.boundary_map.full_points. Other designs have `points` itself and None.
         """
         if self.boundary is None:
             return self.points, None
@@ -236,14 +237,17 @@ class ResultTables(NamedTables):
 
     @cached_property
     def rankings(self) -> dict[tuple[str, str | None], pd.DataFrame]:
-        """Whole rankings made before, by what comes first and the query; a screen asks thrice."""
+        """Rankings made before, not cut at `top`, by the keys ``by`` and ``where`` of `rank`.
+
+        They are stored because a screen asks for one three times.
+        """
         return {}
 
     @cached_property
     def track_names(self) -> dict[int, tuple[str, bool]]:
-        """Most frequent name of each track that `squealstudy rank --names` named.
+        """Most frequent name of each track that `squealstudy rank --names` has named.
 
-        With it whether the name changes between design points.
+        The flag beside it says whether the name changes between design points.
         """
         return read_track_names(self.store)
 
@@ -260,9 +264,9 @@ class ResultTables(NamedTables):
         return fixed
 
     def row_of(self, point: str | int) -> int:
-        """Row of `points` of a ``point_id``, or of a number of a row, from the end if negative.
+        """Row in `points` of a design point; ResultsError where there is no such point.
 
-        ResultsError where there is no such point.
+        `point` is its ``point_id`` or its row; a negative row counts from the end.
         """
         ids = list(self.points["point_id"])
         if isinstance(point, int | np.integer) and -len(ids) <= point < len(ids):
@@ -275,7 +279,7 @@ class ResultTables(NamedTables):
         return ids.index(str(point))
 
     def history(self, point: str | int) -> pd.DataFrame:
-        """Torque (of minimal models force), contact shares and modal energies over time.
+        """Torque (a force in minimal models), contact shares and modal energies over time.
 
         Parameters
         ----------
@@ -286,7 +290,7 @@ class ResultTables(NamedTables):
         Raises
         ------
         ResultsError
-            No such point; none was kept; no transient study.
+            Where this is no transient study, there is no such point, or its history was not kept.
         """
         if "growth" not in self.tables:
             raise ResultsError(f"{self.directory}: a {self.kind} study has no histories")
@@ -296,17 +300,17 @@ class ResultTables(NamedTables):
 
     @property
     def n_points(self) -> int:
-        """Design points, or what stands for them."""
+        """Number of design points, or of what a study without them counts in their place."""
         return int(self.manifest.get("n_points", 0))
 
     @property
     def kind(self) -> str:
-        """The kind of the study, as ``complex_modes``."""
+        """The kind of the study, such as ``complex_modes``."""
         return str(self.manifest["kind"])
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of parameters in the tables, and under ``torque`` that of ``torque_*``.
+        """Units of parameters in the tables, and under ``torque`` the unit of ``torque_*`` columns.
 
         Screens and pictures show a parameter in the unit in which the study file gives it.
         """
@@ -340,7 +344,7 @@ class ResultTables(NamedTables):
 
 
 def with_new_names(table: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """A table of results of a kind, its columns named as this version names them."""
+    """A table of a kind of study with former names of its columns replaced by today's."""
     names = {
         old: new
         for old, new in RENAMED_COLUMNS.get(kind, {}).items()

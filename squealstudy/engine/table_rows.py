@@ -1,7 +1,7 @@
-"""Rows of large tables, read batch by batch: the rows that are wanted, with the columns that are.
+"""Wanted rows and columns of large tables, read batch by batch.
 
-A table of modes has millions of rows. Rankings, statistics and pictures ask for some of its
-columns, and for the rows that count in them; of the rest only a batch is there at a time.
+A table of modes has millions of rows. Rankings, statistics and pictures need only some of its
+columns and rows; at any time only one batch of the others is in memory.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from squealstudy.tables.point_rows import ROW, point_codes, row_parts
 from squealstudy.tables.ranking_query import query
 from squealstudy.tables.stability import is_uncertain
 
-Keep = Callable[[pd.DataFrame], np.ndarray]  # rows of a batch -> which are wanted (n,) of bool
+# takes n rows of a table, returns which of them are wanted (n,) of bool
+Keep = Callable[[pd.DataFrame], np.ndarray]
 
 
 class Tables(Protocol):
@@ -42,9 +43,9 @@ class Tables(Protocol):
 def batches(
     table: pd.DataFrame | None, store: Store, file: str, columns: Sequence[str]
 ) -> Iterator[pd.DataFrame]:
-    """Columns of a table, some thousand rows at a time, indexed by the rows' numbers.
+    """Yield columns of a table, some thousand rows at a time, indexed by the rows' numbers.
 
-    Of a frame that is there already, else of its file.
+    They are taken from `table` where that is in memory already, else from `file`.
     """
     if table is not None:
         selected = table[list(columns)].reset_index(drop=True)
@@ -61,27 +62,27 @@ def batches(
 
 
 def chosen_rows(batches: Iterable[pd.DataFrame], keep: Keep | None) -> pd.DataFrame:
-    """The rows of some batches that are wanted, as one table (`ResultTables.rows`)."""
+    """The wanted rows of all batches as one table (`ResultTables.rows`)."""
     chosen = [
         part if keep is None else part[np.asarray(keep(part), dtype=bool)] for part in batches
     ]
-    names = [str(name) for name in chosen[0]]  # one after the other: all would be there twice else
+    names = [str(name) for name in chosen[0]]  # one by one: only one is in memory twice
     return pd.DataFrame({name: pd.concat([part.pop(name) for part in chosen]) for name in names})
 
 
 def mode_points(points: pd.DataFrame, modes: Iterable[pd.DataFrame]) -> np.ndarray:
-    """Row in `points` of each row of `modes` (n_modes,) of int32, of batches of these.
+    """Row in `points` (n_modes,) int32 of each mode; `modes` are the batches of their table.
 
-    ResultsError where one has none.
+    ResultsError where a mode has no point.
     """
     ids, first = points[["point_id"]], 0
     batch_rows = [np.zeros(0, dtype=np.int32)]
     for batch in modes:
-        try:  # modes stand in the order of their points
+        try:  # modes are usually in the order of their points
             rows = first + point_codes(
                 ids.iloc[first : first + 2 * point_rows.ROWS_PER_BATCH], batch
             )
-        except ResultsError:  # in tables of other making they need not
+        except ResultsError:  # tables from elsewhere may have another order
             rows = point_codes(ids, batch)
         batch_rows.append(rows.astype(np.int32))
         first = int(rows[-1]) if len(rows) else first
@@ -89,9 +90,10 @@ def mode_points(points: pd.DataFrame, modes: Iterable[pd.DataFrame]) -> np.ndarr
 
 
 def ranked_modes(results: Tables, where: str | None = None) -> pd.DataFrame:
-    """The modes that count in a ranking, with the columns that do, and those of a query.
+    """The modes that may count in a ranking, with the columns that it and a query need.
 
-    These are unstable ones, those of tracks that are unstable somewhere, and uncertain ones.
+    These modes are unstable, or uncertain, or on a track that is unstable at some point. The query
+    `where` chooses columns here, not rows.
     """
     names, tracks = results.columns("modes"), np.zeros(0, dtype=np.int64)
     for batch in results.batches("modes", ["track", "unstable"]):

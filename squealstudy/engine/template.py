@@ -1,8 +1,8 @@
-"""Study files to start from: true, running, and with an answer in them.
+"""Study files to start from: each runs as it is and shows a result of interest.
 
-What a model and a kind begin with (`ModelDefinition.start`, `ModelKind.start`) is written with the
-names, defaults and descriptions that the file will be read with: with the keys that matter most, or
-with every key there is.
+They begin with the sections that a model and a kind propose (`ModelDefinition.start`,
+`ModelKind.start`). Names, defaults and descriptions come from the schema that reads the file. Only
+the keys that matter most are written, or every key there is.
 """
 
 from __future__ import annotations
@@ -48,10 +48,11 @@ BY_HAND = ("study", "model", "parameters", "sweep", "design")  # sections, writt
 SWEPT = "friction"  # swept parameter of models that have it and propose no other
 SWEEP_REL_RANGE = 0.2  # relative range of the sweep below and above the default
 SWEEP_POINTS = 5
-ROBUST, OF_ROBUST = "robust", "complex_modes"  # what scatters, and the kind that it is
-SIGMAS_IN_SWEEP = 6.0  # standard deviations in the range of what is swept otherwise
+# name under which a study of scattering parameters is begun, and the kind of study that it is
+ROBUST, OF_ROBUST = "robust", "complex_modes"
+SIGMAS_IN_SWEEP = 6.0  # standard deviations in a range that a study would sweep otherwise
 OF_METHODS = ("work_precision", "method_stability")
-BASE = "_base"  # ends the name of the study that methods are measured on
+BASE = "_base"  # end of the name of the study that methods are measured on
 SCHEMA_FILE = "squealstudy.schema.json"
 
 
@@ -64,11 +65,11 @@ class Begun:
     kind : ModelStudyKind
     model : ModelDefinition
     tables : mapping of str -> mapping, or list of mappings
-        What its file says, by section.
+        Values that the file will give, by section.
     definition : StudyDefinition
-        The same, read: what is left out is at its default.
+        The same values as the schema reads them, with defaults for all keys left out.
     whole : bool
-        Every key is written, not only those that matter most.
+        Whether every key is written, not only those that matter most.
     """
 
     kind: ModelStudyKind
@@ -78,12 +79,12 @@ class Begun:
     whole: bool
 
     def shown(self, section: str) -> Collection[str] | None:
-        """Keys that are written at their defaults; None: all."""
+        """Keys of a section that are written even at their defaults; None: all."""
         return None if self.whole else self.kind.short.get(section, ())
 
 
 def new_kinds() -> tuple[str, ...]:
-    """Kinds of study that `new_study` writes: those there are, and `robust`."""
+    """Names that `new_study` takes as a kind: of studies of models, ``robust``, and of methods."""
     names = [name for name in kind_names() if not kind_named(name).of_methods]
     return (*names, ROBUST, *OF_METHODS)
 
@@ -95,29 +96,30 @@ def new_study(
     whole: bool = False,
     schema: bool = False,
 ) -> Path:
-    """Write a commented study file that runs as it is; its path.
+    """Write a commented study file that runs as it is, and return its path.
 
-    What it sweeps goes from a stable design point to one that squeals, for models that say where.
+    Where the model proposes a sweep, it leads from a stable design point to one that squeals.
 
     Parameters
     ----------
     path : Path or str
-        A file that is not there yet.
+        Path of the new file.
     kind : str
-        A kind of study, or ``robust``: complex modes of parameters that scatter.
+        A kind of study, or ``robust``: complex modes with parameters that scatter.
     model : str or None
-        Of the catalogue, or ``lumped``, whose file is written beside the study; of a
-        ``method_stability`` study none. Of a ``work_precision`` study the
-        one of a second file, that of the study which methods are measured on.
+        Name of a model of the catalogue, or ``lumped``, whose file is written beside the study. A
+        ``work_precision`` study writes a second study file, on which methods are measured: then
+        this is its model. A ``method_stability`` study takes none, every other kind needs one.
     whole : bool
-        With every key, its default and meaning; otherwise with those that matter most.
+        Write every key with its default and meaning; otherwise only those that matter most.
     schema : bool
-        Write the JSON Schema beside it, for editors. The file names one that lies there.
+        Write the JSON Schema beside the study, for editors. The study refers to it, or to one that
+        is already there.
 
     Raises
     ------
     SquealstudyError
-        A file that is there, an unknown kind or model, or two that do not go together.
+        Where the file exists, kind or model is unknown, or they do not go together.
 
     Examples
     --------
@@ -150,7 +152,7 @@ def new_study(
 
 
 def study_text(name: str, kind: str, model: str | None, whole: bool = False) -> str:
-    """The text of such a file; raises as `new_study`."""
+    """The text of a study file with this name; SquealstudyError as for `new_study`."""
     kinds = new_kinds()
     if kind not in kinds:
         raise SquealstudyError(
@@ -193,7 +195,7 @@ def _known_model(model: str | None) -> ModelDefinition:
 
 
 def _begun(name: str, kind: str, model: ModelDefinition, whole: bool) -> Begun:
-    """Sections of such a study: the model, the kind, and what is swept."""
+    """Sections of a new study, from what its model and its kind propose."""
     study_kind = model_kind(OF_ROBUST if kind == ROBUST else kind)
     defaults = {p.name: p.default for p in model.parameters}
     mine, theirs = dict(model.start), dict(study_kind.start)
@@ -213,14 +215,14 @@ def _begun(name: str, kind: str, model: ModelDefinition, whole: bool) -> Begun:
 
 
 def _joined(kinds: Any, models: Any) -> Any:
-    """A section of the kind with what the model has otherwise."""
+    """A section as its kind proposes it, with the model's values in preference to the kind's."""
     if isinstance(kinds or models, Mapping):
         return {**(kinds or {}), **(models or {})}
     return models or kinds
 
 
 def _range(model: ModelDefinition) -> dict[str, Any]:
-    """A sweep about the default of friction, or of the first parameter."""
+    """A sweep about the default of friction, or of the first parameter if there is no friction."""
     named = {p.name: p for p in model.parameters}
     chosen = named.get(SWEPT, model.parameters[0])
     low, high = _about(chosen)
@@ -228,14 +230,14 @@ def _range(model: ModelDefinition) -> dict[str, Any]:
 
 
 def _about(parameter: Parameter) -> tuple[float, float]:
-    """Values about the default that the parameter may take."""
+    """Ends of a range about the default of a parameter, within its bounds."""
     low, high = ((1 + side * SWEEP_REL_RANGE) * parameter.default for side in (-1, 1))
     low, high = max(low, parameter.minimum), min(high, parameter.maximum)
     return float(f"{low:.6g}"), float(f"{high:.6g}")
 
 
 def _scatter(swept: Mapping[str, Any], defaults: Mapping[str, float]) -> dict[str, Any]:
-    """Sweeps scattered over their ranges instead, and of damping where there is some."""
+    """Sections that let the swept parameter, and damping where there is some, scatter."""
     low, high = swept["start"], swept["stop"]
     ends = {"start": low, "stop": high}
     mean, std = (float(f"{v:.6g}") for v in ((low + high) / 2, (high - low) / SIGMAS_IN_SWEEP))
@@ -248,12 +250,12 @@ def _scatter(swept: Mapping[str, Any], defaults: Mapping[str, float]) -> dict[st
 
 
 def _name(stem: str) -> str:
-    """A study's name from that of its file: letters, digits, _ and -."""
+    """A study's name made of a file's: letters, digits, _ and -."""
     return re.sub(r"[^A-Za-z0-9_-]", "_", stem) or "study"
 
 
 def _lines(begun: Begun, kind: str) -> Iterator[str]:
-    """The whole file."""
+    """Yield all lines of the study file."""
     model, definition = begun.model, begun.definition
     purpose = f"A {kind} study of the model {model.name}: {model.description}."
     yield from (f"# {line}" for line in wrapped(purpose, 2))
@@ -279,7 +281,7 @@ def _lines(begun: Begun, kind: str) -> Iterator[str]:
 
 
 def _of_kind(begun: Begun, section: str, field: FieldInfo) -> Iterator[str]:
-    """One of the other sections, if it is written."""
+    """Yield the lines of one of the other sections, if it is to be written."""
     begun_with, shown = begun.tables.get(section), begun.shown(section)
     if not begun.whole and begun_with is None and not shown:
         return

@@ -1,4 +1,4 @@
-"""Whether the assumptions of model and method hold at a solved design point, and which does not.
+"""Whether the assumptions of model and method hold at a solved design point, or which do not.
 
 A point is invalid where a dimensionless group is beyond what a model or a method assumes
 (`models.parameter.Assumption`, and the rules here). Its results still solve the equations, but say
@@ -62,10 +62,11 @@ class BrokenRule:
     Attributes
     ----------
     rule : str
+        The assumption, in words.
     rows : ndarray (m,)
-        Positions of the design points among all, ascending.
+        Rows of the m design points among all, ascending.
     values : ndarray (m,)
-        At each of them, the number that is beyond its bound.
+        The number that is beyond its bound, at each of these points.
     """
 
     rule: str
@@ -73,7 +74,7 @@ class BrokenRule:
     values: np.ndarray
 
     def texts(self) -> Iterator[tuple[int, str]]:
-        """Position and reason of each design point."""
+        """Yield the row and the reason of each design point."""
         for row, number in zip(self.rows.tolist(), self.values.tolist(), strict=True):
             yield row, f"{self.rule}: {number:.4g}"
 
@@ -158,9 +159,9 @@ def write_points(plan: Plan, store: Store, findings: pa.Table) -> pd.DataFrame:
     ----------
     plan : Plan
     store : Store
-        Of the results.
+        Files of the results.
     findings : Table
-        A row for each design point, in order (`points_table`).
+        What was computed, a row for each design point in order (`points_table`).
     """
     table = points_table(plan, findings)
     validity_inputs = table.select([name for name in VALIDITY_INPUTS if name in table.column_names])
@@ -174,7 +175,10 @@ def write_points(plan: Plan, store: Store, findings: pa.Table) -> pd.DataFrame:
 
 
 def open_reason(law_kind: str, share: float) -> str:
-    """Rule that a working point breaks by the open share of its contact area; empty for none."""
+    """The rule that a working point breaks whose contact is open over a share (0 to 1) of its area.
+
+    With the share, as ``rule: share``; empty where no rule is broken.
+    """
     pulls = CONTACT_LAWS[law_kind].pulls
     rule, largest_share = (CLOSED_RULE, 0.0) if pulls else (OPEN_RULE, 1.0 - MIN_CLOSED_SHARE)
     if share <= largest_share:
@@ -184,15 +188,15 @@ def open_reason(law_kind: str, share: float) -> str:
 
 
 def motion_reason(law_kind: str, share: float) -> str:
-    """Rule that a run or a cycle breaks whose contact was open over at most this share of its area.
+    """The rule that a run or cycle breaks; `share` (0 to 1) is the most of its contact ever open.
 
-    Only a law that pulls breaks one: it has no open contact. Other laws hold for open contact.
+    Only laws that pull break one, because they have no open contact; the others hold for it.
     """
     return open_reason(law_kind, share) if CONTACT_LAWS[law_kind].pulls else ""
 
 
 def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
-    """Row of a point and a reason: from its worker, from its parameters, from its findings."""
+    """Yield rows of points with a reason: from its worker, its parameters or its results."""
     if "invalid_reason" in points:
         by_worker = points["invalid_reason"].fillna("").to_numpy(object)
         yield from ((int(row), by_worker[row]) for row in np.flatnonzero(by_worker != ""))
@@ -203,9 +207,9 @@ def _reasons(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
 
 
 def _of_findings(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
-    """Row of a point and a rule that its findings break."""
+    """Yield rows of points with a rule that their results break."""
     kind = plan.first.law_kind
-    in_time = "class" in points  # steady sliding was checked by the worker
+    in_time = "class" in points  # then the worker has checked steady sliding itself
     share = _numbers(points, "open_share_max" if in_time else "open_share")
     reason_of = motion_reason if in_time else open_reason
     for row in np.flatnonzero(share > 0).tolist():
@@ -219,7 +223,7 @@ def _of_findings(plan: Plan, points: pd.DataFrame) -> Iterator[tuple[int, str]]:
 
 
 def _numbers(points: pd.DataFrame, name: str) -> np.ndarray:
-    """A column (n,); NaN where there is no number."""
+    """A column as numbers (n,); NaN where it has none, or where there is no such column."""
     if name not in points:
         return np.full(len(points), np.nan)
     return points[name].to_numpy(dtype=float, na_value=np.nan)
@@ -227,10 +231,10 @@ def _numbers(points: pd.DataFrame, name: str) -> np.ndarray:
 
 @np.errstate(over="ignore")  # an infinite ratio is beyond the limit too
 def _damped_modes(plan: Plan) -> BrokenRule:
-    """Where a real mode of the band does not oscillate.
+    """Points at which a real mode of the band is damped so much that it does not oscillate.
 
-    Damping that is proportional to stiffness rises with frequency. Real modes are taken at the
-    structure's nominal working point.
+    Damping proportional to stiffness rises with frequency, so the highest mode of the band decides.
+    Real modes of a reduced structure are those at the study's nominal working point.
     """
     points, (low, high) = plan.tasks, plan.band_hz
     columns = points.columns

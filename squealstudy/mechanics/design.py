@@ -24,16 +24,16 @@ class Design:
     Attributes
     ----------
     values : Values
-        Of all parameters.
+        Values of all parameters.
     nominal : ModelPoint
-        The model as it is, nothing varied: bases are made there.
+        The model with none of its parameters varied: bases are made at this point.
     basis : Basis
         Band of the modes and basis of the reduction.
     chosen : bool
-        The basis is one of the user's own; otherwise it is enriched where its error is beyond the
-        tolerance of modes, and steps in time have the one of studies in time.
+        Whether the user has chosen the basis. Otherwise the basis is enriched where its error
+        exceeds the tolerance of modes, and runs in time and limit cycles use that of their studies.
     family : MatrixFamily or None
-        Of a family of matrices.
+        The matrices, where the model is a family of matrices.
     """
 
     values: Values
@@ -50,7 +50,7 @@ class Design:
     # -- design points ---------------------------------------------------------------------------
     @property
     def single(self) -> bool:
-        """Whether it is one design point and no batch."""
+        """Whether this is one design point and no batch."""
         return self.values.length is None
 
     def __len__(self) -> int:
@@ -68,7 +68,7 @@ class Design:
 
     @property
     def point(self) -> ModelPoint:
-        """The design point: its model, options, values, design state; ModelError of a batch."""
+        """The design point: its model, options, values, design state; ModelError for a batch."""
         self._expect_single("point")
         return self.values.point(0)
 
@@ -84,7 +84,7 @@ class Design:
         Raises
         ------
         ModelError
-            A batch; a family of matrices; a geometry that cannot be built.
+            For a batch or a family of matrices, or where the geometry cannot be built.
         """
         self._expect_single("assembly")
         self._expect_contact()
@@ -96,16 +96,17 @@ class Design:
         Parameters
         ----------
         band : (low, high) or None
-            Hz; that of the system by default.
+            Lowest and highest frequency of the band, Hz; None: that of the system.
         **changes
-            Fields of `Basis` that are to be others: ``component_cutoff_factor=2.0``.
+            Fields of `Basis` with other values, such as ``component_cutoff_factor=2.0``.
 
         Raises
         ------
         ModelError
-            Design points of several structures; a family of matrices.
+            Where design points have several structures, or for a family of matrices.
         ConvergenceError
-            No steady sliding at the nominal operating point.
+            Where there is no steady sliding, neither at the nominal operating point nor at design
+            points (`Structures.reduction`).
         """
         basis = self._basis(band)
         structures = self._structures(replace(basis, **changes) if changes else basis)

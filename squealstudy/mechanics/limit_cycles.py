@@ -29,11 +29,11 @@ class LimitCycles:
     Attributes
     ----------
     families : tuple of (int, Family)
-        By the numbers of their modes: growth over amplitude, cycles, verdict and reason.
+        Number of each family's mode, and its growth over amplitude, cycles, verdict and reason.
     contact : ContactOscillator or None
-        The equation of motion that they are cycles of.
+        The equation of motion whose solutions the cycles are.
     status, message : str
-        ``ok``, or in a batch why there are none.
+        ``ok``, or in a batch why the design point has no families.
 
     Examples
     --------
@@ -55,7 +55,7 @@ class LimitCycles:
         return tuple((number, c) for number, family in self.families for c in family.cycles)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row a cycle: ``mode``, its verdict, frequency, levels with errors, stability."""
+        """A table with a row for each cycle: ``mode``, verdict, frequency, levels, errors, stability."""
         import pandas as pd
 
         verdicts = {number: family.verdict for number, family in self.families}

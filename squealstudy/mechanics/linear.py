@@ -13,24 +13,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
-    """M x'' + C x' + K x = 0 about steady sliding (THEORY.md eq. (17)); of a batch (m, n, n).
+    """M x'' + C x' + K x = 0 about steady sliding (THEORY.md eq. (17)).
 
-    The coordinates are those of the reduction, in which the mass is the identity; of a family of
-    matrices its own degrees of freedom.
+    The coordinates are those of the reduction, in which the mass is the identity; a family of
+    matrices has its own degrees of freedom. Matrices of a batch have a leading axis (m, n, n).
 
     Attributes
     ----------
     M, C, K : ndarray (n, n)
-        Mass; damping [rad/s] with that of friction and modal damping; stiffness [(rad/s)^2], not
-        symmetric with friction. Of a family in the units of its files.
+        Mass; damping [rad/s], which includes that of friction and of modes; stiffness [(rad/s)^2],
+        not symmetric with friction. Matrices of a family are in the units of its files.
     K_sym : ndarray (n, n)
         Symmetric stiffness without friction, (rad/s)^2: its eigenvalues are squares of real
-        frequencies. Of a family the symmetric part of K.
+        frequencies. For a family it is the symmetric part of K.
     weights : StructureWeights, tuple of them or None
-        Of the terms that the matrices are sums of (`system.linearise`); of a batch one of each
-        design point. None of a family and of failures.
+        Weights of the terms that the matrices are sums of (`system.linearise`); a batch has one
+        entry for each design point. None for a family, and for a design point that failed.
     status, message : str or ndarray (m,) of str
-        ``ok``, or why there is none; rows of these are NaN.
+        ``ok``, or why there is no such system; matrices of such a row are NaN.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A model of matrices that are there already: M(p), C(p), K(p) as sums of terms."""
+"""A model made of given matrices: M(p), C(p), K(p) as sums of terms."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from squealstudy.wording import did_you_mean, shown
 def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     """The model lam^2 M(p) + lam C(p) + K(p), each a matrix or a sum of matrices.
 
-    It has complex modes, and neither contact nor components. The damping has its name, ``C=``:
-    other programs have it in the second place.
+    It has complex modes, and neither contact nor components. The damping is given by name, ``C=``,
+    because other programs take it as the second argument.
 
     Parameters
     ----------
     M, K, C : matrix (n, n), or mapping of str -> matrix (n, n)
-        Real, dense or sparse; the keys of a mapping are coefficients as study files have them:
-        numbers, or expressions of parameters such as ``"mu"`` and ``"2*sin(angle)"``.
+        Real matrices, dense or sparse. A mapping is a sum of its matrices, each times its key: a
+        number, or an expression of parameters such as ``"mu"`` or ``"2*sin(angle)"``.
     **values
-        Of every parameter in the coefficients.
+        Value of each parameter in the coefficients.
 
     Raises
     ------
     ModelError
-        Matrices that are not real and square, or of different sizes; a coefficient that is no
+        Where matrices are not real and square, or of different sizes, or a coefficient is no
         expression.
     ParameterError
-        A parameter without a value, or that no coefficient has.
+        Where a parameter has no value, or a value belongs to no parameter of a coefficient.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def _number(name: str, entry: Any) -> float:
 
 
 def _real(letter: str, matrix: Any) -> sp.csr_matrix:
-    """A matrix as it is computed with; ModelError where it is none."""
+    """A matrix as a sparse one of floats; ModelError unless it is square, real and finite."""
     array = matrix if sp.issparse(matrix) else np.asarray(matrix)
     if array.ndim != 2 or array.shape[0] != array.shape[1] or not array.shape[0]:
         raise ModelError(f"{letter}: expected a square matrix, got the shape {array.shape}")

@@ -37,42 +37,42 @@ UNITS = {
     "error_estimate": "1/s",
 }
 OWN_COLUMNS = {*UNITS, "unstable", "stability", "overdamped", "method"}  # columns
-LEFT_CIRCLE_FACTOR = 1.01  # of the largest root: the circle in which left vectors are looked for
+LEFT_CIRCLE_FACTOR = 1.01  # radius of the circle whose roots get left vectors, over the largest root
 
 
 @dataclass(frozen=True, eq=False)
 class ComplexModes:
-    """Roots of (lam^2 M + lam C + K) x = 0 in a band, oscillating ones first, with errors.
+    """Roots of (lam^2 M + lam C + K) x = 0 in a band, with vectors and errors.
 
-    Arrays of a batch have a leading axis (m, ...); design points have different numbers of modes,
-    and what a row has not is NaN: `counts` tells.
+    Arrays of a batch have a leading axis (m, ...). Design points may have different numbers of
+    modes, which `counts` gives; entries beyond them are NaN.
 
     Attributes
     ----------
     lam : ndarray (k,) complex
-        rad/s; one of each conjugate pair, ascending in modulus, then real roots.
+        Roots, rad/s: one of each conjugate pair, ascending in modulus, then real roots.
     right : ndarray (n, k) complex
-        Right vectors x, of 2-norm 1 without unit, in the coordinates of `System.linear`.
+        Right vectors x, of 2-norm 1, without unit, in the coordinates of `System.linear`.
     residual : ndarray (k,)
-        Normwise backward error of each pair.
+        Normwise backward error of each root with its vector, without unit.
     error_rung, error_reduction : ndarray (k,)
-        Estimated errors of the eigenproblem with its working point, and of the reduction against
-        the unreduced model, rad/s.
+        Estimated errors of each root, rad/s: that of solving the working point and eigenproblem,
+        and that of the reduction against the unreduced model.
     energies : ndarray (parts, k)
-        Shares of elastic energy, in the order of `parts`.
+        Share of each part in the elastic energy, 0 to 1, in the order of `parts`.
     counts : int or ndarray (m,)
-        Modes of each design point; 0 where it failed.
+        Number of modes of each design point; 0 where it failed.
     status, message : str or ndarray (m,) of str
-        ``ok``; ``inaccurate`` where a light or growing root may be wrong by more than 1e-4; or
-        why there are none.
+        ``ok``; ``inaccurate`` where `error_rung` of a light or growing root exceeds 1e-4 of its
+        modulus; or why there are no modes.
     parts : tuple of str
-        Components, then interfaces; empty of a family of matrices.
+        Names of the components, then of the interfaces; empty for a family of matrices.
     method : str
-        How roots were found.
+        Name of the method that found the roots.
     varied : mapping of str -> ndarray (m,)
-        Values of what varies in a batch.
+        Values of the parameters that vary in a batch, by name.
     linear_of : callable
-        Number of a design point -> its linearised system, for left vectors.
+        Takes the number of a design point, returns its linearised system, for left vectors.
 
     Examples
     --------
@@ -129,7 +129,11 @@ class ComplexModes:
 
     @property
     def unstable(self) -> np.ndarray:
-        """Whether a mode grows by more than its error (k,), its damping ratio below -1e-7."""
+        """Whether a mode grows (k,): its damping ratio is below -1e-7.
+
+        A mode that grows by no more than its `error_rung` counts as neutral, unless that error
+        exceeds 1e-4 of the root's modulus. `error_reduction` does not count here (`uncertain`).
+        """
         with np.errstate(invalid="ignore"):
             judged = settled(self.lam, self.error_rung, MODE_TOLERANCE)
             is_unstable: np.ndarray = damping_ratios(judged) < -STABILITY_TOLERANCE
@@ -137,7 +141,7 @@ class ComplexModes:
 
     @property
     def uncertain(self) -> np.ndarray:
-        """Whether a mode may be stable or unstable within its error (k,); False where none is."""
+        """Whether a mode may be stable or unstable within its `error` (k,); False without a mode."""
         is_solved = ~np.isnan(self.lam.real)
         return is_solved & uncertain_roots(self.lam, self.error, STABILITY_TOLERANCE)
 
@@ -158,10 +162,10 @@ class ComplexModes:
         return left_modes
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row a mode, columns as those of the modes table of a study, units in ``attrs``.
+        """A table with a row for each mode, columns as in a study's modes table, units in ``attrs``.
 
-        Of a batch with ``point``, the number of the design point from 0, and what varies in it;
-        points that failed have no rows.
+        A batch adds ``point``, the number of the design point from 0, and the values that vary.
+        Points that failed have no rows.
         """
         import pandas as pd
 
@@ -224,6 +228,6 @@ def left_vectors(system: LinearSystem, lam: np.ndarray, right: np.ndarray) -> np
 
 
 def _partners(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Index (k,) of the root that is each of lam, no root twice."""
+    """Index (k,) in `others` of the root that matches each of lam, no root twice."""
     columns: np.ndarray = least_assignment(np.abs(lam[:, None] - others))[1]
     return columns

@@ -35,7 +35,7 @@ from squealstudy.reduction.working_point import WorkingPoint
 if TYPE_CHECKING:
     import pandas as pd
 
-METHOD = "exponential"  # free modes exact, contact forces by the trapezoidal rule
+METHOD = "exponential"  # moves free modes exactly, with contact forces by the trapezoidal rule
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +45,17 @@ class Runs:
     Attributes
     ----------
     motions : tuple of (Motion or None)
-        Of each design point: its run, with rows enough for a summary; None where it was not set up.
+        Run of each design point, with rows enough for a summary; None where it was not set up.
     status, message : str or ndarray (m,) of str
         ``ok``, or what ended the run, or why there was none.
     systems : tuple of (ModalSystem or None)
-        What was integrated.
+        Modal system of each design point that was integrated.
     settings : MotionSettings
-        By which it was.
+        Settings of the integration.
     single : bool
+        Whether this is one design point and no batch.
     every : int
-        Rows of `motions` for each one of `history`; 0 for none.
+        Number of rows of `motions` for each row of `history`; 0: there is no history.
 
     Examples
     --------
@@ -76,7 +77,7 @@ class Runs:
     every: int = 1
 
     def history(self, name: str) -> np.ndarray:
-        """A column of the saved rows (rows,), as ``torque``; NaN behind the end of a run.
+        """A column (rows,) of the saved rows, such as ``torque``; NaN after the end of a shorter run.
 
         Parameters
         ----------
@@ -86,7 +87,7 @@ class Runs:
         Raises
         ------
         KeyError
-            No such column: its text names those that there are.
+            Where there is no such column; the message lists the columns.
         """
         rows = [None if m is None else kept_rows(m.history, self.every) for m in self.motions]
         columns = next((h for h in rows if h is not None), {})
@@ -106,15 +107,16 @@ class Runs:
 
     @property
     def torque(self) -> np.ndarray:
-        """Friction torque at the saved rows (rows,), positive where it brakes, N m; of a belt N."""
+        """Friction torque (rows,) at the saved rows, N m (a belt's force, N), positive if it brakes."""
         return self.history("torque")
 
     def summary(self) -> pd.DataFrame:
-        """Outcome of each run, a row a design point: class, levels, growth.
+        """Outcome of each run in a row for each design point: class, levels, growth.
 
-        ``invalid_reason`` tells what the run breaks of what its numbers need, such as a step too
-        long for friction that sticks, and the step to take; empty of a sound run. Bounds of levels
-        leave out what the step changes, as ``bounds_reason`` says; those of a study have it.
+        ``invalid_reason`` says which assumptions of its numbers a run breaks, such as a step too
+        long for friction that sticks, and which step to take; it is empty for a sound run. Bounds
+        of levels here do not include the error of the step (see ``bounds_reason``); in a study they
+        do.
         """
         import pandas as pd
 
@@ -141,7 +143,10 @@ def set_up(
     single: bool,
     run_settings: MotionSettings | None = None,
 ) -> list[tuple[SharedModes, MotionPoint, ModelPoint, WorkingPoint] | Exception]:
-    """Every design point on the modes of its structure, or why it is not."""
+    """Set up each design point on the modes of its structure; the error where that fails.
+
+    A `single` design point raises its error.
+    """
     values = structures.values  # noqa: PD011 - no frame
     slowest = float(np.min(np.abs(values.columns[SLIDING_SPEED.name])))
     resolved = replace(values, columns=with_speed(values.columns, slowest))
@@ -193,7 +198,7 @@ def simulated(
     regularisation: str,
     single: bool,
 ) -> Runs:
-    """Run the design points; those of a structure advance together (`System.simulate`)."""
+    """Run the design points (`System.simulate`); those of one structure advance together."""
     chosen = method if isinstance(method, Integrator) else integrator(method or METHOD)
     tolerance = {"tolerance": chosen.tolerance} if hasattr(chosen, "tolerance") else {}
     settings = MotionSettings(duration, step, save_every, integrator=chosen, **tolerance)
@@ -240,6 +245,6 @@ def simulated(
 
 
 def _sensed(reference: SharedModes, band_hz: tuple[float, float]) -> np.ndarray:
-    """Numbers from 1 of the assembly modes in the band, whose motion is kept."""
+    """Numbers, from 1, of the assembly modes in the band, whose motion is recorded."""
     hz = reference.system.frequencies[: reference.n_exact] / (2 * np.pi)
     return np.flatnonzero((hz >= band_hz[0]) & (hz <= band_hz[1])) + 1

@@ -9,27 +9,27 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class SteadySliding:
-    """Contact in steady sliding (THEORY.md eq. (13)); of a batch with a leading axis (m, ...).
+    """Contact in steady sliding (THEORY.md eq. (13)); arrays of a batch have a leading axis (m, ...).
 
     Attributes
     ----------
     gap : ndarray (nc,)
-        Of the contact points, m; positive where open. Behind them elongations of the springs that
-        are not linear, as points of 1 m2.
+        Gap of each contact point, m, positive where open. After the contact points come the nonlinear
+        springs, with their elongations; each counts as a contact point of 1 m2.
     pressure : ndarray (nc,)
-        Of the contact, Pa.
+        Contact pressure, Pa.
     tangent : ndarray (nc,)
-        -dp/dg, Pa/m.
+        Contact stiffness per area, -dp/dg, Pa/m.
     force : ndarray (nc, 3)
-        Normal force, friction along and across the sliding direction, N.
+        Normal force, and friction along and across the sliding direction, N.
     residual : float or ndarray (m,)
         Largest imbalance of a gap, relative to the largest movement of a gap under the load.
     open_share : float or ndarray (m,)
-        Of the contact area.
+        Share of the contact area that is open, 0 to 1.
     iterations : int or ndarray (m,)
-        Of Newton's method; -1 where it fails.
+        Number of iterations of Newton's method; -1 where it fails.
     status, message : str or ndarray (m,) of str
-        ``ok``, or why there is none; rows of these are NaN.
+        ``ok``, or why there is no steady sliding; the numbers of such a row are NaN.
 
     Examples
     --------
