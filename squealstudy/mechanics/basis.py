@@ -1,4 +1,4 @@
-"""Which modes are asked for, and what a component-mode basis keeps for them."""
+"""The band of the modes to solve for, and the component-mode basis that is made for it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def reduction_settings(
     tolerance: float,
     enrichment: bool,
 ) -> ReductionSettings:
-    """Settings of a basis for a band up to `top_hz` [Hz]; of all modes where it is not `meshed`."""
+    """Settings of a basis for a band up to `top_hz` [Hz]; models not `meshed` keep all modes."""
     if not meshed:
         return ReductionSettings(SMALL_MODEL, SMALL_MODEL, 0.0, tolerance)
     loads = LOAD_FACTOR * top_hz if enrichment else 0.0
@@ -44,28 +44,28 @@ def reduction_settings(
 class Basis:
     """Band of the modes, and the component-mode basis that is made for it.
 
-    Models without a mesh keep all their coordinates: of the basis nothing matters to them.
+    Models without a mesh keep all their coordinates: these settings of a basis do not matter there.
 
     Attributes
     ----------
     band_hz : (low, high)
-        Hz, as of [modes] in study files.
+        Band of the modes, Hz, as in [modes] of study files.
     component_cutoff_factor, assembly_cutoff_factor : float
-        Component and assembly modes up to these times the top of the band.
+        Component and assembly modes are kept up to these factors times the top of the band.
     tolerance : float
-        Enrichment shapes of relative singular values below this are left out.
+        Enrichment shapes with relative singular values below this are left out.
     enrichment, residual_responses : bool
-        Static responses to friction forces, and to what reduced modes leave in the unreduced
-        equations.
+        Whether the basis holds static responses to friction forces, and to the residuals of reduced
+        modes in the unreduced equations.
     tells_error : bool
         Whether there is a finer model, which tells how far reduced roots are from unreduced ones.
     ranges : mapping of str -> (low, high)
-        Values of parameters that one basis is made for: pressure, contact laws, frequency scales.
+        Ranges of parameters that one basis is made for: pressure, contact laws, frequency scales.
 
     Raises
     ------
     ParameterError
-        A band that is none.
+        Where `band_hz` is no band.
     """
 
     band_hz: tuple[float, float]
@@ -97,7 +97,7 @@ class Basis:
         )
 
     def settings(self, meshed: bool) -> ReductionSettings:
-        """For the reduction of a model, `meshed` or not."""
+        """Settings for the reduction of a model that is `meshed` or not."""
         return reduction_settings(
             meshed,
             self.band_hz[1],

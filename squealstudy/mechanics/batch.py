@@ -25,15 +25,20 @@ from squealstudy.stacked.roots import StackedRoots
 
 
 class BatchModes(NamedTuple):
-    """Modes of m design points; rows of fewer than k modes are filled up with NaN.
+    """Modes of m design points; rows with fewer than k modes are filled up with NaN.
 
     Attributes
     ----------
     counts : ndarray (m,) of int
+        Number of modes of each design point.
     lam, residual, error : ndarray (m, k)
+        Roots [rad/s], their normwise backward errors (no unit) and estimated errors [rad/s].
     right : ndarray (m, n, k) complex
+        Right vectors.
     energies : ndarray (m, parts, k)
+        Shares of elastic energy, 0 to 1.
     status, message : ndarray (m,) of str
+        ``ok``, or why there are no modes.
     """
 
     counts: np.ndarray
@@ -47,7 +52,7 @@ class BatchModes(NamedTuple):
 
 
 def is_small_batch(values: Values) -> bool:
-    """Whether there are several design points, of a model small enough for arrays of all."""
+    """Whether values are a batch of a model that is small enough for arrays of all points."""
     definition = values.definition
     if values.length is None or definition.meshed or isinstance(definition, FamilyDefinition):
         return False
@@ -60,7 +65,7 @@ def is_small_batch(values: Values) -> bool:
 
 
 def is_point_mass_batch(values: Values) -> bool:
-    """Whether the small batch is also of point masses, whose coordinates need no convention."""
+    """Whether a small batch is of point masses, whose coordinates need no convention."""
     return is_small_batch(values) and all(
         not c.K.count_nonzero() and not (c.M - sp.diags(c.M.diagonal())).count_nonzero()
         for c in values.point(0).assembly().components
@@ -68,7 +73,7 @@ def is_point_mass_batch(values: Values) -> bool:
 
 
 def batch_modes(values: Values, band_hz: tuple[float, float]) -> BatchModes:
-    """Complex modes of a batch in a band, by blocks of POINTS_PER_BLOCK design points."""
+    """Complex modes of a batch in a band, solved in blocks of POINTS_PER_BLOCK design points."""
     parts = [
         _batch_block(values, slice(start, min(start + POINTS_PER_BLOCK, values.count)), band_hz)
         for start in range(0, values.count, POINTS_PER_BLOCK)

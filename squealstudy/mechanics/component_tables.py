@@ -1,4 +1,4 @@
-"""Tables of component modes: their frequencies, and damping ratios that stand for loss factors."""
+"""Tables of component modes: frequencies, and damping ratios equivalent to loss factors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from squealstudy.models.parameter_names import parse_parameter
 if TYPE_CHECKING:
     import pandas as pd
 
-LINEARITY_REL_TOLERANCE = 1e-9  # relative deviation of a stiffness that is linear in its moduli
+LINEARITY_REL_TOLERANCE = 1e-9  # largest relative deviation of a stiffness from linear in moduli
 
 
 def component_modes(point: ModelPoint, cutoff_hz: float) -> pd.DataFrame:

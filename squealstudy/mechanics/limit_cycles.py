@@ -55,7 +55,7 @@ class LimitCycles:
         return tuple((number, c) for number, family in self.families for c in family.cycles)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table with a row for each cycle: ``mode``, verdict, frequency, levels, errors, stability."""
+        """A row for each cycle: mode, verdict, frequency, levels with errors, stability."""
         import pandas as pd
 
         verdicts = {number: family.verdict for number, family in self.families}

@@ -1,4 +1,4 @@
-"""A model with values of some parameters: what design points are made of."""
+"""A model with values of its parameters, from which design points are made."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ class Model:
     ----------
     definition : ModelDefinition
     given : mapping of str -> value
-        Parameters and options that are not at their defaults; parameters as numbers, whether they
-        came as such or with a unit, "12 bar".
+        Values given for parameters and options; the others are at their defaults. Parameters may
+        be given with a unit, "12 bar", and are stored as numbers.
     basis : Basis or None
-        Band of the modes and basis of the reduction; None for those of studies.
+        Band of the modes and basis of the reduction; None: those that studies have by default.
     family : MatrixFamily or None
-        Of a family of matrices.
+        The matrices, where the model is a family of matrices.
 
     Raises
     ------
     ParameterError
-        A parameter or option that the model does not have or that does nothing with the laws
-        chosen; a value that it cannot take.
+        Where the model does not have a parameter or option, a parameter does nothing with the laws
+        chosen, or a value is not allowed.
     """
 
     definition: ModelDefinition
@@ -88,7 +88,7 @@ class Model:
 
     @property
     def _values(self) -> dict[str, float]:
-        """A value of every parameter, and of the mode parameters given."""
+        """A value of every parameter, and of each mode parameter that was given."""
         names = self._options
         mode_values = {k: float(v) for k, v in self.given.items() if k not in names}
         return {**self.definition.defaults(), **mode_values}
@@ -99,12 +99,12 @@ class Model:
         Parameters
         ----------
         **values
-            Of parameters or options, as of `squealstudy.model`.
+            Values of parameters or options by name, as in `squealstudy.model`.
 
         Raises
         ------
         ParameterError
-            As `squealstudy.model`.
+            For the reasons of `squealstudy.model`.
         """
         return replace(self, given={**self.given, **values})
 
@@ -120,9 +120,9 @@ class Model:
         Raises
         ------
         ParameterError
-            A band that is none.
+            Where ``band_hz`` is no band.
         TypeError
-            No field of `Basis`.
+            Where a name is no field of `Basis`.
 
         Examples
         --------
@@ -136,20 +136,21 @@ class Model:
     def at(self, **values: Any) -> System:
         """The system at values of parameters: one design point, or a batch.
 
-        Bases of meshed models are made at the values of the model itself, and serve those of the
+        Bases of meshed models are made at the values of this model, and serve the values of the
         design points.
 
         Parameters
         ----------
         **values
-            Numbers, texts with a unit, or arrays of one axis, which are broadcast as by numpy;
-            names with dots as ``**{"contact.lambda": 1e6}``. Options too, one value each.
+            Values of parameters: numbers, texts with a unit, or arrays (m,) or (1,), which are
+            broadcast. A name with a dot is given as ``**{"contact.lambda": 1e6}``. Options may be
+            given too, one value each.
 
         Raises
         ------
         ParameterError
-            An unknown name, a value out of bounds, a parameter that does nothing here; arrays
-            whose lengths differ.
+            Where a name is unknown, a value is out of bounds, a parameter does nothing here, or
+            arrays have different lengths.
 
         Examples
         --------
@@ -184,19 +185,19 @@ class Model:
     def modes(self, band: tuple[float, float] | None = None) -> pd.DataFrame:
         """Complex modes of the design point, one row each, with their errors.
 
-        ``at().modes(band)`` has them in arrays, with their vectors. Units are in
-        ``attrs["units"]``; columns as those of the modes table of a study. A meshed model is
-        reduced first, once for each structure, whose reduction stays in memory.
+        ``at().modes(band)`` gives them as arrays, with their vectors. The columns are those of a
+        study's modes table; units are in ``attrs["units"]``. A meshed model is reduced first, once
+        for each structure; the last reductions stay in memory.
 
         Parameters
         ----------
         band : (float, float) or None
-            Lowest and highest frequency [Hz]; by default that of study files.
+            Lowest and highest frequency [Hz]; None: those of `basis`, else of study files.
 
         Raises
         ------
         ConvergenceError
-            Where the design point has no working point.
+            Where the design point has no steady sliding.
 
         Examples
         --------
@@ -212,21 +213,21 @@ class Model:
         Parameters
         ----------
         band : (float, float) or None
-            Lowest and highest frequency [Hz]; by default that of study files.
+            Lowest and highest frequency [Hz]; None: those of `basis`, else of study files.
         **values
-            As of `at`; of several arrays the first varies fastest.
+            As in `at`, but arrays may have different lengths; the first array varies fastest.
 
         Returns
         -------
         DataFrame
-            A row a mode, as of `modes`, with ``point``, the number of the design point from 0, and
-            the values swept. Points that failed have no rows: ``attrs["failed"]`` has why, by
-            number.
+            A row for each mode with the columns of `modes`, ``point``, the number of the design
+            point from 0, and the values swept. Points that failed have no rows:
+            ``attrs["failed"]`` has the reasons by number.
 
         Raises
         ------
         ParameterError
-            As `at`.
+            For the reasons of `at`, apart from the lengths of arrays.
 
         Examples
         --------
@@ -256,8 +257,8 @@ class Model:
     def parameters(self) -> pd.DataFrame:
         """Value, default, unit and description of every parameter, a row each, by name.
 
-        A `structural` one changes masses or stiffnesses: each value costs a new reduction. One with
-        `laws` acts where one of them is chosen, and is refused otherwise.
+        A `structural` parameter changes masses or stiffnesses: each of its values needs a new
+        reduction. A parameter with `laws` acts if one of them is chosen, and is refused otherwise.
         """
         import pandas as pd
 
@@ -298,19 +299,19 @@ class Model:
         Parameters
         ----------
         cutoff_hz : float
-            Modes up to here, Hz.
+            Highest frequency, Hz.
 
         Raises
         ------
         ModelError
-            A family of matrices; a geometry that cannot be built.
+            For a family of matrices, or where the geometry cannot be built.
         """
         return component_modes(self.at().point, cutoff_hz)
 
     def loss_damping(
         self, factors: Mapping[str | tuple[str, ...], float], cutoff_hz: float = 8000.0
     ) -> pd.DataFrame:
-        """Damping ratios of component modes that stand for loss factors of materials.
+        """Damping ratios of component modes that are equivalent to loss factors of materials.
 
         A mode with the share e_m of its elastic energy in the material m gets
         zeta = sum of eta_m e_m / 2 (THEORY.md eq. (19a)).
@@ -318,22 +319,22 @@ class Model:
         Parameters
         ----------
         factors : mapping of str or tuple of str -> float
-            Loss factor eta of a material, by the parameter that is its modulus; of one that has
-            several moduli by all of them.
+            Loss factor eta of each material, by the name of the parameter that is its modulus, or
+            by the names of all its moduli.
         cutoff_hz : float
-            Modes up to here, Hz.
+            Highest frequency, Hz.
 
         Returns
         -------
         DataFrame
-            A row an elastic mode of a component that has one of the materials: ``parameter``, its
-            damping ratio as study files call it, ``component``, ``mode``, ``frequency_hz``,
-            ``energy_share`` in these materials, ``damping_ratio``.
+            A row for each elastic mode of a component that has one of the materials:
+            ``parameter``, the name of its damping ratio in study files, ``component``, ``mode``,
+            ``frequency_hz``, ``energy_share`` in these materials, ``damping_ratio``.
 
         Raises
         ------
         ParameterError
-            What is no modulus of a component or not all of a material's, or a negative factor.
+            Where names are not all moduli of one material, or a factor is negative.
 
         Examples
         --------

@@ -37,7 +37,7 @@ UNITS = {
     "error_estimate": "1/s",
 }
 OWN_COLUMNS = {*UNITS, "unstable", "stability", "overdamped", "method"}  # columns
-LEFT_CIRCLE_FACTOR = 1.01  # radius of the circle whose roots get left vectors, over the largest root
+LEFT_CIRCLE_FACTOR = 1.01  # radius of the circle searched for left vectors, over the largest root
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ class ComplexModes:
 
     @property
     def uncertain(self) -> np.ndarray:
-        """Whether a mode may be stable or unstable within its `error` (k,); False without a mode."""
+        """Whether a mode may be stable or unstable within its `error` (k,); False where NaN."""
         is_solved = ~np.isnan(self.lam.real)
         return is_solved & uncertain_roots(self.lam, self.error, STABILITY_TOLERANCE)
 
@@ -162,7 +162,7 @@ class ComplexModes:
         return left_modes
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table with a row for each mode, columns as in a study's modes table, units in ``attrs``.
+        """A table with a row for each mode and the columns of a study's modes; units in ``attrs``.
 
         A batch adds ``point``, the number of the design point from 0, and the values that vary.
         Points that failed have no rows.

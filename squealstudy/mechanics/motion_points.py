@@ -1,4 +1,4 @@
-"""Steady sliding of design points and motion about it, in modes that they share."""
+"""Steady sliding of design points and motion about it, in modes that these points share."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def motion_at(
     start_gap: np.ndarray | None = None,
     settings: MotionSettings | None = None,
 ) -> tuple[WorkingPoint, MotionPoint]:
-    """Steady sliding of a design point, and its motion about that in shared modes.
+    """Steady sliding of a design point, and its motion about steady sliding in shared modes.
 
     Parameters
     ----------
     regularisation : str
-        ``regularised`` or ``smooth`` friction below its bound.
+        Friction at low speed: ``regularised`` or ``smooth``.
     band_hz : (low, high) or None
-        Where unstable modes are followed; nowhere without one.
+        Band [Hz] in which unstable modes are followed; None: none are.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     gap : ndarray (nc,) or None
@@ -66,14 +66,14 @@ def motion_at(
     start_gap : ndarray (nc,) or None
         Gaps of a nearby design's working point, from which the solution starts.
     settings : MotionSettings or None
-        Of its run: the time step changes the roots of the modes that are followed.
+        Settings of its run, whose time step changes the roots of the modes that are followed.
 
     Raises
     ------
     ParameterError
-        The slope of friction at zero speed is so small that sliding is not steady.
+        Where the slope of friction at zero speed is so small that sliding is not steady.
     ConvergenceError
-        No steady sliding.
+        Where there is no steady sliding.
     """
     sliding = _sliding(reference, prepared, point, regularisation, gap, start_gap)
     if band_hz is None:
@@ -93,8 +93,9 @@ def motions_at(
 ) -> list[tuple[WorkingPoint, MotionPoint] | Exception]:
     """`motion_at` of each design point, or the error, one of FAILURES, that it ended in.
 
-    Points of a small model are computed at once, as arrays. `gaps` are those of each working point
-    (nc,), or None where they are not known; other parameters as of `motion_at`.
+    Growing modes of a small model's points are computed at once, as arrays. `gaps` are those (nc,)
+    [m] of each working point, or None where it is not solved yet; other parameters as in
+    `motion_at`.
     """
     sliding_or_error: list[SlidingPoint | Exception] = []
     for point, gap in zip(points, gaps, strict=True):
@@ -118,7 +119,7 @@ def _all_followed(
     tolerance: float,
     settings: MotionSettings | None,
 ) -> list[tuple[WorkingPoint, MotionPoint] | Exception]:
-    """Points with their growing modes: as arrays where that works, else one after the other."""
+    """Add growing modes to points: to all at once as arrays where that works, else one by one."""
     if len(sliding_points) > 1 and reference.system.n <= MOST_COORDINATES:
         with contextlib.suppress(np.linalg.LinAlgError):
             motions = watched_points(reference.system, sliding_points, band_hz, tolerance, settings)
@@ -160,7 +161,7 @@ def _sliding(
     gap: np.ndarray | None,
     start_gap: np.ndarray | None = None,
 ) -> SlidingPoint:
-    """A design point, its steady sliding, and its motion about that before modes are followed."""
+    """A design point with its steady sliding and motion, before modes are followed."""
     state, values = point.state(), point.values
     steady = state_working_point(prepared, state, gap, start_gap)
     slope, saturation = values[SLOPE.name], values[REGULARISATION_SPEED.name]

@@ -77,7 +77,7 @@ class Runs:
     every: int = 1
 
     def history(self, name: str) -> np.ndarray:
-        """A column (rows,) of the saved rows, such as ``torque``; NaN after the end of a shorter run.
+        """A column (rows,) of the saved rows, such as ``torque``; NaN after a shorter run's end.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Runs:
 
     @property
     def torque(self) -> np.ndarray:
-        """Friction torque (rows,) at the saved rows, N m (a belt's force, N), positive if it brakes."""
+        """Friction torque (rows,) at the saved rows, N m (belt: N), positive where it brakes."""
         return self.history("torque")
 
     def summary(self) -> pd.DataFrame:

@@ -27,13 +27,13 @@ class Reduction:
     Attributes
     ----------
     assembly : Assembly
-        What was reduced; degrees of freedom u = T x.
+        The assembly that was reduced; its degrees of freedom are u = T x.
     prepared : PreparedModel
         Contact space, reduced matrices, nominal working point.
     component_modes : mapping of str -> ComponentModes
         Free-free modes by component: omega (m,) [rad/s], phi (n_component, m), mass-normalised.
     basis : ComponentBasis
-        Columns T, block by block; assembly modes.
+        Columns of T, a block for each component, and assembly modes.
     settings : ReductionSettings
         Cutoffs [Hz] of the basis.
 
@@ -80,7 +80,7 @@ class Reduction:
         Raises
         ------
         ValueError
-            Another number of coordinates.
+            Where `x` has another number of coordinates.
         """
         return self.basis.expand(x)
 
@@ -95,31 +95,32 @@ def reduced(
     enriching: int = 0,
     space: ContactSpace | SpaceOf | None = None,
 ) -> Reduction:
-    """Reduce an assembly, with its finer model where the error of the reduction is asked for.
+    """Reduce an assembly, and make its finer model where the reduction's error is asked for.
 
     Parameters
     ----------
     assembly : Assembly
     nominal : OperatingPoint
-        About whose steady sliding the basis is made.
+        Operating point about whose steady sliding the basis is made.
     settings : ReductionSettings
     training : sequence of OperatingPoint
-        Others that the basis is to serve.
+        Other operating points that the basis is to serve.
     top_hz : float or None
-        Top of the band of the finer model [Hz]; None without one.
+        Top of the band of the finer model [Hz]; None: no finer model.
     scales : sequence of mapping of (component, mode) -> float
         Factors on component frequencies that residual loads are taken with.
     enriching : int
-        How often what the finer model shows joins the basis.
+        How often directions that the finer model shows to be lacking join the basis.
     space : ContactSpace, callable or None
-        That of the same assembly, where it is there already, or what makes it of the modes.
+        Contact space of the same assembly, or a function that makes it from the component modes;
+        None: it is made here.
 
     Raises
     ------
     ConvergenceError
         Where there is no steady sliding at the nominal operating point.
     ParameterError
-        A component mode in `scales` that the basis does not hold.
+        Where the basis does not hold a component mode in `scales`.
     """
     prepared, modes, basis = prepare_with_basis(assembly, nominal, settings, training, space)
     for component, mode in (key for scale in scales for key in scale):

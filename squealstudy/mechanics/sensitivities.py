@@ -1,4 +1,4 @@
-"""Derivatives of complex modes by parameters, beside finite changes, in arrays."""
+"""Derivatives of complex modes by parameters, with finite changes beside them, as arrays."""
 
 from __future__ import annotations
 
@@ -52,26 +52,26 @@ class Sensitivities:
     Attributes
     ----------
     lam : ndarray (k,) complex
-        rad/s, by falling growth rate.
+        Roots of the k modes, rad/s, by falling growth rate.
     names : tuple of str
-        Parameters p, families of component modes one by one.
+        Names of the p parameters; component modes asked for with [*] are listed one by one.
     derivative : ndarray (k, p) complex
-        1/s per unit of the parameter; total: the working point moves.
+        Total derivative, 1/s per unit of the parameter: the working point moves with it.
     change : ndarray (k, p)
-        Finite change of each parameter, in the unit [of the parameter].
+        Finite change of each parameter, in the parameter's unit.
     finite : ndarray (k, p) complex
-        What that changes the root by, solved again, 1/s; NaN where the changed design has none.
+        Change of the root by that change, from solving again, 1/s; NaN where that gives no root.
     match : ndarray (k, p)
-        Share of the root found then that is the mode: 1 is the mode itself.
+        How far the mode of that root is still this mode: 1 is the mode itself.
     validity : ndarray (k, p)
-        Change up to which the derivative says more than the curvature, in that unit too [of the
-        parameter].
+        Change, in the parameter's unit, at which the second-order term reaches a quarter of the
+        first-order one; near a square-root coalescence the distance to it.
     condition : ndarray (k,)
-        Of the eigenvalue, without unit; from 100 on a derivative means nothing.
+        Condition number of each root, without unit; from 100 on its derivatives mean nothing.
     near_coalescence : ndarray (k, p) of bool
         Whether the derivative means nothing: `condition` from 100 on, `validity` below `change`.
     status, message : str
-        ``ok``, or in a batch why there are none.
+        ``ok``, or in a batch why there are no derivatives.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class Sensitivities:
 
     @classmethod
     def _of_modes(cls, modes: Sequence[ModeSensitivities]) -> Sensitivities:
-        """The arrays of modes."""
+        """The arrays of given modes."""
         names = tuple(s.step.name for s in modes[0].sensitivities) if modes else ()
         shape = (len(modes), len(names))
 
@@ -157,7 +157,7 @@ class Sensitivities:
         return slopes
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row a mode and parameter: ``mode`` from 1, its root, derivatives, finite change."""
+        """A row for each mode and parameter: ``mode`` from 1, root, derivatives, finite change."""
         import pandas as pd
 
         k, p = self.derivative.shape
@@ -181,12 +181,18 @@ class Sensitivities:
 
 
 def mode_choice(modes: str | int | Sequence[float]) -> ModeChoice:
-    """``"unstable"``, a number of modes by growth, or frequencies [Hz] that modes are nearest to.
+    """Read a choice of modes.
+
+    Parameters
+    ----------
+    modes : str, int or sequence of float
+        ``"unstable"``; how many modes, by falling growth rate; or frequencies [Hz], for the modes
+        nearest to them.
 
     Raises
     ------
     ParameterError
-        What is none of these.
+        Where it is none of these.
     """
     if isinstance(modes, str):
         if modes == UNSTABLE:
@@ -210,14 +216,14 @@ def point_derivatives(
     choice: ModeChoice,
     change: float,
 ) -> Sensitivities:
-    """Sensitivities of a design point by parameters, by those of studies where `names` are none.
+    """Sensitivities of a design point by the parameters `names`; no names: `default_names`.
 
     Raises
     ------
     ConvergenceError
-        No steady sliding, or modes that are not found.
+        Where there is no steady sliding, or modes are not found.
     ParameterError
-        A name unknown, or without derivative here.
+        Where a name is unknown, or has no derivative here.
     """
     requested_parameters = [requested(name, point) for name in names or default_names(point)]
     prepared = reduction.prepared
@@ -237,12 +243,12 @@ def point_derivatives(
 def all_sensitivities(
     structures: Structures, names: Sequence[str], choice: ModeChoice, change: float, single: bool
 ) -> tuple[Sensitivities, ...]:
-    """Sensitivities of all design points of structures; of small models in a batch, at once.
+    """Sensitivities of all design points of structures; a batch of a small model is solved at once.
 
     Raises
     ------
     One of FAILURES
-        Where it is a `single` point that fails.
+        Where a `single` point fails.
     """
     values, basis = structures.values, structures.basis  # noqa: PD011 - no frame
     find = partial(point_derivatives, basis=basis, names=names, choice=choice, change=change)
@@ -269,7 +275,7 @@ def _at_once(
     change: float,
     band_hz: tuple[float, float],
 ) -> list[Sensitivities | None]:
-    """Sensitivities of a batch of a small model; None of a design point that is to be alone."""
+    """Sensitivities of a batch of a small model; None for each point to be solved by itself."""
     first, none = values.point(0), list[Sensitivities | None]([None]) * values.count
     try:
         requested_parameters = [requested(name, first) for name in names or default_names(first)]
@@ -293,6 +299,6 @@ def _at_once(
                 of_points[number] = (
                     None if batch_part.left[row] else Sensitivities._of_batch(batch_part, row)
                 )
-    except FAILURES:  # which the way point by point tells
+    except FAILURES:  # which points solved by themselves report
         return none
     return of_points

@@ -1,4 +1,4 @@
-"""Parameters that derivatives are asked by: names, families of component modes, structures."""
+"""Parameters of requested derivatives: by name, for all modes of a component, or structural."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from squealstudy.reduction.cmt import ReductionSettings
 
 EVERY, ONE = "[*]", "[1]"
 DEFAULTS = ("friction", "pressure", "contact.lambda", "sliding_speed")
-LARGEST_SCALE = 10.0
-# of the highest frequency of a component mode that is held: zero but for round-off
+LARGEST_SCALE = 10.0  # largest factor on the frequency of a component mode
+# frequency, over the highest one of the basis, up to which a component mode counts as rigid
 RIGID_FREQUENCY_RATIO = 1e-4
 
 
 @dataclass(frozen=True)
 class RequestedParameter:
-    """A parameter asked for, or every elastic mode of a component (`every`)."""
+    """A parameter that was asked for; `every`: it stands for a component's elastic modes."""
 
     name: str
     parameter: StudyParameter
@@ -48,12 +48,12 @@ class RequestedParameter:
 
 
 def requested(name: str, design: ModelPoint) -> RequestedParameter:
-    """Parameters that a name stands for: one, or those of all modes ``disc.modes[*].``.
+    """The parameter that a name stands for, or with ``disc.modes[*].`` those of all modes.
 
     Raises
     ------
     ParameterError
-        A name that the model does not know, or that has no derivative here.
+        Where the model does not know the name, or there is no derivative by it here.
     """
     every = EVERY in name
     parameter = parse_parameter(name.replace(EVERY, ONE), design.model)
@@ -74,7 +74,7 @@ def requested(name: str, design: ModelPoint) -> RequestedParameter:
 
 
 def default_names(design: ModelPoint) -> Iterator[str]:
-    """Friction, loads and speed, and frequencies and damping of all component modes."""
+    """Yield those of DEFAULTS that act here, and frequencies and damping of component modes."""
     names_there = {p.name for p in design.model.parameters}
     ignored = {p.name for p in contact_parameters()} - set(design.operating_point().law.names)
     ignored |= {name for table in design.model.tables for name in table.over}
@@ -87,17 +87,17 @@ def default_names(design: ModelPoint) -> Iterator[str]:
 def state_parameters(
     requested: Sequence[RequestedParameter], omega: Mapping[ModeKey, float]
 ) -> list[StateParameter]:
-    """Parameters of the design state, families expanded to the elastic modes of the basis.
+    """Parameters of the design state; ``[*]`` is expanded to the elastic modes of the basis.
 
     Parameters
     ----------
     omega : mapping of (component, mode) -> float
-        Free-free frequencies of all component modes held, rad/s.
+        Free-free frequencies of all component modes in the basis, rad/s.
 
     Raises
     ------
     ParameterError
-        A component mode that the basis does not hold.
+        Where the basis does not hold a component mode.
     """
     by_key: dict[tuple[object, ...], StateParameter] = {}
     for request in requested:
@@ -138,7 +138,7 @@ def _expanded(
 def design_structure(
     design: ModelPoint, settings: ReductionSettings, sizes: Mapping[str, float] | None = None
 ) -> StructureBuilder:
-    """How the assembly of a design is built; `sizes` as of a StructureBuilder."""
+    """Builder of a design's assembly at other values; `sizes` are those of a StructureBuilder."""
     return StructureBuilder(
         partial(design.model.build, design.options),
         design.plain_values(),

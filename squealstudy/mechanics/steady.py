@@ -9,13 +9,13 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class SteadySliding:
-    """Contact in steady sliding (THEORY.md eq. (13)); arrays of a batch have a leading axis (m, ...).
+    """Contact in steady sliding (THEORY.md eq. (13)); a batch has a leading axis (m, ...).
 
     Attributes
     ----------
     gap : ndarray (nc,)
-        Gap of each contact point, m, positive where open. After the contact points come the nonlinear
-        springs, with their elongations; each counts as a contact point of 1 m2.
+        Gap of each contact point, m, positive where open. After the contact points come the
+        nonlinear springs, with their elongations; each counts as a contact point of 1 m2.
     pressure : ndarray (nc,)
         Contact pressure, Pa.
     tangent : ndarray (nc,)

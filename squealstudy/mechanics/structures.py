@@ -1,4 +1,4 @@
-"""The structures of design points, reduced: of meshed models the last ones stay in memory."""
+"""Reductions of the structures of design points, the last of which stay in memory."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from squealstudy.modes.judged_roots import light_or_growing
 LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
 # reductions of meshed models in memory: some 100 MB each of a medium brake
 MAX_MESHED_REDUCTIONS = 4
-N_CHECKED_POINTS = 8  # design points at which is looked whether a basis is good enough
-MAX_SMALL_REDUCTIONS = 64  # and of others: a kilobyte each
+N_CHECKED_POINTS = 8  # design points at which the error of a basis is looked at
+MAX_SMALL_REDUCTIONS = 64  # reductions of other models in memory: a kilobyte each
 Memory = OrderedDict[Hashable, tuple[ModelDefinition, Reduction]]
 _meshed_reductions: Memory = OrderedDict()
 _small_reductions: Memory = OrderedDict()
@@ -48,13 +48,13 @@ class Structures:
     Attributes
     ----------
     values : Values
-        Of the design points.
+        Values of the design points.
     nominal : ModelPoint
-        Whose operating point bases are made at: the model as it is, nothing varied. Where that has
-        no steady sliding it is one of the design points.
+        The model with none of its parameters varied. Bases are made at its operating point, or at
+        that of a design point where it has no steady sliding (`sliding`).
     basis : Basis
     improved : bool
-        A basis whose error is beyond the tolerance of modes is enriched once.
+        Whether a basis is enriched once more where its error exceeds the tolerance of modes.
     """
 
     values: Values
@@ -66,16 +66,17 @@ class Structures:
     _sliding: list[ModelPoint] = field(default_factory=list, repr=False)
 
     def reduction(self, first: ModelPoint, point_numbers: np.ndarray) -> Reduction:
-        """Reduction of a structure, by its first design point and the numbers of its design points.
+        """Reduction of the structure with this first design point and these numbers of its points.
 
         Raises
         ------
         ConvergenceError
-            Where there is no steady sliding, neither as the model is nor at its design points.
+            Where there is no steady sliding, neither at `nominal` nor at the structure's design
+            points that are tried.
         ModelError
-            A geometry that cannot be built; a family of matrices.
+            Where the geometry cannot be built, or for a family of matrices.
         ParameterError
-            A component mode that the basis does not hold.
+            Where the basis does not hold a component mode.
         """
         if isinstance(first.model, FamilyDefinition):
             raise ModelError("a family of matrices has neither contact nor components to reduce")
@@ -93,7 +94,7 @@ class Structures:
                 continue
             _check_modes(first, reduction)
             return reduction
-        raise refusals[1]  # of the first design point
+        raise refusals[1]  # the error of the first design point
 
     @property
     def sliding(self) -> ModelPoint:
@@ -105,18 +106,24 @@ class Structures:
         return self.sliding.operating_point()
 
     def _small(self, first: ModelPoint) -> Reduction:
-        """Reduction of a model without a mesh, with a complete basis; the last one is kept."""
+        """Reduction of a model without a mesh, on a complete basis.
+
+        It is kept in memory unless structural parameters vary over the design points.
+        """
         varied = self.values.varied.keys() & first.structural_values().keys()
         key = () if varied else self._identity(first)
         if key not in _small_reductions:
             reduction = reduced(first.assembly(), self._nominal, self.basis.settings(False))
-            if varied:  # of many structures none is asked for again
+            if varied:  # none of many structures is asked for again
                 return reduction
             _small_reductions[key] = first.model, reduction
         return _recalled(_small_reductions, key, MAX_SMALL_REDUCTIONS)
 
     def _meshed(self, first: ModelPoint, point_numbers: np.ndarray) -> Reduction:
-        """A reduction whose error is known, enriched where that is beyond the tolerance."""
+        """Reduction of a meshed model, enriched once more where its error exceeds the tolerance.
+
+        The error is looked at only if `improved`, and if the basis tells it.
+        """
         once = int(self.basis.enrichment and self.basis.residual_responses)
         number = int(point_numbers[0])
         if number not in self._rounds:
@@ -132,12 +139,15 @@ class Structures:
         return self._made(first, self._rounds[number])
 
     def pairs(self, point: ModelPoint, reduction: Reduction) -> PointPairs:
-        """Complex modes of a design point in the basis' band, with their errors."""
+        """Complex modes of a design point in the basis' band, with errors where it tells them."""
         tried = self._tried.pop(_values_key(point), None)
         return tried or point_pairs(point, reduction, self.basis.band_hz, self.basis.tells_error)
 
     def _error(self, reduction: Reduction, number: int) -> float:
-        """Largest relative error of light and growing modes of a design point; 0 without any."""
+        """Largest relative error that the reduction makes in a point's light or growing modes.
+
+        0 where there are no such modes, or the point fails.
+        """
         point = self.values.point(number)
         try:
             modes = point_pairs(point, reduction, self.basis.band_hz, True)
@@ -148,10 +158,10 @@ class Structures:
         return float(relative[light_or_growing(modes.lam)].max(initial=0.0))
 
     def _made(self, first: ModelPoint, enriching: int) -> Reduction:
-        """From memory, or made now."""
+        """The reduction with so many enrichments, from memory or made now."""
         key = (*self._identity(first), enriching)
         if key not in _meshed_reductions:
-            with threadpool_limits(1):  # as studies make it: the threads are those of the factors
+            with threadpool_limits(1):  # as in studies, where threads are left to the factors
                 reduction = reduced(
                     first.assembly(),
                     self._nominal,
@@ -169,7 +179,7 @@ class Structures:
         return self.basis.tells_error or self.basis.residual_responses
 
     def _identity(self, first: ModelPoint) -> tuple[Hashable, ...]:
-        """All that decides a reduction; for a model file its content."""
+        """All that decides a reduction; a model file is identified by its content."""
         model = first.model
         files = (model.files, model.added) if isinstance(model, FileDefinition) else id(model)
         options = {k: v for k, v in first.options.items() if k not in LAW_OPTIONS}
@@ -185,7 +195,7 @@ class Structures:
         )
 
     def training(self) -> tuple[OperatingPoint, ...]:
-        """Ends of the ranges of pressure and of the contact law, the rest nominal."""
+        """Operating points at the ends of pressure and contact-law ranges, the rest nominal."""
         if not self.basis.enrichment:
             return ()
         names = (PRESSURE.name, *(p.name for p in contact_parameters()))
@@ -231,7 +241,7 @@ def _operating_identity(point: OperatingPoint) -> tuple[Hashable, ...]:
 
 
 def _recalled(memory: Memory, key: Hashable, max_entries: int) -> Reduction:
-    """One of what is kept; what was not asked for longest is forgotten."""
+    """An entry of a memory, from which those that were not asked for longest are removed."""
     memory.move_to_end(key)
     while len(memory) > max_entries:
         memory.popitem(last=False)
@@ -254,6 +264,6 @@ def _check_modes(point: ModelPoint, reduction: Reduction) -> None:
 
 
 def forget() -> None:
-    """Free the memory of reductions that no one else holds."""
+    """Remove all reductions from memory; those still in use elsewhere stay there."""
     _meshed_reductions.clear()
     _small_reductions.clear()

@@ -56,9 +56,9 @@ REGULARISED = "regularised"  # friction below its bound: straight
 class System(Design):
     """A model at one design point, or at a batch of m of them.
 
-    What a single point gives has no leading axis, and a failure is an exception; in a batch it is
-    the status of its row. ``system[i]`` is one design point of a batch, ``len`` their number.
-    Fields as of `design.Design`.
+    Arrays of a single point have no leading axis. A single point that fails raises its error; in a
+    batch the error becomes the status of the point's row. ``system[i]`` is one design point of a
+    batch, ``len`` their number. The fields are those of `design.Design`.
 
     Examples
     --------
@@ -83,9 +83,9 @@ class System(Design):
         Raises
         ------
         ConvergenceError
-            One design point without it; in a batch this is its row's status.
+            Where one design point has none; in a batch this is its row's status.
         ModelError
-            A family of matrices.
+            For a family of matrices.
         """
         self._expect_contact()
 
@@ -115,9 +115,9 @@ class System(Design):
         Raises
         ------
         ConvergenceError
-            One design point without steady sliding, or a coefficient of a family without a value.
+            Where one design point has no steady sliding, or a family's coefficient no value.
         SquealstudyError
-            A batch of structures of different sizes.
+            For a batch of structures of different sizes.
         """
         if self.family is not None:
             return self._linear_family(self.family)
@@ -153,14 +153,14 @@ class System(Design):
         Parameters
         ----------
         band : (low, high) or None
-            Hz; by default that of study files. Of a meshed model the basis is made for it.
+            Hz; None: that of `basis`. The basis of a meshed model is made for this band.
 
         Raises
         ------
         ParameterError
-            ``band`` where it is none.
+            Where ``band`` is no band.
         ConvergenceError
-            One design point without steady sliding; in a batch this is its row's status.
+            Where one design point has no steady sliding; in a batch this is its row's status.
         """
         basis = self._basis(band)
         if basis.band_hz not in self._known:
@@ -200,7 +200,7 @@ class System(Design):
         )
 
     def _batch(self, basis: Basis) -> ComplexModes:
-        """Modes of a batch of point masses, solved at once."""
+        """Modes of a batch of point masses, all solved at once."""
         batch, definition = batch_modes(self.values, basis.band_hz), self.values.definition
         is_root = ~np.isnan(batch.lam.real)
         status, message = batch.status.copy(), batch.message.copy()
@@ -236,26 +236,26 @@ class System(Design):
         Parameters
         ----------
         *names : str
-            Parameters, ``disc.modes[7].frequency_scale``, ``disc.modes[*].damping_ratio``; without
-            any friction, loads, speed and all component modes.
+            Parameters, ``disc.modes[7].frequency_scale``, ``disc.modes[*].damping_ratio``. No
+            names: friction, pressure, contact.lambda, sliding speed and all component modes.
         modes : str, int or sequence of float
-            ``"unstable"``; a number of modes by growth rate; or frequencies [Hz] that they are
-            nearest to.
+            ``"unstable"``; how many modes, by falling growth rate; or frequencies [Hz], for the
+            modes nearest to them.
         change : float
-            Finite change, relative to the value; of damping ratios absolute.
+            Finite change of each parameter, relative to its value; absolute for damping ratios.
         band : (low, high) or None
-            Hz.
+            Band of the modes, Hz; None: that of `basis`.
 
         Returns
         -------
-        Sensitivities, or of a batch a tuple of them: one for each design point.
+        Sensitivities, or for a batch a tuple of them: one for each design point.
 
         Raises
         ------
         ParameterError
-            A name unknown, or without derivative; a choice of modes that is none.
+            Where a name is unknown or has no derivative, or ``modes`` is no such choice.
         ConvergenceError
-            One design point without steady sliding.
+            Where one design point has no steady sliding.
         """
         self._expect_contact()
         basis, choice = self._basis(band), mode_choice(modes)
@@ -287,24 +287,24 @@ class System(Design):
         Parameters
         ----------
         duration, step : float
-            s.
+            Simulated time and time step, s.
         save_every : int
-            Steps between rows of histories, 0 for none; summaries are made of closer ones.
+            Steps between rows of histories, 0 for no history; summaries use closer rows.
         method : str, Integrator or None
-            Name of an integrator; ``exponential`` by default.
+            An integrator or its name; None: ``exponential``.
         perturbation : float
             Largest velocity at a contact point at the start, m/s.
         regularisation : str
             ``regularised`` or ``smooth``.
         band : (low, high) or None
-            Hz; of the modes that are followed.
+            Band of the modes that are followed, Hz; None: that of the basis in time.
 
         Raises
         ------
         ParameterError
-            Settings that cannot be used.
+            Where settings cannot be used.
         ConvergenceError
-            One design point without steady sliding; in a batch this is its row's status.
+            Where one design point has no steady sliding; in a batch this is its row's status.
         """
         self._expect_contact()
         return simulated(
@@ -331,26 +331,26 @@ class System(Design):
         Parameters
         ----------
         harmonics : int or None
-            None: as many as the tolerance of levels asks for.
+            Highest harmonic; None: as many as the tolerance of levels needs.
         tolerance : float
-            Of levels, relative.
+            Relative tolerance of the cycles' levels.
         reach : float
-            Contact velocity up to which growth is followed, over the sliding speed.
+            Contact velocity up to which growth is followed, in sliding speeds.
         regularisation : str
             ``regularised`` or ``smooth``.
         band : (low, high) or None
-            Hz.
+            Band of the modes, Hz; None: that of the basis in time.
 
         Returns
         -------
-        LimitCycles, or of a batch a tuple of them: one for each design point.
+        LimitCycles, or for a batch a tuple of them: one for each design point.
 
         Raises
         ------
         ParameterError
-            Arguments that cannot be used.
+            Where arguments cannot be used.
         ConvergenceError
-            One design point without steady sliding, or that diverges without oscillation.
+            Where one design point has no steady sliding, or diverges without oscillation.
         """
         self._expect_contact()
         if harmonics is not None:
@@ -362,7 +362,7 @@ class System(Design):
         return results[0] if self.single else tuple(results)
 
     def _in_time(self, band: tuple[float, float] | None) -> Structures:
-        """In the basis of studies in time, unless another was chosen."""
+        """The structures in the basis of studies in time, unless the user has chosen a basis."""
         basis = self.basis if self.chosen else Basis.in_time(self.values.definition)
         if band is not None:
             basis = replace(basis, band_hz=checked_band(band))
@@ -374,7 +374,7 @@ class System(Design):
         return lambda number: (with_basis if with_basis.single else with_basis[number]).linear
 
     def _judged(self, findings: Sequence[PointPairs | Exception]) -> tuple[Any, Any]:
-        """Status and message, those of inaccurate points among them."""
+        """Status and message, ``inaccurate`` where a root may be wrong by too much."""
         status, message = statuses(findings), messages(findings)
         for number, finding in enumerate(findings):
             if isinstance(finding, Exception) or not len(finding.lam):

@@ -1,4 +1,4 @@
-"""The unreduced matrices of a design point, as they are assembled."""
+"""The unreduced matrices of a design point."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Unreduced:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Components, in the order of the degrees of freedom; `slices` has those of each."""
+        """Names of the components in the order of their degrees of freedom (`slices`)."""
         return self.assembled.component_names
 
     @property
@@ -56,7 +56,7 @@ class Unreduced:
 
     @cached_property
     def C(self) -> sp.csr_matrix:
-        """Own damping and gyroscopic terms (n_dof, n_dof), N s/m; modal damping is none of it."""
+        """Damping of elements and gyroscopic terms (n_dof, n_dof), N s/m, without modal damping."""
         parts = [sp.csr_matrix(self.M.shape)]
         if self.assembled.C_el is not None:
             parts.append(self.assembled.C_el)
@@ -70,7 +70,8 @@ class Unreduced:
     def K(self) -> sp.csr_matrix:
         """Stiffness (n_dof, n_dof) of components and linear springs, without contact, N/m.
 
-        Springs with a third power, a gap or of one side are the last points of `contact`.
+        Cubic springs, and springs with a gap or that act on one side only, are the last points of
+        `contact` instead.
         """
         return (self.assembled.K_el + self.assembled.K_springs()).tocsr()
 
@@ -78,13 +79,13 @@ class Unreduced:
     def contact(self) -> ContactInterface:
         """Contact points: N, T, T_perp (nc, n_dof), areas [m2], gaps [m], radii [m].
 
-        The last are springs that are not linear, with their numbers `spring_points` (ns, 5).
+        The last points are nonlinear springs, with their properties `spring_points` (ns, 5).
         """
         return self.assembled.contact
 
     @property
     def load(self) -> np.ndarray:
-        """Forces (n_dof,) of the brake pressure, and those that are always there, N."""
+        """Forces (n_dof,) of the brake pressure plus constant ones, N."""
         forces: np.ndarray = (
             self.operating.brake_pressure * self.assembled.load + self.assembled.constant_load
         )

@@ -21,18 +21,18 @@ Column = float | np.ndarray
 
 
 def column_of(parameter: StudyParameter, value: Any) -> Column:
-    """A number, or an array (m,), of what a parameter can take.
+    """A value as a number or an array (m,) of numbers that the parameter can take.
 
     Raises
     ------
     ParameterError
-        Not numbers, of more than one axis, empty, or one that is out of bounds.
+        Where the value is not a number or an array (m,) of numbers, or one is out of bounds.
     """
     texts = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "UO"
     if texts or isinstance(value, list | tuple):
         value = [quantity(entry, parameter) for entry in value]
     value = quantity(value, parameter)
-    if isinstance(value, int | float):  # a truth value is none of them: the check says so
+    if isinstance(value, int | float):  # bool is an int too, and refused by the check
         return parameter.check(value)
     try:
         array = np.array(value, dtype=float)
@@ -51,7 +51,7 @@ def column_of(parameter: StudyParameter, value: Any) -> Column:
 
 
 def _check_all(parameter: StudyParameter, array: np.ndarray) -> None:
-    """The bounds are intervals, and zero: what is extreme speaks for all."""
+    """Check an array (m,): bounds are intervals, maybe without 0, so extreme values suffice."""
     finite = np.isfinite(array)
     if not finite.all():
         parameter.check(float(array[np.argmin(finite)]))
@@ -62,12 +62,12 @@ def _check_all(parameter: StudyParameter, array: np.ndarray) -> None:
 def checked_number(
     name: str, value: Any, lower: float = 0.0, upper: float = math.inf, positive: bool = False
 ) -> float:
-    """An argument that is a number within bounds, or above 0 where it is to be `positive`.
+    """An argument as a number within bounds, and above 0 where it must be `positive`.
 
     Raises
     ------
     ParameterError
-        What is none.
+        Where it is no such number.
     """
     number = float(value) if _is_real(value) else math.nan
     if math.isfinite(number) and lower <= number <= upper and (number > 0.0 or not positive):
@@ -78,7 +78,7 @@ def checked_number(
 
 
 def checked_count(name: str, value: Any, lower: int, upper: float = math.inf) -> int:
-    """An argument that is a whole number within bounds; ParameterError for what is none."""
+    """An argument as a whole number within bounds; ParameterError where it is no such number."""
     if isinstance(value, Integral) and _is_real(value) and lower <= int(value) <= upper:
         return int(value)
     ends = f"from {lower} to {upper:g}" if math.isfinite(upper) else f"of at least {lower}"
@@ -95,7 +95,7 @@ def common_length(columns: Mapping[str, Column]) -> int | None:
     Raises
     ------
     ParameterError
-        Arrays whose lengths differ.
+        Where arrays have different lengths.
     """
     lengths = {name: len(x) for name, x in columns.items() if isinstance(x, np.ndarray)}
     if not lengths:
@@ -121,7 +121,7 @@ class Values:
     columns : mapping of str -> float or ndarray (m,)
         A value of every parameter, and of the mode parameters in use.
     length : int or None
-        m; None for one design point.
+        Number m of design points; None for a single one.
     """
 
     definition: ModelDefinition
@@ -147,12 +147,12 @@ class Values:
 
     @property
     def count(self) -> int:
-        """Design points."""
+        """Number of design points."""
         return 1 if self.length is None else self.length
 
     @cached_property
     def varied(self) -> dict[str, np.ndarray]:
-        """The arrays (m,) among them."""
+        """Those of `columns` that are arrays (m,)."""
         return {k: x for k, x in self.columns.items() if isinstance(x, np.ndarray)}
 
     @cached_property
@@ -165,7 +165,7 @@ class Values:
         return ModelPoint(self.definition, self.options, {**self._common, **varied})
 
     def at(self, number: int) -> Values:
-        """One of the design points by itself."""
+        """The values of one design point by itself, numbered from 0."""
         point = self.point(number)
         return Values(self.definition, self.options, dict(point.values), None)
 
@@ -175,7 +175,7 @@ class Values:
         return (float(np.min(x)), float(np.max(x)))
 
     def of_structures(self) -> Iterator[tuple[ModelPoint, np.ndarray]]:
-        """The first design point of every structure, and the numbers of all of them."""
+        """Yield each structure's first design point and the numbers of all its design points."""
         names = [
             p.name for p in self.definition.parameters if p.structural and p.name in self.varied
         ]
