@@ -288,3 +288,21 @@ def test_criticality_is_that_of_the_mode_that_turns_unstable(monkeypatch):
     assert 2 * np.pi * hz == pytest.approx(101.0)
     assert lam.imag == pytest.approx(101.0)
     assert abs(phi[0]) == pytest.approx(1.0)
+
+
+def test_the_error_of_an_onset_of_cycles_holds_what_counts_as_growth():
+    """They begin where damping is 0: .79733876 +- 9.5e-10 was told of .79733753."""
+    tolerance, slope, omega = 1e-7, 0.08, 100.0
+    way = SimpleNamespace(
+        oscillator=lambda value: SimpleNamespace(
+            steady_modes=lambda highest: (
+                omega * np.array([slope * value + 1j, -0.1 + 1.5j]),
+                np.eye(2, dtype=complex),
+            )
+        ),
+        bounds=(-0.5, 0.5),
+        request=SimpleNamespace(tolerance=tolerance),
+    )
+    told = tolerance / slope
+    error = onset.onset_error(way, told, omega / (2.0 * np.pi))
+    assert told < error == pytest.approx(told, rel=1e-2)

@@ -32,7 +32,7 @@ from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, DesignLine
-from squealstudy.kinds.limit_cycles.onset import ONSET_REL_TOLERANCE, onset_near
+from squealstudy.kinds.limit_cycles.onset import onset_error, onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
@@ -314,7 +314,7 @@ class Branch:
         if k in self.onsets:  # the cycle is steady sliding there
             onset, hz, criticality = self.onsets[k]
             row |= {"value": onset, "frequency_hz": hz, "criticality": criticality}
-            row["value_error"] = ONSET_REL_TOLERANCE * abs(line.bounds[1] - line.bounds[0])
+            row["value_error"] = onset_error(line, onset, hz)
             row |= dict.fromkeys(("torque_rms", "contact_velocity", "open_share_max"), 0.0)
         return row
 

@@ -79,3 +79,20 @@ def onset_near(
         designs.contact(found.value), complex(neutral.lam[k]), neutral.shapes[k]
     )
     return found.value, found.frequency_hz, criticality_text
+
+
+def onset_error(designs: DesignLine, value: float, frequency_hz: float) -> float:
+    """Error of the onset at a value as that of cycles: of its search, and of what counts as growth.
+
+    A mode is unstable where its damping ratio is below minus the tolerance; cycles begin at zero.
+    """
+    width, omega = abs(designs.bounds[1] - designs.bounds[0]), 2.0 * np.pi * frequency_hz
+    step = MIN_BRACKET_HALF_WIDTH * width
+    zeta = []
+    for beside in (value - step, value + step):
+        lam, _ = designs.oscillator(beside).steady_modes(2.0 * omega)
+        nearest = lam[int(np.argmin(np.abs(lam - 1j * omega)))]
+        zeta.append(-nearest.real / abs(nearest))
+    change = abs(zeta[1] - zeta[0])
+    shift = 2.0 * step * designs.request.tolerance / change if change else np.nan
+    return ONSET_REL_TOLERANCE * width + shift
