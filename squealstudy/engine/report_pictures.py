@@ -19,7 +19,7 @@ DPI = 110
 # beginnings of pictures' names in the order of a report; a study has some of them
 FIRST_PICTURES = (
     *("torque_history", "verdict_map", "design_history"),
-    *("evolution", "stability_map_growth", "cycle_levels", "levels"),
+    *("evolution", "stability_map_growth", "designs", "cycle_levels", "levels"),
     *("robust", "sensitivity", "ranking", "stability_diagram_worst", "operating_matrix"),
     *("cycle_growth", "growth_comparison", "spectrogram", "modal_energies"),
 )

@@ -141,6 +141,12 @@ def test_the_onset_of_a_mode_is_seen_where_another_is_first():
     lines = [line(*always, (1, 500.0, 0.6, 5.0)), line(*always)]  # the slowest is silenced
     title, *_ = as_text(_onsets_by_mode(["0 g", "100 g"], lines)).splitlines()
     assert [word for word in title.split() if word.startswith("T")] == ["T6", "T5", "T4", "T1"]
+    KINDS = ("below range",) * 4  # where no onset tells designs apart, growth does
+    lines = [line((2, 3000.0, np.nan, 272.3), (3, 5000.0, np.nan, 45.2)), line(always[0])]
+    title, *rows = as_text(_onsets_by_mode(["0", "0.5"], lines)).splitlines()
+    assert " ".join(title.split()) == "growth 1/s of T2 3000 Hz T3 5000 Hz"
+    assert [row.split() for row in rows[:2]] == [["0", "272.3", "45.2"], ["0.5", "200.0", "-"]]
+    assert rows[2] == "-: at this design no mode of this number grows"
     one = line((23, 3144.0, 0.25, 90.0))
     assert _onsets_by_mode(["0 g", "100 g"], [one, one]) == []  # the row of a design has it
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -78,6 +79,15 @@ def test_of_many_measurements_one_of_each_method_is_listed():
     assert "usual, step 1" in shown
     assert f"or the most exact; {MOST_ROWS} more in the measurements table" in text
     assert "more in the measurements" not in as_text(SCREEN.findings(results_of(ROUGH, USUAL)))
+
+
+def test_an_exact_method_errs_by_0_and_modes_have_no_passes():
+    results = results_of(("windows", "windows", True, 1.0, 0.0, 0.0))
+    results.measurements["iterations"] = np.nan
+    text = as_text(SCREEN.findings(results))
+    assert " by the default method. Its largest error is 0." in SCREEN.verdict(results)
+    assert "0.0e+00" not in text
+    assert "passes" not in text
 
 
 @pytest.mark.parametrize("quantity", [*FREQUENCY_QUANTITIES, *TIME_QUANTITIES])

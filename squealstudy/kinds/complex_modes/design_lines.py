@@ -38,6 +38,7 @@ GRID = "grid"
 MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
 MOST_MODES = 4  # named in the answer
 MOST_ONSETS = 4  # modes whose onsets stand beside each other, a row a design
+BELOW_TEXT = "below range"  # in place of an onset
 ALIKE_ONSETS = 2e-3  # relative: designs whose first onsets are as near are not told apart
 
 Row = Mapping[Hashable, Any]
@@ -184,7 +185,7 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
         if len(at_end) == 1:
             design = design_text(results, at_end[0])
         onset_text = f"{along} {amount(end, unit)}" if np.isfinite(end) else ""
-        onset_text = onset_text or ("below range" if end < 0 else f"none up to {amount(top, unit)}")
+        onset_text = onset_text or (BELOW_TEXT if end < 0 else f"none up to {amount(top, unit)}")
         texts.append(f"with {design} ({onset_text})")
     return f" The first onset is earliest {texts[0]} and latest {texts[1]}."
 
@@ -277,7 +278,7 @@ def design_table(
     for design, line in zip(designs, lines, strict=True):
         is_sure = line.sure and line.solved > 0
         onset = f"none up to {most}" if is_sure else "none known"
-        onset = "below range" if line.kind == BELOW_RANGE else onset
+        onset = BELOW_TEXT if line.kind == BELOW_RANGE else onset
         if np.isfinite(line.onset):
             onset = f"{INEXACT.get(line.kind, '')}{amount(line.onset, units.get(along, ''))}"
         elif line.first is None and line.fastest is not None:
@@ -357,15 +358,20 @@ def _onsets_by_mode(
     by_growth = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))
     others = sorted(by_growth[1:], key=lambda t: all(t in modes for modes in by_line))
     chosen = sorted([by_growth[0], *others[: MOST_ONSETS - 1]], key=by_growth.index)
-    onsets = [[_onset_text(modes.get(track), unit) for track in chosen] for modes in by_line]
+    of_design = [[modes.get(track) for track in chosen] for modes in by_line]
+    onsets = [[_onset_text(row, unit) for row in rows] for rows in of_design]
+    title, unknown = "onset of", "no onset is known of a mode of this number"
+    if not {text for texts in onsets for text in texts} - {"-", BELOW_TEXT}:  # no value moves
+        title, unknown = "growth 1/s of", "no mode of this number grows"
+        onsets = [[_growth_text(row) for row in rows] for rows in of_design]
     shown = grid(
-        "text:onset of",
+        f"text:{title}",
         *(f"value:{_mode_text(fastest[track])}" for track in chosen),
         rows=([design, *texts] for design, texts in zip(designs, onsets, strict=True)),
     )
     legend = []
     if any("-" in texts for texts in onsets):
-        legend += ["-: at this design no onset is known of a mode of this number"]
+        legend += [f"-: at this design {unknown}"]
     if len(fastest) > len(chosen):
         legend += [f"{plural(len(fastest) - len(chosen), 'mode')} left out"]
     return [shown, notes("; ".join(legend) + "\n")]
@@ -376,8 +382,12 @@ def _onset_text(row: Row | None, unit: str = "") -> str:
         return "-"
     kind, onset = str(row["threshold_kind"]), row["threshold"]
     if kind == BELOW_RANGE:
-        return "below range"
+        return BELOW_TEXT
     return f"{INEXACT.get(kind, '')}{amount(onset, unit)}" if np.isfinite(onset) else "-"
+
+
+def _growth_text(row: Row | None) -> str:
+    return in_digits(float(row["max_growth_rate"]), 1) if row else "-"
 
 
 def _mode_text(row: Row | None) -> str:

@@ -80,7 +80,7 @@ class WorkPrecisionScreen(KindScreen):
         elif measured["default"].any():
             text += "; no setting of the default method is within it"
         chosen = measured[(measured["label"] == row["cheapest"]).to_numpy(bool)].iloc[0]
-        text += f". Its largest error is {row['error']:.1e}"
+        text += f". Its largest error is {_number(row['error'])}"
         high = max(float(chosen[f"high_{q}"]) for q in quantities if f"high_{q}" in measured)
         if high > max(row["error"], tolerance):
             text += f", but the bounds (95 %) of both results allow up to {high:.1e}"
@@ -124,6 +124,7 @@ def _one_of_each_method(results: ResultTables) -> pd.DataFrame:
 def _measurements(results: ResultTables) -> list[RenderableType]:
     quantities = results.fact("quantities")
     lines = ["onset_seconds"] if "onset" in quantities else []
+    has_passes = bool(results.measurements["iterations"].notna().any())
 
     def cells(row: dict[Hashable, Any]) -> list[str]:
         bad = [f"{row[k]} {k}" for k in ("missed", "spurious") if row[k]]
@@ -133,12 +134,13 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
             *(f"{row[name]:.3g}" for name in lines),
             f"{row['setup_seconds']:.3g}",
             f"{row['memory_mb']:.0f}",
-            figure(row["iterations"], ".2f"),
+            *([figure(row["iterations"], ".2f")] if has_passes else []),
             *(_error(row[f"error_{q}"], row[f"within_{q}"]) for q in quantities),
             ", ".join([row["status"], *bad]),
         ]
 
-    titles = ["s a point", *("s an onset" for _ in lines), "set-up s", "MB", "passes"]
+    titles = ["s a point", *("s an onset" for _ in lines), "set-up s", "MB"]
+    titles += ["passes"] * has_passes
     titles += [SHORT[q] for q in quantities]
     table = _one_of_each_method(results)
     left_out = len(results.measurements) - len(table)
@@ -150,14 +152,14 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
     )
     within = table[[f"within_{q}" for q in quantities]].to_numpy(bool).any()
     abbreviations = [f"{SHORT[q]}: {WORDS[q]}" for q in quantities if SHORT[q] != WORDS[q]]
-    if table["iterations"].notna().any():
+    if has_passes:
         abbreviations.append("passes: evaluations of contact forces a step")
     legend = notes(
         "s a point: of the processor, for a design point; set-up s: for what points share",
         "; ".join(abbreviations),
         "*: no more than the 95 % bounds of both explain" if within else "",
-        f"errors against {results.fact('reference')}, the largest of all measured points; cost "
-        f"in the chart: seconds a point and 1/{results.fact('over')} of the set-up",
+        f"errors against {results.fact('reference')}, the largest of all measured points; cost: "
+        f"seconds a point and 1/{results.fact('over')} of the set-up",
         f"of each method the cheapest within {results.fact('tolerance'):g}, or the most exact; "
         f"{left_out} more in the measurements table"
         if left_out
@@ -167,7 +169,12 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
 
 
 def _error(value: float, within: bool) -> str:
-    return f"{figure(value, '.1e')}{'*' if within and value > 0 else ' '}"
+    return f"{_number(value)}{'*' if within and value > 0 else ' '}"
+
+
+def _number(value: float) -> str:
+    """An error in two digits; one that is nothing as 0."""
+    return figure(value, ".1e") if value else "0"
 
 
 def _front(results: ResultTables) -> pd.DataFrame:

@@ -1,0 +1,161 @@
+"""What a design does to growth: growth over friction, a line a design."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from squealstudy.colours import COLOURS
+from squealstudy.engine.pictures import Choices, register_plot
+from squealstudy.errors import ResultsError
+from squealstudy.plots.style import (
+    cross_out,
+    empty_figure,
+    finish,
+    head,
+    joined,
+    labelled,
+    legend_of,
+    one_panel,
+    quantity,
+    set_scales,
+    shade_unstable,
+)
+from squealstudy.plots.tables import describe
+from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.tables.point_rows import ROW
+from squealstudy.tables.stability import INTO, REFINED_ONSETS
+
+if TYPE_CHECKING:
+    from squealstudy.engine.results import Results
+
+MOST_LINES = 8  # as many as there are colours
+DASHES = ("-", "--", "-.", ":")
+MARKERS = "osD^v<>p"
+GRID = "grid"
+NEUTRAL_SHARE = 1e-6  # of the growth at the next point: less is none, as without damping
+
+
+def _designs(results: Results) -> pd.DataFrame:
+    """Values of the parameters beside the one of the onsets, a row a design."""
+    points = results.points
+    others = [name for name in parameter_columns(points, varied=True) if name != results.along]
+    return points[others].drop_duplicates() if others else points[[]].head(1)
+
+
+def _of_few_designs(results: Results) -> Iterator[tuple[str, Choices]]:
+    """One picture of a grid with a few designs."""
+    is_grid = results.design == GRID and results.boundary is None
+    if results.along and is_grid and 2 <= len(_designs(results)) <= MOST_LINES:
+        yield "", {}
+
+
+@register_plot(_of_few_designs, points=("status",), modes=("growth_rate",))
+def designs(results: Results, ax: Axes | None = None) -> Figure:
+    """Growth over friction, or what onsets are sought along, a line a design.
+
+    The largest growth rate of all modes of a point. A line goes through its first refined onset.
+
+    Parameters
+    ----------
+    results : Results
+        Of a complex-mode study over a grid of at most eight designs.
+    ax : Axes, optional
+        To draw into.
+
+    Raises
+    ------
+    ResultsError
+        Where nothing is swept, or designs are more.
+
+    Examples
+    --------
+    >>> import squealstudy as sq
+    >>> study = sq.model("hulten").study("flutter")
+    >>> results = sq.run(study.with_(friction=[0.2, 0.4], frequency_2=[75.0, 85.0]))
+    >>> results.plot.designs().savefig("designs.png")
+    """
+    along, points, rows = results.along, results.points, _designs(results)
+    if along is None or along not in points:
+        raise ResultsError("nothing is swept: there is no parameter to draw growth over")
+    if len(rows) > MOST_LINES:
+        text = f"{len(rows)} designs, of which {MOST_LINES} can be told apart in one picture"
+        raise ResultsError(f"{text}; results.plot.stability_map draws all")
+    growth = _largest_growth(results)
+    if not np.isfinite(growth).any():
+        return empty_figure("no design point is solved", ax)
+    figure, axes = one_panel(ax, 8.5, 5.5)
+    over = quantity(along, points[along], results.units)
+    set_scales(axes, over)
+    has_onset = [
+        _draw_line(axes, results, design, growth, number)
+        for number, design in enumerate(rows.to_dict("records"))
+    ]
+    finish(axes, over.label, "Largest growth rate [1/s]")
+    low, high = np.nanmin(growth), max(float(np.nanmax(growth)), 0.0)
+    axes.set_ylim(min(1.15 * low, -0.08 * high), max(1.08 * high, -0.1 * low))
+    shade_unstable(axes, above=True)
+    bars = "bars: first onsets, refined" if any(has_onset) else ""
+    head(axes, joined(f"largest growth rate over {along}, a line a design", bars))
+    legend_of(figure, ax, labelled(axes), 1)
+    return figure
+
+
+def _draw_line(
+    axes: Axes, results: Results, design: dict[Hashable, float], growth: np.ndarray, number: int
+) -> bool:
+    """Growth of one design; whether its first onset is drawn."""
+    points, along = results.points, str(results.along)
+    on_line = np.ones(len(points), dtype=bool)
+    for name, value in design.items():
+        on_line &= points[name].to_numpy() == value
+    line = points[on_line].sort_values(along)
+    over = quantity(along, points[along], results.units)
+    x, y = over.scaled(line[along]), growth[line.index.to_numpy()]
+    colour, marker = COLOURS[number], MARKERS[number]
+    axes.plot(x, y, marker, color=colour, markersize=4.5)
+    cross_out(axes, x[np.isnan(y)])
+    text = describe(line.iloc[0], points, list(map(str, design)), results.units)
+    onset = _first_onset(results, design) * over.factor
+    place = _crossing(x, y, onset)
+    if place:
+        x, y = np.insert(x, place, onset), np.insert(y, place, 0.0)
+        text = joined(text, f"from {onset:.4g} {over.unit}".rstrip(), by=": ")
+        axes.plot(onset, 0.0, "|", color=colour, markersize=16, markeredgewidth=1.8)
+    dash = DASHES[number % len(DASHES)]
+    axes.plot(x, y, dash, color=colour, label=text, marker=marker, markevery=[])
+    return place > 0
+
+
+def _largest_growth(results: Results) -> np.ndarray:
+    """Largest growth rate of each row of `points` (n,); NaN where it is not solved."""
+    growth = np.full(len(results.points), -np.inf)
+    for modes in results.batches("modes", [ROW, "growth_rate"]):
+        np.maximum.at(growth, modes[ROW].to_numpy(), modes["growth_rate"].to_numpy(float))
+    growth[~np.isfinite(growth)] = np.nan
+    return growth
+
+
+def _first_onset(results: Results, design: Mapping[Hashable, float]) -> float:
+    """The least refined onset of a design; NaN where there is none."""
+    onsets = results.onsets if "onsets" in results.tables else pd.DataFrame()
+    if not {"onset", *map(str, design)} <= set(onsets.columns):
+        return math.nan
+    into = (onsets["direction"] == INTO) & onsets["status"].isin(REFINED_ONSETS)
+    for name, value in design.items():
+        into &= onsets[str(name)] == value
+    return float(onsets.loc[into.to_numpy(bool), "onset"].min())
+
+
+def _crossing(x: np.ndarray, y: np.ndarray, onset: float) -> int:
+    """The place in ascending values (n,) where growth turns positive at an onset; 0 for none."""
+    place = int(np.searchsorted(x, onset))
+    inside = 0 < place < len(x)
+    turns = inside and y[place] > 0 and y[place - 1] < NEUTRAL_SHARE * y[place]
+    return place if turns else 0

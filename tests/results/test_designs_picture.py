@@ -1,0 +1,57 @@
+"""Growth over friction, a line a design: largest growth of each point, and first onsets."""
+
+import numpy as np
+import pytest
+from made_results import drawn
+from study_runs import solved
+from study_texts import study_text
+
+from squealstudy.engine.pictures import pictures
+from squealstudy.errors import ResultsError
+
+ONSET = 7 / 24  # of two modes of 100 and 75 Hz in closed form: (1 - (75 / 100)^2) / 1.5
+
+
+def results_of(folder, seconds, frictions=(0.2, 0.25, 0.3, 0.4)):
+    text = study_text("designs", "complex_modes", "hulten") + (
+        f'[[sweep]]\nparameter = "friction"\nvalues = {list(frictions)}\n'
+        f'[[sweep]]\nparameter = "frequency_2"\nvalues = {seconds}\n'
+        "[modes]\nband = [10.0, 1000.0]\n"
+    )
+    return solved(text, folder)
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    return results_of(tmp_path_factory.mktemp("two") / "r", [75.0, 60.0])
+
+
+def test_lines_have_the_largest_growth_of_their_points_and_pass_their_onset(two):
+    figure = two.plot.designs()
+    lines = [line for line in figure.axes[0].lines if line.get_linestyle() in ("-", "--")][:2]
+    labels = [line.get_label() for line in lines]
+    assert labels == ["frequency_2 = 75 Hz: from 0.2917", "frequency_2 = 60 Hz"]
+    growth = two.modes.groupby("point_id")["growth_rate"].max()
+    for line, second in zip(lines, (75.0, 60.0), strict=True):
+        of_design = two.points[two.points["frequency_2"] == second].set_index("friction")
+        expected = growth[of_design["point_id"]].to_numpy()
+        x, y = line.get_data()
+        at_points = np.isin(x, of_design.index)
+        assert np.allclose(y[at_points], expected)
+    x, y = lines[0].get_data()
+    assert x[y == 0.0] == pytest.approx([ONSET], abs=1e-4)
+    title = "largest growth rate over friction, a line a design"
+    assert f"{title}; bars: first onsets, refined" in drawn(figure)
+    assert [name for name, _, _ in pictures(two)].count("designs") == 1
+
+
+def test_of_designs_without_onset_no_bars_are_told(two, tmp_path):
+    calm = results_of(tmp_path / "r", [50.0, 60.0], [0.1, 0.2])
+    assert "largest growth rate over friction, a line a design" in drawn(calm.plot.designs())
+
+
+def test_many_designs_are_refused_and_not_drawn(tmp_path):
+    many = results_of(tmp_path / "r", [60.0 + k for k in range(9)], [0.2])
+    assert "designs" not in [name for name, _, _ in pictures(many)]
+    with pytest.raises(ResultsError, match="9 designs, of which 8"):
+        many.plot.designs()
