@@ -113,8 +113,8 @@ def _draw_line(
     """Growth of one design; whether its first onset is drawn."""
     points, along = results.points, str(results.along)
     on_line = np.ones(len(points), dtype=bool)
-    for name, value in design.items():
-        on_line &= points[name].to_numpy() == value
+    for name, setting in design.items():
+        on_line &= points[name].to_numpy() == setting
     line = points[on_line].sort_values(along)
     over = quantity(along, points[along], results.units)
     x, y = over.scaled(line[along]), growth[line.index.to_numpy()]
@@ -123,14 +123,14 @@ def _draw_line(
     cross_out(axes, x[np.isnan(y)])
     text = describe(line.iloc[0], points, list(map(str, design)), results.units)
     onset = _first_onset(results, design) * over.factor
-    place = _crossing(x, y, onset)
-    if place:
-        x, y = np.insert(x, place, onset), np.insert(y, place, 0.0)
+    row_after = _crossing(x, y, onset)
+    if row_after:
+        x, y = np.insert(x, row_after, onset), np.insert(y, row_after, 0.0)
         text = joined(text, f"from {onset:.4g} {over.unit}".rstrip(), by=": ")
         axes.plot(onset, 0.0, "|", color=colour, markersize=16, markeredgewidth=1.8)
     dash = DASHES[number % len(DASHES)]
     axes.plot(x, y, dash, color=colour, label=text, marker=marker, markevery=[])
-    return place > 0
+    return row_after > 0
 
 
 def _largest_growth(results: Results) -> np.ndarray:
@@ -148,14 +148,14 @@ def _first_onset(results: Results, design: Mapping[Hashable, float]) -> float:
     if not {"onset", *map(str, design)} <= set(onsets.columns):
         return math.nan
     into = (onsets["direction"] == INTO) & onsets["status"].isin(REFINED_ONSETS)
-    for name, value in design.items():
-        into &= onsets[str(name)] == value
+    for name, setting in design.items():
+        into &= onsets[str(name)] == setting
     return float(onsets.loc[into.to_numpy(bool), "onset"].min())
 
 
 def _crossing(x: np.ndarray, y: np.ndarray, onset: float) -> int:
-    """The place in ascending values (n,) where growth turns positive at an onset; 0 for none."""
-    place = int(np.searchsorted(x, onset))
-    inside = 0 < place < len(x)
-    turns = inside and y[place] > 0 and y[place - 1] < NEUTRAL_SHARE * y[place]
-    return place if turns else 0
+    """Index of the first of values (n,) beyond an onset where growth turns positive; 0 for none."""
+    row_after = int(np.searchsorted(x, onset))
+    inside = 0 < row_after < len(x)
+    turns = inside and y[row_after] > 0 and y[row_after - 1] < NEUTRAL_SHARE * y[row_after]
+    return row_after if turns else 0
