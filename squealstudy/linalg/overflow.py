@@ -1,4 +1,4 @@
-"""Numbers too large or too small to compute with: what squares of them, and sums, cannot hold."""
+"""Numbers too large or too small to compute with: their squares, or sums of these, overflow."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ConvergenceError
 
-# of an entry, whatever its unit: squares, and sums of 1e8 of them, are finite
+# largest entry in any unit: squares, and sums of 1e8 squares, stay finite
 MAX_SQUARABLE_ENTRY = 1e150
-LEAST_MASS = 1e-150  # kg, kg m2 or 1: what is divided by it is no larger
+LEAST_MASS = 1e-150  # kg, kg m2 or 1: smallest mass to divide by
 OVERFLOW = "overflow"  # status of a design point whose matrices have such entries
 LIMITS = f"expected finite numbers of at most {MAX_SQUARABLE_ENTRY:g}"
 
 
 def largest_entry(A: Any) -> float:
-    """Largest modulus of a number, an array or a sparse matrix; inf where one is no number."""
+    """Largest modulus in a number, array or sparse matrix; inf where an entry is NaN or inf."""
     values = np.asarray(A.data if sp.issparse(A) else A)
     if not values.size:
         return 0.0

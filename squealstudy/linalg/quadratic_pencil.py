@@ -1,4 +1,4 @@
-"""A quadratic pencil of real matrices: its factors at a complex shift, its roots nearest one."""
+"""A quadratic pencil of real matrices: factors at a complex shift, roots nearest to the shift."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 from squealstudy.root_pairs import partners
 
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
-# least size of a diagonal pivot beside its column: Q is indefinite near a root
+# smallest diagonal pivot of SuperLU over the largest entry of its column, as Q is indefinite
 LU_PIVOT_THRESHOLD = 0.1
-DENSE_LIMIT = 40  # coordinates of models too small for Arnoldi
-LEAST_SPACE = 20  # vectors of an Arnoldi space
-# of 1 / (lambda - sigma): of a change of lambda, as sigma is beside the old root
+DENSE_LIMIT = 40  # coordinates up to which all roots are computed by LAPACK, not by Arnoldi
+LEAST_SPACE = 20  # smallest number of vectors in an Arnoldi space
+# relative tolerance of 1 / (lambda - sigma), so of the distance of lambda from the shift
 ARNOLDI_TOLERANCE = 1e-12
-# relative distance within which a right and a left root are one
+# relative distance below which a root of right and one of left vectors are the same
 LEFT_RIGHT_ROOT_REL_DISTANCE = 1e-4
-# of inverse iteration for the one nearest root; Arnoldi where they do not suffice
+# steps of inverse iteration for the one nearest root, before Arnoldi is used instead
 MAX_INVERSE_ITERATIONS = 8
 Solve = Callable[[np.ndarray], np.ndarray]
 
@@ -43,7 +43,7 @@ def product(A: Matrix, X: np.ndarray) -> np.ndarray:
 
 
 def squared(X: np.ndarray) -> np.ndarray:
-    """|X|^2 entry by entry, without a square root."""
+    """|X|^2 entry by entry, computed without a square root."""
     return np.asarray(X.real**2 + X.imag**2)
 
 
@@ -122,7 +122,7 @@ class DenseShiftedFactor:
 class SparseShiftedFactor:
     """Complex SuperLU of the sparse part of Q(sigma); low-rank parts by Woodbury's identity.
 
-    Of a Q(sigma) that is full LAPACK's LU of all of it.
+    Where the sparse part is full, LAPACK factorises all of Q(sigma) instead.
     """
 
     def __init__(self, pencil: QuadraticPencil, sigma: complex) -> None:
@@ -191,16 +191,20 @@ def nearest_roots(
     ----------
     pencil : QuadraticPencil
     factor : ShiftedFactor
-        Of Q(sigma).
+        Factor of Q(sigma).
+    sigma : complex
+        The shift, rad/s.
+    count : int
+        Number of roots.
     start : ndarray (n,) or None
-        Guess of a vector; without, a fixed random one.
+        Guess of a right vector; None for a fixed random one.
 
     Returns
     -------
     lam : ndarray (k,) complex
-        rad/s, nearest first; k may be less than `count` in a small model.
+        Roots, rad/s, nearest first; k may be less than `count` in a small model.
     X : ndarray (n, k) complex
-        Right vectors, unit 2-norm.
+        Right vectors of unit 2-norm.
 
     Raises
     ------
@@ -242,7 +246,7 @@ def _nearest(
     if n <= DENSE_LIMIT:
         return _dense(pencil, sigma, count)
 
-    size = abs(sigma)  # scales time: both halves of [x; lambda x] are of one size
+    size = abs(sigma)  # scales time, so that both halves of [x; lambda x] have one size
 
     def invert(z: np.ndarray) -> np.ndarray:
         u, v = z[:n], z[n:] * size
@@ -263,7 +267,7 @@ def _nearest(
 
 
 def _iterated(invert: Solve, start: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Value (1,) and vector (m, 1) of largest value by iteration; None where it does not settle."""
+    """Largest eigenvalue (1,) of `invert` and its vector (m, 1) by power iteration, or None."""
     z = start / np.linalg.norm(start)
     for _ in range(MAX_INVERSE_ITERATIONS):
         image = invert(z)

@@ -1,7 +1,7 @@
-"""Sparse quadratic eigenproblem (lambda^2 M + lambda C + K) psi = 0: roots next to zero.
+"""Sparse quadratic eigenproblem (lambda^2 M + lambda C + K) psi = 0: roots nearest to zero.
 
-Companion form in theta = 1/lambda with time scaled: the operator needs one real factorisation of
-K; real arithmetic gives conjugate pairs (THEORY.md eq. (31)).
+It is solved in companion form for theta = 1/lambda, with time scaled (THEORY.md eq. (31)). That
+needs one real factorisation of K, and real arithmetic makes roots exact conjugate pairs.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from squealstudy.linalg.real_modes import (
 )
 from squealstudy.root_pairs import one_of_each_pair
 
-DENSE_LIMIT = 100  # degrees of freedom solved by LAPACK
-TEST_GROWTH_DIVISOR = 10  # 1 in so many states between two tests of convergence
-MAX_KRYLOV_SHARE = 0.4  # of the states: a Krylov space that is larger costs more than LAPACK
-CONVERGED_RESIDUAL = 1e-11  # residual of a root, of its theta
+DENSE_LIMIT = 100  # degrees of freedom up to which LAPACK solves
+TEST_GROWTH_DIVISOR = 10  # the space grows by 1/10 of its size between two tests of convergence
+MAX_KRYLOV_SHARE = 0.4  # Krylov vectors over states, above which LAPACK is faster
+CONVERGED_RESIDUAL = 1e-11  # residual of a root over its |theta|
 
 
 class LowRankSum:
-    """A sparse matrix plus U diag(d) U^T, to multiply with."""
+    """The matrix A + U diag(d) U^T (n, n) for products; A is sparse, U (n, m), d (m,)."""
 
     def __init__(self, A: sp.spmatrix, U: np.ndarray | None = None, d: np.ndarray | None = None):
         self.sparse = A.tocsr()
@@ -58,9 +58,9 @@ class WoodburyFactor:
     ----------
     A : LowRankSum (n, n)
     refined : bool
-        Where False, solutions are left unrefined if a trial shows that they lose nothing.
+        If False, solutions are not refined where a trial shows that they are as exact without.
     factor : RefinedFactor or None
-        Of the sparse part, where it is there already.
+        Factor of the sparse part, if computed before.
     """
 
     def __init__(
@@ -87,9 +87,9 @@ def roots_below(
 ) -> tuple[np.ndarray, np.ndarray]:
     """All roots with |lambda| <= limit [rad/s].
 
-    A Krylov space of the companion form (THEORY.md eq. (31)) grows, some states at a time, which
-    share passes through the factor, until all these roots and the next one have converged, as far
-    as round-off of the one next to zero allows.
+    A Krylov space of the companion form (THEORY.md eq. (31)) grows by blocks of vectors, which are
+    solved together, until all these roots and the next one have converged, as far as round-off of
+    the root nearest to zero allows.
 
     Parameters
     ----------
@@ -157,11 +157,11 @@ def smallest_roots(
     C, K : LowRankSum (n, n)
         K nonsingular, not necessarily symmetric.
     n_roots : int
-        Roots asked for; a pair counts twice.
+        Number of roots; a conjugate pair counts as two.
     scale : float
-        Typical |lambda| [rad/s]; balances the companion form.
+        Typical |lambda| [rad/s], by which the companion form is balanced.
     factor : Factor or None
-        Of K, where it is there already; only large models need one.
+        Factor of K, if computed before; only models above DENSE_LIMIT need one.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def smallest_roots(
     Raises
     ------
     ConvergenceError
-        Where ARPACK does not converge.
+        ``not_converged`` where ARPACK does not converge.
     """
     n = M.shape[0]
     if n <= DENSE_LIMIT:
@@ -194,7 +194,7 @@ def smallest_roots(
 def _dense_roots(
     M: sp.spmatrix, C: LowRankSum, K: LowRankSum, n_roots: int, limit: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The `n_roots` smallest roots up to a limit by LAPACK, for models too small for the others."""
+    """The `n_roots` smallest roots up to a limit [rad/s], by LAPACK."""
     identity = np.eye(M.shape[0])
     lam, psi = pairs_up_to(C @ identity, K @ identity, limit, M.toarray())
     first = np.argsort(np.abs(lam))[:n_roots]

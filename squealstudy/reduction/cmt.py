@@ -88,7 +88,8 @@ class ReducedModel:
         Frequency [rad/s] beyond which modal damping takes real modes of the assembly as if they
         had this frequency (`modal_damping`).
     C_el : ndarray (n, n) or None
-        The components' own damping and that of dampers, rad/s; None where there is none.
+        Damping and gyroscopic terms of components and dampers (Assembly.C_el), rad/s; None where
+        there are none.
     turning : ndarray (n, n) or None
         Gyroscopic terms of rotors at 1 m/s of sliding, 1/m, skew-symmetric; None where there are
         none.

@@ -1,6 +1,6 @@
-"""The complex modes that runs of a batch are watched through: stacked LAPACK, a row a design point.
+"""The complex modes by which the growth of a batch of runs is measured, from stacked LAPACK calls.
 
-The twin of `motion.growing_modes`, which takes one design point and serves models of any size.
+`motion.growing_modes` computes the same for one design point of a model of any size.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from squealstudy.motion.growing_modes import (
 from squealstudy.root_pairs import angular_band
 from squealstudy.stacked.roots import companion_pairs
 
-# shift over the largest entry: at an exact root the matrix is singular
+# shift of inverse iteration over the largest entry, as the matrix is singular at an exact root
 SHIFT_ROUND_OFF_RATIO = 1e-14
 
 
@@ -35,16 +35,18 @@ def stacked_growing_modes(
     Parameters
     ----------
     C, K : ndarray (m, n, n)
+        Damping [rad/s] and stiffness [(rad/s)^2]; the mass is the identity.
     omega2 : ndarray (n,)
-        Diagonal stiffness of the energy, (rad/s)^2; the mass is the identity.
+        Diagonal stiffness by which elastic energy is measured, (rad/s)^2.
     band_hz : (low, high)
+        Frequencies, Hz.
     tolerance : float
-        A mode is unstable where its damping ratio is below minus this.
+        A mode is unstable where the real part of its root is more than this times its modulus.
 
     Raises
     ------
     LinAlgError
-        A matrix that is not finite, or one whose left vectors are not found.
+        A matrix is not finite, or its left vectors are not found.
     """
     low, high = angular_band(band_hz)
     lam, psi = companion_pairs(C, K)
@@ -52,7 +54,7 @@ def stacked_growing_modes(
     oscillating = (lam.imag > 0) & (size >= min(RIGID_BELOW * high, low))
     unstable = oscillating & (lam.real > tolerance * size)
     inside = oscillating & (size >= low) & (size <= high)
-    neutral = np.abs(lam.real) <= tolerance * size  # which is first, round-off would decide
+    neutral = np.abs(lam.real) <= tolerance * size  # their order would be a matter of round-off
     by_size = np.argsort(size, axis=1, kind="stable")
     growth = np.where(inside, np.where(neutral, 0.0, -lam.real), np.inf)
     growth = np.take_along_axis(growth, by_size, 1)
@@ -86,7 +88,7 @@ def stacked_growing_modes(
 
 
 def _left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """Left vectors (N, n) of the known simple root of each C, K, by inverse iteration."""
+    """Left vectors (N, n) of a simple root of each C, K (N, n, n), by inverse iteration."""
     n = K.shape[1]
     Q = (lam**2)[:, None, None] * np.eye(n) + lam[:, None, None] * C + K
     shift = SHIFT_ROUND_OFF_RATIO * np.abs(Q).max(axis=(1, 2))
@@ -100,17 +102,20 @@ def _left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Watched:
-    """Modes of all design points, one after the other, with what sees them in a run.
+    """Modes of all design points, one after the other, with the rows that observe them in a run.
 
     Attributes
     ----------
     lam : ndarray (N,) complex
+        Roots, rad/s.
     right, left : ndarray (N, n) complex
+        Right and left vectors.
     seen, planes : ndarray (N, 4, n)
-        As of `growth_sensors` and `mode_planes`.
+        Rows as in `growth_sensors` and `mode_planes`.
     axes : ndarray (N, 2 n, 2)
-        Of each plane in the coordinates (Omega q, q').
+        Two axes of each mode's plane in the coordinates (Omega q, q').
     energy : ndarray (N,)
+        As in `GrowingModes`.
     """
 
     lam: np.ndarray
@@ -129,7 +134,7 @@ class _Watched:
         right_vectors: np.ndarray,
         left_vectors: np.ndarray,
     ) -> _Watched:
-        """Watched modes of design points with damping C (N, n, n)."""
+        """Watched modes, each with the damping C (N, n, n) of its design point."""
         n = len(omega2)
         y, root = left_vectors.conj(), lam[:, None]
         z = root * y + np.einsum("Ni,Nij->Nj", y, C)
@@ -155,9 +160,9 @@ class _Watched:
         )
 
     def of(self, modes: slice) -> dict[str, np.ndarray]:
-        """Attributes of `GrowingModes` of a design point."""
+        """Attributes of `GrowingModes` for the modes of one design point."""
         n = self.right.shape[1]
-        every = self.axes[modes].swapaxes(0, 1).reshape(2 * n, -1)
+        all_axes = self.axes[modes].swapaxes(0, 1).reshape(2 * n, -1)
         parts = (self.seen[modes], self.planes[modes])
         return {
             "lam": self.lam[modes],
@@ -165,5 +170,5 @@ class _Watched:
             "left": self.left[modes].T,
             "sensors": np.concatenate([part.reshape(-1, n) for part in parts]),
             "energy": self.energy[modes],
-            "overlap": every.T @ every,
+            "overlap": all_axes.T @ all_axes,
         }

@@ -1,7 +1,7 @@
 """Derivatives of contact laws and friction curves at the contact points of a batch.
 
-The twins of `ContactLaw.slopes` and `OperatingPoint.friction_slopes`: exact where a law gives them,
-by central differences, to some 1e-9 of their size, where it does not.
+`ContactLaw.slopes` and `OperatingPoint.friction_slopes` give the same for one design point. They
+are exact where a law gives them, and central differences, exact to about 1e-9, where it does not.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from squealstudy.laws.spring import spring_slopes
 from squealstudy.models.operating import FRICTION, SLIDING_SPEED
 from squealstudy.stacked.operating import StackedOperating
 
-Slope = tuple[np.ndarray, np.ndarray]
+Slope = tuple[np.ndarray, np.ndarray]  # derivatives of pressure and tangent
 
 
 def point_slopes(operating: StackedOperating, gap: np.ndarray, springs: np.ndarray) -> list[Slope]:
-    """`contact_slopes` of gaps (m, c), the last of which are of springs (m or 1, ns, 4)."""
+    """`contact_slopes` at gaps (m, c), the last of which are those of springs (m or 1, ns, 5)."""
     first = gap.shape[1] - springs.shape[1]
     if first == gap.shape[1]:
         return contact_slopes(operating, gap)
-    still = np.zeros(gap[:, first:].shape)
+    zeros = np.zeros(gap[:, first:].shape)
     by_gap, *others = contact_slopes(operating, gap[:, :first])
     pairs = [(by_gap, spring_slopes(gap[:, first:], springs))]
-    pairs += [(slope, (still, still)) for slope in others]
+    pairs += [(slope, (zeros, zeros)) for slope in others]
     return [
         (np.concatenate([a[0], b[0]], axis=1), np.concatenate([a[1], b[1]], axis=1))
         for a, b in pairs
@@ -35,7 +35,7 @@ def point_slopes(operating: StackedOperating, gap: np.ndarray, springs: np.ndarr
 
 
 def contact_slopes(operating: StackedOperating, gap: np.ndarray) -> list[Slope]:
-    """Derivatives (m, c) of pressure and tangent at gaps (m, c): by the gap, by each parameter."""
+    """Derivatives (m, c) of pressure and tangent, first by the gap, then by each parameter."""
     law, values = operating.law, operating.law_values
     if law.slopes is None:
         size = np.abs(gap).max(axis=1, keepdims=True)
@@ -64,9 +64,10 @@ def friction_slope(
     speed_factor: np.ndarray,
     own_friction: np.ndarray = NO_OWN_FRICTION,
 ) -> np.ndarray:
-    """Derivatives (3, m, c) of mu, dmu/ds and dmu/dp by the sliding speed, `friction` or a curve's.
+    """Derivatives (3, m, c) of mu, dmu/ds and dmu/dp by a parameter of friction.
 
-    At fixed pressures p (m, c) [Pa] of points with these factors (m or 1, c) of the speed;
+    It is the sliding speed, `friction` or a parameter of the curve. Pressures p (m, c) [Pa] are
+    fixed; points have these factors (m or 1, c) of the speed;
     `own_friction` (m or 1, c, k) is that of points which do not follow the study's friction.
     """
     curve = operating.curve
@@ -141,7 +142,7 @@ def _signed(
     p: np.ndarray,
     speed_factor: np.ndarray,
 ) -> np.ndarray:
-    """Slopes signed by the imposed speed, 0 where contact pulls."""
+    """Slopes with the sign of the imposed speed, and 0 where contact pulls."""
     if number == 0:
         slopes = slopes * speed_factor
     slopes = np.where(p < 0.0, 0.0, slopes)
@@ -154,7 +155,7 @@ def _signed(
 def _central(
     function: Callable[[np.ndarray], np.ndarray], value: np.ndarray, size: np.ndarray | float = 0.0
 ) -> np.ndarray:
-    """Derivative of arrays (k, m, c) by numbers (m, 1), as `central_slope` of each."""
+    """Derivatives of arrays (k, m, c) by numbers (m, 1), by central differences."""
     h = np.abs(value)
     h = np.where(h > 0, h, size)
     h = DIFFERENCE_REL_STEP * np.where(h > 0, h, 1.0)

@@ -1,4 +1,4 @@
-"""A batch linearised about steady sliding: the matrices of `system.linearise`, a row a point."""
+"""A batch linearised about steady sliding: the matrices of `system.linearise`, stacked."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from squealstudy.system.contact_weights import over_speed
 
 @dataclass(frozen=True, eq=False)
 class StackedDamping:
-    """Damping of m design points, and what they change in the component modes.
+    """Damping of m design points, and their changes of component modes.
 
     Attributes
     ----------
     damping_ratio : ndarray (m, n)
-        Of the assembly's real modes, ascending in frequency.
+        Damping ratio of each real mode of the assembly, ascending in frequency.
     stiffness_damping : ndarray (m,)
-        Rayleigh's beta, s.
+        Factor of the stiffness damping beta K_sym, s.
     scale : ndarray (m, n) or (1, n)
         Factor on the frequency of each component mode.
     component_ratio : ndarray (m, n) or (1, n)
         Damping ratio of each component mode at its scaled frequency.
     uniform_ratio : ndarray (m,)
-        Of the real modes that have no parameter of their own.
+        Damping ratio of the real modes that have no parameter of their own.
     named_modes : tuple of int
-        Real modes, from 0, whose damping ratio is a parameter of its own.
+        Numbers of the real modes, from 0, whose damping ratio is a parameter of its own.
     named_coordinates : tuple of int
-        Component modes that parameters change or damp.
+        Coordinates of the component modes that parameters change or damp.
     """
 
     damping_ratio: np.ndarray
@@ -57,7 +57,7 @@ class StackedLinear:
     normal : ndarray (m, c)
         Contact stiffness of each point, N/m.
     finite : ndarray (m,) of bool
-        Points whose matrices can be computed with.
+        Design points whose matrices have no entry too large to compute with.
     """
 
     C: np.ndarray
@@ -74,7 +74,7 @@ def linearised(
     operating: StackedOperating,
     damping: StackedDamping,
 ) -> StackedLinear:
-    """M = I, C and K of a batch (THEORY.md eq. (17) to (20))."""
+    """Damping and stiffness of a batch, whose mass is the identity (THEORY.md eq. (17) to (20))."""
     s, p = structures, sliding.pressure
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         friction = operating.rubbing(p, s.speed_factor, s.own_friction)
@@ -106,14 +106,14 @@ def linearised(
 
 
 def computable(A: np.ndarray) -> np.ndarray:
-    """Which rows (m,) of arrays (m, ...) have squares and sums of them that are finite."""
+    """Which of m arrays (m, ...) have squares, and sums of squares, that are finite: (m,)."""
     rows = np.abs(A).reshape(len(A), -1)
-    is_computable: np.ndarray = (rows <= MAX_SQUARABLE_ENTRY).all(axis=1)  # no NaN is
+    is_computable: np.ndarray = (rows <= MAX_SQUARABLE_ENTRY).all(axis=1)  # False for NaN
     return is_computable
 
 
 def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-    """Phi 2 zeta omega phi^T (m, n, n) of the real modes of K_sym, zeta (m, n)."""
+    """Modal damping phi 2 zeta omega phi^T (m, n, n) of the real modes of K_sym; zeta (m, n)."""
     w2, phi = np.linalg.eigh(K_sym)
     weighted = phi * (2.0 * zeta * np.sqrt(np.maximum(w2, 0.0)))[:, None, :]
     damping: np.ndarray = weighted @ phi.swapaxes(1, 2)
@@ -121,6 +121,6 @@ def modal_damping(K_sym: np.ndarray, zeta: np.ndarray) -> np.ndarray:
 
 
 def quadratic(L: np.ndarray, weights: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """left^T diag(weights) right (m, n, n)."""
+    """L^T diag(weights) R (m, n, n) of L, R (m or 1, c, n) and weights (m, c)."""
     product: np.ndarray = L.swapaxes(1, 2) @ (weights[:, :, None] * R)
     return product

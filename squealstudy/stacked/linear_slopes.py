@@ -1,7 +1,7 @@
-"""Derivatives of the linearised matrices of a batch, steady sliding moving with the parameter.
+"""Derivatives of the linearised matrices of a batch; steady sliding follows the parameter.
 
-The twins of `StateDerivatives` and `WorkingPointDerivatives`, which take one design point: exact,
-by implicit differentiation of the gap equations, as far as the laws give their slopes.
+`StateDerivatives` and `WorkingPointDerivatives` give the same for one design point. Derivatives
+come from implicit differentiation of the gap equations, and are exact where laws give their slopes.
 """
 
 from __future__ import annotations
@@ -27,10 +27,12 @@ class MatrixSlope:
     Attributes
     ----------
     K, C : ndarray (m, n, n)
-        Modal damping as the stiffness moves it is left out, as `modal` has it.
+        Derivatives of stiffness and damping. The change of modal damping with the stiffness is left
+        out: `ModalSlopes.following` gives it.
     K_sym : ndarray (m, n, n) or None
-        Of the symmetric stiffness; None where it stays.
+        Derivative of the symmetric stiffness; None where it is zero.
     M : ndarray (m, n, n) or None
+        Derivative of the mass; None where it is zero.
     """
 
     K: np.ndarray
@@ -40,12 +42,12 @@ class MatrixSlope:
 
 
 class SlidingSlopes:
-    """How the gaps and the contact of m design points follow their parameters.
+    """Derivatives of the gaps and the contact of m design points by their parameters.
 
     Parameters
     ----------
     system : StackedSystem
-        What stands in rows that failed means nothing.
+        Rows of design points that failed give meaningless derivatives.
     """
 
     def __init__(self, system: StackedSystem) -> None:
@@ -64,7 +66,7 @@ class SlidingSlopes:
 
     @cached_property
     def by_law(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Derivatives as of `point_slopes`, at the gaps."""
+        """`point_slopes` at the gaps of steady sliding."""
         system = self._system
         springs = system.structures.spring_points
         return point_slopes(system.operating, system.sliding.gap, springs)
@@ -81,16 +83,16 @@ class SlidingSlopes:
         return displacement
 
     def gaps(self, imbalance: np.ndarray) -> np.ndarray:
-        """Motion of the gaps (m, c) from derivatives of their equations at fixed gaps."""
+        """Derivatives (m, c) of the gaps from those of their imbalance (m, c) at fixed gaps."""
         sliding = self._system.sliding
         return -self._rows.newton(imbalance, sliding.pressure, sliding.tangent)
 
     def gaps_by_forces(self, unbalanced: np.ndarray) -> np.ndarray:
-        """Motion of the gaps (m, c) by generalised forces (m, n) out of balance at fixed gaps."""
+        """Derivatives (m, c) of the gaps from those (m, n) of unbalanced forces at fixed gaps."""
         return self.gaps(np.einsum("mic,mi->mc", self._normal, unbalanced))
 
     def gaps_by_opening(self, opening: np.ndarray) -> np.ndarray:
-        """Derivatives by a change (m, c) of the gaps without load."""
+        """Derivatives (m, c) of the gaps from those (m, c) of the gaps without load."""
         if not opening.any():
             return np.zeros(opening.shape)
         e = self._equations
@@ -98,12 +100,12 @@ class SlidingSlopes:
         return self.gaps(pushed - opening)
 
     def gaps_by_friction(self, mu: np.ndarray) -> np.ndarray:
-        """Derivatives by a change (m, c) of the coefficients."""
+        """Derivatives (m, c) of the gaps from those (m, c) of the friction coefficients."""
         drag = self.area * self.frictional * self._system.sliding.pressure * mu
         return self.gaps(np.einsum("mij,mj->mi", self._equations.by_sliding, drag))
 
     def gaps_by_law(self, dp: np.ndarray) -> np.ndarray:
-        """Derivatives by a change (m, c) of the pressures at fixed gaps."""
+        """Derivatives (m, c) of the gaps from those (m, c) of the pressures at fixed gaps."""
         e, p = self._equations, self._system.sliding.pressure
         force = self.area * dp
         grip = self.friction.following(p) * self.frictional
@@ -111,7 +113,7 @@ class SlidingSlopes:
         return self.gaps(np.einsum("mij,mj->mi", e.by_sliding, grip * force) - opened)
 
     def contact(self, gap: np.ndarray, by: ContactChange) -> ContactWeights:
-        """Derivatives (m, c) of the contact weights with the motion `gap` (m, c) of the gaps."""
+        """Derivatives (m, c) of the contact weights, with those of the gaps, `gap` (m, c)."""
         system, p = self._system, self._system.sliding.pressure
         dp, dkappa = self.by_law[0]
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
@@ -148,9 +150,10 @@ def matrix_slope(
     ----------
     system : StackedSystem
     contact : ContactWeights or None
-        (m, c), with the moving working point; None where it stays.
+        Derivatives (m, c) of the contact weights, the moving working point included; None where
+        they are zero.
     stiffness, damping, mass : ndarray (m, n, n) or None
-        Of the components and springs; damping without that proportional to stiffness.
+        Derivatives of components and springs; damping without that proportional to stiffness.
     """
     s = system.structures
     nothing = np.zeros(system.linear.K.shape)
@@ -164,14 +167,14 @@ def matrix_slope(
         if np.any(contact.along):
             C = C + quadratic(s.T, contact.along, s.T)
     C = C + system.damping.stiffness_damping[:, None, None] * symmetric
-    moves = stiffness is not None or contact is not None
-    return MatrixSlope(K, C, symmetric if moves else None, mass)
+    changes_stiffness = stiffness is not None or contact is not None
+    return MatrixSlope(K, C, symmetric if changes_stiffness else None, mass)
 
 
 class ModalSlopes:
-    """Modal damping of m design points: by the ratios, and as stiffness and mass move it.
+    """Derivatives of modal damping of m design points: by its ratios, by stiffness and by mass.
 
-    Real modes are those of the symmetric stiffness; see `mode_gradient` for F and H.
+    Real modes are those of the symmetric stiffness; `mode_gradient` explains the factors.
     """
 
     def __init__(self, system: StackedSystem) -> None:
@@ -188,21 +191,21 @@ class ModalSlopes:
         return damping_factors(self._real[0], self._system.damping.damping_ratio)
 
     def by_ratios(self, ratios: np.ndarray) -> MatrixSlope:
-        """Derivatives by damping ratios of real modes, with weights (n,)."""
+        """Derivatives of the matrices by damping ratios of real modes, summed with weights (n,)."""
         w2, phi = self._real
         weighted = phi * (2.0 * np.sqrt(np.maximum(w2, 0.0)) * ratios)[:, None, :]
         C = weighted @ phi.swapaxes(1, 2)
         return MatrixSlope(np.zeros(C.shape), C)
 
     def following(self, by: MatrixSlope) -> np.ndarray | None:
-        """Derivative (m, n, n) of the modal damping with stiffness and mass; None for none."""
+        """Change (m, n, n) of modal damping with stiffness and mass; None where it is zero."""
         if not self._damped or (by.K_sym is None and by.M is None):
             return None
         phi = self._real[1]
-        back = phi.swapaxes(1, 2)
+        phi_T = phi.swapaxes(1, 2)
         mode_change = np.zeros(phi.shape)
         for factor, matrix in zip(self._factors, (by.K_sym, by.M), strict=True):
             if matrix is not None:
-                mode_change = mode_change + factor * (back @ matrix @ phi)
-        damping: np.ndarray = phi @ mode_change @ back
+                mode_change = mode_change + factor * (phi_T @ matrix @ phi)
+        damping: np.ndarray = phi @ mode_change @ phi_T
         return damping

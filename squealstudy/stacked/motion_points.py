@@ -1,6 +1,6 @@
-"""Design points of a batch in time, with the complex modes that their runs are watched through.
+"""Design points of a batch in time, with the modes by which growth in their runs is measured.
 
-The twin of `motion.point.motion_point`, whose tangents it forms for all points at once.
+`motion.point.motion_point` makes one such point; here the tangents of all are formed at once.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ def watched_points(
     tolerance: float,
     settings: MotionSettings | None,
 ) -> list[MotionPoint]:
-    """The points with their growing modes, as `motion_point` has them.
+    """The points with their growing modes, as `motion_point` gives them.
 
     Raises
     ------
     LinAlgError
-        A point whose matrices cannot be computed with.
+        Matrices of a point have entries too large to compute with.
     """
     C, K = tangents(system, points)
     if not (computable(C) & computable(K)).all():
@@ -54,7 +54,7 @@ def watched_points(
 
 @np.errstate(over="ignore", invalid="ignore")
 def tangents(system: ModalSystem, points: Sequence[SlidingPoint]) -> tuple[np.ndarray, np.ndarray]:
-    """Damping and stiffness (m, n, n) linearised at steady sliding, as `point.tangent`."""
+    """Damping and stiffness (m, n, n) linearised at steady sliding, as in `point.tangent`."""
     weights = [weights_in_time(system, point.motion, point.steady, point.state) for point in points]
     normal, coupling, across = (
         np.array([getattr(w, name) for w in weights]) for name in ("normal", "coupling", "across")

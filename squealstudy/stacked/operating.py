@@ -1,4 +1,4 @@
-"""Operating points side by side: friction and contact laws with a value of each parameter a row."""
+"""Operating points side by side: laws whose parameters have one value for each point."""
 
 from __future__ import annotations
 
@@ -16,15 +16,19 @@ from squealstudy.laws.registry import at_points
 from squealstudy.laws.spring import evaluate_springs
 from squealstudy.models.operating import FRICTION, PRESSURE, SLIDING_SPEED, OperatingPoint
 
-OPERATING_NAMES = (FRICTION.name, PRESSURE.name, SLIDING_SPEED.name)  # of no law
+OPERATING_NAMES = (
+    FRICTION.name,
+    PRESSURE.name,
+    SLIDING_SPEED.name,
+)  # parameters that belong to no law
 
 
 @dataclass(frozen=True, eq=False)
 class StackedFriction:
     """Coefficients and their derivatives (m, c) at the contact points of m operating points.
 
-    Of sliding against T the coefficient and its slope by pressure are negative, and contact that
-    pulls has none, as in `OperatingPoint.friction_at`.
+    As in `OperatingPoint.friction_at`, the coefficient and its slope by pressure are negative for
+    sliding against T, and all are 0 where contact pulls.
     """
 
     mu: np.ndarray
@@ -46,9 +50,10 @@ class StackedOperating:
         As in `OperatingPoint`; Pa and m/s.
     law : ContactLawDefinition
     law_values : tuple of ndarray (m, 1)
-        Of the law's parameters.
+        Values of the law's parameters, in their order.
     curve : FrictionCurveDefinition
     curve_values : tuple of ndarray (m, 1)
+        Values of the curve's parameters, in their order.
     """
 
     friction: np.ndarray
@@ -63,7 +68,7 @@ class StackedOperating:
     def of(
         law: str, curve: str, values: Mapping[str, np.ndarray | float], count: int
     ) -> StackedOperating:
-        """Operating points of values by name, numbers or arrays (count,)."""
+        """Operating points from values by parameter name, each a number or an array (count,)."""
 
         def column(name: str, default: float) -> np.ndarray:
             return np.broadcast_to(np.asarray(values.get(name, default), dtype=float), count)
@@ -80,7 +85,7 @@ class StackedOperating:
         )
 
     def at(self, rows: np.ndarray) -> StackedOperating:
-        """Some of the points."""
+        """The operating points of some rows."""
         return StackedOperating(
             friction=self.friction[rows],
             pressure=self.pressure[rows],
@@ -92,11 +97,11 @@ class StackedOperating:
         )
 
     def law_at(self, row: int) -> ContactLaw:
-        """The contact law of one of the points."""
+        """The contact law of one operating point."""
         return ContactLaw(self.law.name, tuple(float(x[row, 0]) for x in self.law_values))
 
     def point_at(self, row: int) -> OperatingPoint:
-        """One of the points."""
+        """One operating point."""
         values = tuple(float(x[row, 0]) for x in self.curve_values)
         return OperatingPoint(
             friction=float(self.friction[row]),
@@ -107,7 +112,7 @@ class StackedOperating:
         )
 
     def value(self, name: str) -> np.ndarray:
-        """Values (m,) of a parameter of theirs; KeyError of another."""
+        """Values (m,) of a parameter; KeyError where operating points do not have it."""
         if name in OPERATING_NAMES:
             column: np.ndarray = getattr(self, name)
             return column
@@ -137,7 +142,7 @@ class StackedOperating:
         return p, kappa
 
     def at_points(self, g: np.ndarray, springs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`contact` of gaps (m, c), the last of which are of springs (m or 1, ns, 4)."""
+        """`contact` at gaps (m, c), the last of which are those of springs (m or 1, ns, 5)."""
         if not (count := springs.shape[1]):
             return self.contact(g)
         first = g.shape[1] - count
@@ -153,7 +158,7 @@ class StackedOperating:
         return _mapped(self.law.gap_at, p, *values)
 
     def gap_scale(self, p: np.ndarray) -> np.ndarray:
-        """Changes of gap (m,) [m] over which the law at pressures p (m,) changes by its size."""
+        """Changes of gap (m,) [m] that change the pressures p (m,) [Pa] by about their own size."""
         if self.law.gap_scale is None:
             return np.array([self.law_at(i).gap_scale(float(x)) for i, x in enumerate(p)])
         values = (column[:, 0] for column in self.law_values)
@@ -195,9 +200,9 @@ class StackedOperating:
 
 
 def _mapped(function: Callable[..., float], *arrays: np.ndarray) -> np.ndarray:
-    """A function of floats at every place of arrays (m,); at once where plain arithmetic is all."""
+    """A function of floats at all entries of arrays (m,), in one call if it takes arrays."""
     try:
         mapped = np.asarray(function(*arrays), dtype=float)
-    except (TypeError, ValueError):  # of `math`, or a branch
+    except (TypeError, ValueError):  # it calls `math`, or branches
         return np.asarray(at_points(function, 1, *arrays)[0])
     return np.broadcast_to(mapped, arrays[0].shape).copy()

@@ -1,8 +1,8 @@
 """Sensitivities of complex modes of a batch of small models: all design points at once.
 
-What `modes.sensitivity` finds of one design point stands here in arrays with a row a mode: closed
-forms, ranges of validity, and finite changes solved again. Design points that ask for more than
-arrays can do are left to the way point by point (`StackedSensitivities.left`).
+Results are those of `modes.sensitivity` for one design point, in arrays with a row for each mode:
+derivatives in closed form, their ranges of validity, and finite changes solved again. Design points
+for which arrays do not suffice are left to be solved one by one (`StackedSensitivities.left`).
 """
 
 from __future__ import annotations
@@ -44,11 +44,12 @@ class RequestedSensitivities:
     state : sequence of StateParameter
         Parameters of the design state, in their order.
     structural : sequence of str
-        And of the structure.
+        Parameters of the structure.
     choice : ModeChoice
     change : float
-        Relative finite change.
+        Finite change of each parameter, relative to its reference.
     band_hz : (low, high)
+        Frequencies, Hz.
     """
 
     state: Sequence[StateParameter]
@@ -65,24 +66,32 @@ class StackedSensitivities:
     Attributes
     ----------
     names : tuple of str
-        Of the parameters.
+        Names of the P parameters.
     system : StackedSystem
-        Of all design points.
+        All design points.
     left : ndarray (m,) of bool
-        Design points that are for the way point by point; they have no modes here.
+        Design points that must be solved one by one; they have no modes here.
     owner : ndarray (N,) of int
-        Design point of each mode, ascending; its modes by falling growth.
+        Design point of each mode, ascending; the modes of one point by falling growth.
     lam : ndarray (N,) complex
-        rad/s.
+        Roots, rad/s.
     condition, residual, biorthogonality : ndarray (N,)
+        As in `StackedFamilies` and `biorthogonality`.
     energies : ndarray (N, components + 1)
+        Energy shares of components and interfaces.
     value, reference, change, component_hz : ndarray (N, P)
         As in `Step`.
     derivative, finite : ndarray (N, P) complex
-        1/s per unit; finite change of the root, NaN where there is none.
-    match, validity : ndarray (N, P)
+        Derivative of the root [1/s per unit of the parameter], and its finite change [1/s]; NaN
+        where there is none.
+    match : ndarray (N, P)
+        Match of the mode with that of the changed design (`followed`).
+    validity : ndarray (N, P)
+        Change of the parameter up to which the derivative holds (THEORY.md eq. (59)).
     near_coalescence : ndarray (N, P) of bool
+        Whether the finite change is beyond the validity, or the root nearly a double one.
     reason : ndarray (N, P) of str
+        Why there is no finite change; empty where there is one.
     """
 
     names: tuple[str, ...]
@@ -113,7 +122,7 @@ def stacked_sensitivities(
     count: int,
     requested: RequestedSensitivities,
 ) -> StackedSensitivities:
-    """Sensitivities of `count` design points; arguments and errors as of `stacked_system`."""
+    """Sensitivities of `count` design points; other arguments and errors as in `stacked_system`."""
     system = stacked_system(model, options, columns, count)
     solved = np.ones(count, dtype=bool)
     solved[list(system.failures)] = False
@@ -123,7 +132,7 @@ def stacked_sensitivities(
     owner, mode_index = chosen_modes(pairs[0], band, requested.choice)
     is_served = (solved & ~is_left)[owner]
     owner, mode_index = owner[is_served], mode_index[is_served]
-    rows = np.unique(owner)  # of the others no changed design is solved
+    rows = np.unique(owner)  # changed designs are solved for these only
     part, part_columns = system, columns
     if len(rows) < count:
         part_columns = {k: np.asarray(x)[rows] if np.ndim(x) else x for k, x in columns.items()}
@@ -143,7 +152,7 @@ def stacked_sensitivities(
 
 
 def _matrices(system: StackedSystem) -> tuple[np.ndarray, np.ndarray]:
-    """C and K (m, n, n); of design points that failed 0 and the identity."""
+    """C and K (m, n, n); 0 and the identity for design points that failed."""
     linear, solved = system.linear, np.ones(len(system.linear.K), dtype=bool)
     solved[list(system.failures)] = False
     is_solved = solved[:, None, None]
@@ -153,7 +162,7 @@ def _matrices(system: StackedSystem) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _SensitivityBatch:
-    """Chosen modes of design points, and what is found of them parameter by parameter."""
+    """Chosen modes of design points, and their sensitivities as parameters are added."""
 
     def __init__(self, system: StackedSystem, families: StackedFamilies, count: int) -> None:
         self._system, self._modes = system, families
@@ -215,7 +224,7 @@ class _SensitivityBatch:
     def _products(
         self, slopes: StateSlopes, by: MatrixSlope
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """First column and first row (N, q) of `change_products`, and y^H M_theta x (N,)."""
+        """First column and row (N, q) of `change_products`, and y^H M_theta x (N,) of the mass."""
         modes, owner = self._modes, self._modes.owner
         x, y, lam = modes.X[:, :, :1], modes.Y[:, :, :1].conj().swapaxes(1, 2), modes.lam
         first = lam[:, :1, None]
@@ -237,16 +246,16 @@ class _SensitivityBatch:
         return column, row, mass
 
     def _finite(self, changed: Changed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Finite change (N,), its match (N,), and why there is none (N,)."""
+        """Finite change of each root (N,), its match (N,), and the reason if there is none (N,)."""
         owner = self._modes.owner
         finite, match = np.full(len(owner), complex(np.nan, np.nan)), np.full(len(owner), np.nan)
         try:
-            system, turned = changed()
+            system, to_unchanged = changed()
         except SquealstudyError as error:
             return finite, match, np.full(len(owner), str(error), dtype=object)
         roots, X = right_pairs(*_matrices(system))
-        if turned is not None:
-            X = turned @ X
+        if to_unchanged is not None:
+            X = to_unchanged @ X
         root_change, matched = followed(self._C, self._modes, (roots, X))
         texts = np.full(len(self._left), "", dtype=object)
         for i, (_, message) in system.failures.items():

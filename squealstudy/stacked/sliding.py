@@ -1,7 +1,7 @@
 """Steady sliding of a batch: Newton in the gaps of all design points at once.
 
-The equations are those of `reduction.working_point` (THEORY.md eq. (13), (14)); a point
-without a solution gets a status, and the others go on.
+The equations are those of `reduction.working_point` (THEORY.md eq. (13), (14)). A design point
+without a solution gets a state that says so, and the others continue.
 """
 
 from __future__ import annotations
@@ -31,15 +31,13 @@ SMALLEST_POSITIVE = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class StackedSliding:
-    """Contact states at steady sliding, a row a design point.
+    """Contact states at steady sliding, with a row for each design point.
 
     Attributes
     ----------
     gap, pressure, tangent : ndarray (m, c)
-        m, Pa, Pa/m.
-    residual : ndarray (m,)
-        Largest imbalance of a gap, relative to the largest gap movement under the load.
-    open_share, tangent_error : ndarray (m,)
+        Gaps [m], contact pressures [Pa] and tangents -dp/dg [Pa/m].
+    residual, open_share, tangent_error : ndarray (m,)
         As in `WorkingPoint`.
     state : ndarray (m,) of int
         SOLVED, SINGULAR where some motion is free, NO_EQUILIBRIUM where Newton finds none,
@@ -62,17 +60,18 @@ class GapEquations:
     Attributes
     ----------
     by_normal, by_sliding : ndarray (m, c, c)
-        Opening by normal forces, closing by friction forces, m/N.
+        Opening of the gaps by unit normal forces, and closing by unit friction forces, m/N.
     by_load : ndarray (m, c)
         Opening by the loads, m.
     k_c : ndarray (m, 1), or (m, c) with springs
-        Contact stiffness per area of the structure that these compliances are of, Pa/m.
+        Contact stiffness per area with which these compliances are computed, Pa/m.
     area : ndarray (m, c)
-        m2.
+        Areas of the contact points, m2.
     moved : ndarray (m, n, 2 c + 1)
-        Displacements by normal and by friction forces of each contact point, and by the loads.
-    springs : ndarray (m, ns, 4)
-        The last points, which are springs.
+        Displacements by a unit normal force and a unit force along T at each contact point, and by
+        the loads.
+    springs : ndarray (m, ns, 5)
+        Numbers of the last points, which are springs (laws/spring.py).
     """
 
     structures: StackedStructures
@@ -113,7 +112,7 @@ def steady_sliding(
     Parameters
     ----------
     structures : StackedStructures
-        Of m rows, or of one for all.
+        m structures, or one for all design points.
     k_el : ndarray (m, n)
         Elastic stiffness with the changes of component modes, (rad/s)^2.
     operating : StackedOperating
@@ -124,9 +123,9 @@ def steady_sliding(
 def gap_equations(
     structures: StackedStructures, k_el: np.ndarray, operating: StackedOperating
 ) -> tuple[GapEquations, np.ndarray]:
-    """The gap equations, and which (m,) of them have a static stiffness that is regular.
+    """The gap equations, and at which design points (m,) the static stiffness is regular.
 
-    Arguments as of `steady_sliding`.
+    Arguments are those of `steady_sliding`.
     """
     m = len(operating.friction)
     area = np.broadcast_to(structures.area, (m, structures.N.shape[1]))
@@ -167,7 +166,7 @@ def gap_equations(
 def _mean_pressure_of_loads(
     structures: StackedStructures, operating: StackedOperating, area: np.ndarray
 ) -> np.ndarray:
-    """Pressure (m,) [Pa] of all nodal forces over all the area: for the stiffness of contact."""
+    """Pressure (m,) [Pa]: sum of nodal forces over the contact area, for the stiffness k_c."""
     back = np.linalg.inv(structures.phi).swapaxes(1, 2)
     forces = back @ structures.load  # (m, n, 2), N/Pa and N
     force = np.abs(forces[..., 0] * operating.pressure[:, None] + forces[..., 1]).sum(axis=1)
@@ -176,17 +175,17 @@ def _mean_pressure_of_loads(
 
 
 def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """K0^-1 columns (m, n, k), and which (m,) are accurate: others are singular to round-off."""
+    """K0^-1 columns (m, n, k), and which (m,) are accurate: other K0 are nearly singular."""
     finite = np.isfinite(K0).all(axis=(1, 2)) & np.isfinite(columns).all(axis=(1, 2))
     K0 = np.where(finite[:, None, None], K0, np.eye(K0.shape[1]))
     columns = np.where(finite[:, None, None], columns, 0.0)
     b = np.random.default_rng(0).standard_normal((K0.shape[1], 1))
-    both = np.concatenate([columns, np.broadcast_to(b, (len(K0), *b.shape))], axis=2)
+    sides = np.concatenate([columns, np.broadcast_to(b, (len(K0), *b.shape))], axis=2)
     try:
-        solutions = np.linalg.solve(K0, both)
+        solutions = np.linalg.solve(K0, sides)
     except np.linalg.LinAlgError:
-        solutions = np.full(both.shape, np.nan)
-        for i, (K, B) in enumerate(zip(K0, both, strict=True)):
+        solutions = np.full(sides.shape, np.nan)
+        for i, (K, B) in enumerate(zip(K0, sides, strict=True)):
             try:
                 solutions[i] = np.linalg.solve(K, B)
             except np.linalg.LinAlgError:
@@ -234,7 +233,7 @@ def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
             scale = part.operating.gap_scale(pressure)
             small = np.abs(step[:, touching]).max(axis=1) / scale < TOLERANCE**0.5
             done = (share == 1.0) & small & (relative < TOLERANCE)
-            if done.any():  # one step more, which leaves round-off
+            if done.any():  # one more step, which leaves round-off only
                 g[done] = (g - rows.newton(F, p, kappa))[done]
             gap[open_rows] = g
             state[open_rows[done]] = SOLVED
@@ -280,7 +279,7 @@ def _closing_pressure(equations: GapEquations) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class PointRows:
-    """Imbalance and Newton's step of some rows of a batch."""
+    """Imbalance and Newton's step of some design points of a batch, `rows`."""
 
     equations: GapEquations
     gap0: np.ndarray
@@ -344,14 +343,14 @@ def _times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
 def _damping(
     operating: StackedOperating, pressure: np.ndarray, g: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Share (m,) of each Newton step that is taken, so that no point closes too far."""
+    """Share (m,) of each Newton step to take so that no contact point closes too far."""
     target = np.minimum(g, operating.gap_at(pressure)[:, None])
     closing = (target - g - step).max(axis=1) / operating.gap_scale(pressure)
     return np.where(closing > 0, np.minimum(1.0, MAX_STEP / np.where(closing > 0, closing, 1)), 1.0)
 
 
 def _open_share(area: np.ndarray, p: np.ndarray, loaded: np.ndarray) -> np.ndarray:
-    """Open share of `working_point.open_share`, a row a design point."""
+    """`working_point.open_share` of each design point (m,)."""
     total = area.sum(axis=1)
     mean = (area * p).sum(axis=1) / total
     below = (area * (p < OPEN * mean[:, None])).sum(axis=1) / total
@@ -361,7 +360,7 @@ def _open_share(area: np.ndarray, p: np.ndarray, loaded: np.ndarray) -> np.ndarr
 def _tangent_error(
     area: np.ndarray, p: np.ndarray, kappa: np.ndarray, F: np.ndarray, of_springs: np.ndarray
 ) -> np.ndarray:
-    """Relative change (m,) of the contact stiffness, of gaps that err by AMPLIFIED times F."""
+    """Relative change (m,) of the contact stiffness where gaps err by AMPLIFIED times F (m, c)."""
     pressed, size = np.abs(p) > 0, np.abs(kappa)
     weight = np.where(pressed, area * size, 0.0)
     total_weight = np.maximum(weight.sum(axis=1), SMALLEST_POSITIVE)

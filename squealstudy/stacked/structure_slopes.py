@@ -1,7 +1,7 @@
 """Structural parameters in a batch: derivatives by differences of the assembled matrices.
 
-The twin of `modes.sensitivity.structural`, with the same differences at the same ends: exact but
-for round-off where matrices are linear in a parameter, with an error of the step squared otherwise.
+`modes.sensitivity.structural` takes the same differences for one design point. They are exact but
+for round-off where matrices are linear in a parameter; else the error goes with the step squared.
 """
 
 from __future__ import annotations
@@ -29,12 +29,17 @@ from squealstudy.stacked.modes import (
 from squealstudy.stacked.state_slopes import StackedStep, StateSlopes
 from squealstudy.system.contact_weights import ContactChange
 
-GEOMETRY = ("N", "T", "T_perp", "speed_factor")  # which no derivative is by
+GEOMETRY = (
+    "N",
+    "T",
+    "T_perp",
+    "speed_factor",
+)  # no derivatives where these change with the parameter
 
 
 @dataclass(frozen=True, eq=False)
 class StructureSlopes:
-    """m design points, and how their structures are built.
+    """m design points with the model from which their structures are built.
 
     Attributes
     ----------
@@ -42,7 +47,7 @@ class StructureSlopes:
     options : mapping of str -> str or int
     columns : mapping of parameter -> number or ndarray (m,)
     slopes : StateSlopes
-        Of these design points.
+        Derivatives by the design state at these design points.
     """
 
     model: ModelDefinition
@@ -59,25 +64,25 @@ class StructureSlopes:
         return np.broadcast_to(np.asarray(self.columns[name], dtype=float), self._count)
 
     def step(self, name: str, change: float) -> StackedStep:
-        """The finite change, relative; absolute where the value is zero."""
+        """The finite change: `change` times the modulus of the value, or `change` if that is 0."""
         values = self.value(name)
         reference = np.where(values != 0, np.abs(values), 1.0)
         nothing = np.full(len(values), np.nan)
         return StackedStep(name, values, reference, change * reference, nothing)
 
     def _assembly(self, name: str, value: np.ndarray) -> tuple[StackedAssembly, Mapping[int, str]]:
-        """With another value of a parameter, and why some design points have none."""
+        """Assemblies with other values (m,) of a parameter, and the reasons of points without."""
         columns = {**self.columns, name: value}
         assembly, failures = stacked_assembly(self.model, self.options, columns, self._count)
         return assembly, {i: message for i, (_, message) in failures.items()}
 
     def moved(self, name: str, value: np.ndarray) -> tuple[StackedSystem, np.ndarray]:
-        """The changed design points, and their coordinates (m, n, n) in those of the unchanged.
+        """The changed design points, and matrices (m, n, n) from their coordinates to the old ones.
 
         Raises
         ------
         SquealstudyError
-            Where no design point has a structure then.
+            No design point has a structure with these values.
         """
         assembly, failures = self._assembly(name, value)
         changed, system = structures_of(assembly), self.slopes.system
@@ -87,10 +92,10 @@ class StructureSlopes:
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def by(self, name: str) -> tuple[MatrixSlope | None, np.ndarray]:
-        """Derivatives of the matrices by a parameter, and at which points (m,) there are such.
+        """Derivatives of the matrices by a parameter, and at which points (m,) they exist.
 
-        There are none where an end has no structure, where geometry moves, or where a changed
-        component mode turns: the way point by point says why.
+        They do not where an end of the difference has no structure, where geometry changes, or
+        where a changed component mode turns. Solving such points one by one tells why.
         """
         system, values = self.slopes.system, self.value(name)
         step = RELATIVE_STEP * np.where(values != 0, np.abs(values), 1.0)
@@ -116,13 +121,13 @@ class StructureSlopes:
             return quotient
 
         phi = system.structures.phi
-        back = phi.swapaxes(1, 2)
+        basis_T = phi.swapaxes(1, 2)
 
         def of(rows: str) -> np.ndarray:
             return slope(getattr(first, rows), getattr(second, rows))
 
         def projected(rows: str) -> np.ndarray:
-            matrix: np.ndarray = back @ of(rows) @ phi
+            matrix: np.ndarray = basis_T @ of(rows) @ phi
             return matrix
 
         elastic, springs, static = (projected(x) for x in ("K", "springs", "static_springs"))
@@ -164,7 +169,7 @@ class StructureSlopes:
     def _by_springs(
         self, first: StackedAssembly, second: StackedAssembly, width: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Changes (m, c) of pressure and tangent at the gaps, by the numbers of springs."""
+        """Derivatives (m, c) of pressure and tangent at fixed gaps, by numbers of the springs."""
         gap = self.slopes.system.sliding.gap
         changes = np.zeros((2, *gap.shape))
         if count := first.spring_points.shape[1]:
@@ -176,7 +181,7 @@ class StructureSlopes:
     def _by_own_friction(
         self, first: StackedAssembly, second: StackedAssembly, width: np.ndarray
     ) -> np.ndarray:
-        """Changes (3, m, c) of mu, dmu/ds and dmu/dp at the pressures, by own friction."""
+        """Derivatives (3, m, c) of mu, dmu/ds, dmu/dp at fixed pressures, by own friction."""
         system, p = self.slopes.system, self.slopes.system.sliding.pressure
         if not has_own(first.own_friction):
             return np.zeros((3, *p.shape))
@@ -189,14 +194,14 @@ class StructureSlopes:
 
 
 def _along(rows: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """rows^T forces (m, n) of observations (m or 1, c, n)."""
+    """rows^T forces (m, n) of rows (m or 1, c, n) and forces (m, c)."""
     observed: np.ndarray = (rows.swapaxes(1, 2) @ forces[:, :, None])[:, :, 0]
     return observed
 
 
 @dataclass(frozen=True, eq=False)
 class _ChangedModes:
-    """Changes of component modes' stiffness, and their dampers, in unchanged coordinates."""
+    """Changes of component modes' stiffness and their dampers (m, n, n), in the old coordinates."""
 
     phi: np.ndarray
     stiffness: np.ndarray
@@ -209,16 +214,18 @@ def _changed_modes(assembly: StackedAssembly, system: StackedSystem) -> _Changed
     omega = np.sqrt(np.maximum(changed.k_el, 0.0))
     stiffness = (damping.scale**2 - 1.0) * changed.k_el
     dampers = 2.0 * damping.component_ratio * damping.scale * omega
-    back = rows.swapaxes(1, 2)
+    basis_T = rows.swapaxes(1, 2)
     return _ChangedModes(
-        changed.phi, back @ (stiffness[:, :, None] * rows), back @ (dampers[:, :, None] * rows)
+        changed.phi,
+        basis_T @ (stiffness[:, :, None] * rows),
+        basis_T @ (dampers[:, :, None] * rows),
     )
 
 
 def _same_modes(
     assembly: StackedAssembly, lower: np.ndarray, upper: np.ndarray, named: list[int]
 ) -> np.ndarray:
-    """Where (m or 1,) the changed component modes are themselves on both ends of a step."""
+    """Whether (m or 1,) the changed component modes are the same at both ends of a step."""
     products = np.einsum("mik,mij,mjk->mk", lower, assembly.M, upper)
     same: np.ndarray = (np.abs(products[:, named]) >= SAME_MODE).all(axis=1)
     return same

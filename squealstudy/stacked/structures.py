@@ -19,21 +19,23 @@ class StackedStructures:
     ----------
     components : tuple of str
     offsets : ndarray (n_components + 1,)
-        First coordinate of each component, then n.
+        Number of the first coordinate of each component, then n.
     k_el : ndarray (m, n)
-        Squares of the components' free frequencies, (rad/s)^2.
+        Squares of the components' free angular frequencies, (rad/s)^2.
     springs, static_springs : ndarray (m, n, n)
-        Linear interfaces in vibration and at rest, (rad/s)^2.
+        Stiffness of linear interfaces in vibration and in the static state, (rad/s)^2.
     C : ndarray (m, n, n) or None
-        Damping of the components' own, rad/s.
+        The components' own damping, rad/s; None where there is none.
     N, T, T_perp : ndarray (m, c, n)
     area, gap0, frictional, speed_factor : ndarray (m, c)
+        As in ContactInterface.
     load : ndarray (m, n, 2)
-        Of a unit brake pressure, and constant.
+        Loads of a unit brake pressure, and constant loads.
     phi : ndarray (m, n, n)
-        Displacements of the degrees of freedom by coordinates.
+        Displacements of the degrees of freedom for unit coordinates.
     sensors : ndarray (m, s, n)
-        M^(1/2) u of the displacements: shapes of structures of other masses are compared there.
+        M^(1/2) u for the displacements u of unit coordinates. Shapes of structures with different
+        masses are compared by these.
     spring_points : ndarray (m, ns, 5)
     own_friction : ndarray (m, c, k)
         As in `StackedAssembly`.
@@ -60,11 +62,11 @@ class StackedStructures:
 
     @property
     def n(self) -> int:
-        """Coordinates."""
+        """Number of coordinates."""
         return int(self.phi.shape[2])
 
     def coordinate(self, component: str, mode: int) -> int:
-        """Coordinate of a free mode of a component, numbered from 1; KeyError for none."""
+        """Coordinate of a component's free mode, numbered from 1; KeyError where there is none."""
         i = self.components.index(component) if component in self.components else -1
         if i < 0 or not 1 <= mode <= self.offsets[i + 1] - self.offsets[i]:
             raise KeyError((component, mode))
@@ -72,7 +74,7 @@ class StackedStructures:
 
     @staticmethod
     def of(a: StackedAssembly) -> StackedStructures:
-        """Structures of finite matrices with positive definite masses."""
+        """Structures of assemblies with finite matrices and positive definite masses."""
         phi = np.zeros_like(a.M)
         m = max(len(a.M), len(a.K))
         phi = np.zeros((m, a.n, a.n))
@@ -81,15 +83,15 @@ class StackedStructures:
             block = slice(int(i), int(j))
             k, block_modes = free_modes(a.M[:, block, block], a.K[:, block, block])
             k_el[:, block], phi[:, block, block] = k, block_modes
-        back = phi.swapaxes(1, 2)
+        phi_T = phi.swapaxes(1, 2)
         loads = np.stack(np.broadcast_arrays(a.load, a.constant_load), axis=2)
         return StackedStructures(
             components=a.components,
             offsets=a.offsets,
             k_el=k_el,
-            springs=_symmetric(back @ a.springs @ phi),
-            static_springs=_symmetric(back @ a.static_springs @ phi),
-            C=None if a.C is None else back @ a.C @ phi,
+            springs=_symmetric(phi_T @ a.springs @ phi),
+            static_springs=_symmetric(phi_T @ a.static_springs @ phi),
+            C=None if a.C is None else phi_T @ a.C @ phi,
             N=a.N @ phi,
             T=a.T @ phi,
             T_perp=a.T_perp @ phi,
@@ -97,7 +99,7 @@ class StackedStructures:
             gap0=a.gap0,
             frictional=a.frictional,
             speed_factor=a.speed_factor,
-            load=back @ loads,
+            load=phi_T @ loads,
             phi=phi,
             sensors=roots_of(a.M) @ phi,
             spring_points=a.spring_points,

@@ -1,7 +1,8 @@
 """Roots of a batch of small pencils with both vectors, and modes with their nearest neighbours.
 
-The twins of `mode_family.mode_family` and `mode_sensitivities.followed_root`. Left vectors are the
-right ones of the transposed pencils, told apart by their roots: as exact next to a coalescence.
+`mode_family.mode_family` and `mode_sensitivities.followed_root` do the same for one design point.
+Left vectors are the right ones of the transposed pencils, assigned by their roots. Near a
+coalescence they are as exact as the right ones.
 """
 
 from __future__ import annotations
@@ -25,19 +26,20 @@ class StackedFamilies:
     Attributes
     ----------
     owner : ndarray (N,) of int
-        The design point of each.
+        Design point of each mode.
     lam : ndarray (N, q) complex
-        Roots [rad/s], that of the mode first.
+        Roots [rad/s] of the mode and its neighbours, that of the mode first.
     X, Y : ndarray (N, n, q) complex
         Right and left vectors of unit norm.
     norm : ndarray (N, q) complex
         y^H (2 lambda + C) x.
     there : ndarray (N, q) of bool
-        Neighbours whose left vector is known; the others count as none.
+        Neighbours whose left vector is found; the others are left out.
     told : ndarray (N,) of bool
-        Whether roots and left vectors could be told apart: what is not is for LAPACK alone.
+        Whether the mode's left vector is found, and no two roots of the family share one; other
+        modes need LAPACK with both vectors.
     residual : ndarray (N,)
-        As of `ModeNeighbourhood`.
+        As in `ModeNeighbourhood`.
     """
 
     owner: np.ndarray
@@ -51,7 +53,7 @@ class StackedFamilies:
 
     @property
     def condition(self) -> np.ndarray:
-        """Eigenvalue conditions (N,), as of `ModeNeighbourhood`."""
+        """Eigenvalue conditions (N,), as in `ModeNeighbourhood`."""
         size = np.abs(self.norm[:, 0])
         with np.errstate(divide="ignore"):
             condition = 2.0 * np.abs(self.lam[:, 0]) / size
@@ -65,7 +67,7 @@ def right_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def drowned_rows(lam: np.ndarray, limit: float) -> np.ndarray:
-    """Where (m,) round-off of the largest root may drown those of a limit [rad/s]."""
+    """Where (m,) round-off of the largest root may hide roots of modulus `limit` [rad/s]."""
     lost = lam.shape[1] / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
     rows: np.ndarray = np.abs(lam).max(axis=1, initial=0.0) * lost >= limit
     return rows
@@ -76,7 +78,7 @@ def chosen_modes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Design points (N,) and places (N,) among roots (m, 2n) of the chosen modes in a band [rad/s].
 
-    As `chosen_roots`: of each point largest growth first.
+    As in `chosen_roots`, the modes of each point are in order of falling growth.
     """
     size = np.abs(lam)
     modes = (lam.imag > 0) & (size >= band[0]) & (size <= band[1])
@@ -107,7 +109,7 @@ def families(
     owner: np.ndarray,
     mode_index: np.ndarray,
 ) -> StackedFamilies:
-    """Modes at places of `right_pairs`, with left vectors and neighbours."""
+    """Modes at places of `right_pairs` (`pairs`), with their left vectors and neighbours."""
     lam, X = pairs
     mu, Y = right_pairs(C.swapaxes(1, 2), K.swapaxes(1, 2))
     mu = mu.conj()  # Q(conj mu)^T y = 0 is y^H Q(mu) = 0
@@ -124,8 +126,12 @@ def families(
     in_family = (
         np.take_along_axis(distance, partner[:, :, None], 2)[:, :, 0] < LEFT_RIGHT_ROOT_REL_DISTANCE
     )
-    both = in_family[:, :, None] & in_family[:, None, :] & ~np.eye(order.shape[1], dtype=bool)
-    twice = (both & (partner[:, :, None] == partner[:, None, :])).any(axis=(1, 2))
+    pair_in_family = (
+        in_family[:, :, None] & in_family[:, None, :] & ~np.eye(order.shape[1], dtype=bool)
+    )
+    shares_partner = (pair_in_family & (partner[:, :, None] == partner[:, None, :])).any(
+        axis=(1, 2)
+    )
     rows = owner[:, None]
     # (N, q, n): one advanced index before and after the slice puts it last
     right, left_vectors = X[rows, :, order].swapaxes(1, 2), Y[rows, :, partner].swapaxes(1, 2)
@@ -138,7 +144,7 @@ def families(
             C[owner].swapaxes(1, 2), K[owner].swapaxes(1, 2), roots.conj(), left_vectors[:, :, 0]
         ),
     )
-    is_served = in_family[:, 0] & ~twice
+    is_served = in_family[:, 0] & ~shares_partner
     return StackedFamilies(
         owner, nearby_roots, right, left_vectors, norm, in_family, is_served, residual
     )
@@ -152,7 +158,7 @@ def _nearest_first(lam: np.ndarray, roots: np.ndarray, mode_index: np.ndarray) -
 
 
 def _residual(C: np.ndarray, K: np.ndarray, lam: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """|Q(lambda) x| (N,) beside the sizes of its three parts."""
+    """|Q(lambda) x| (N,) over the sum of the norms of its three parts."""
     lam = lam[:, None]
     parts = (lam**2 * x, lam * (C @ x[:, :, None])[:, :, 0], (K @ x[:, :, None])[:, :, 0])
     size = sum(np.linalg.norm(part, axis=1) for part in parts)
@@ -171,7 +177,7 @@ def biorthogonality(C: np.ndarray, families: StackedFamilies) -> np.ndarray:
         families.X[:, :, 0],
         families.Y[:, :, 0],
     )
-    for shift in range(int(count.max(initial=0))):  # the other modes of its point, one by one
+    for shift in range(int(count.max(initial=0))):  # other modes of its point in turn
         rows = np.flatnonzero(shift < count[families.owner])
         other = first[rows] + shift
         rows, other = rows[other != rows], other[other != rows]
@@ -194,7 +200,7 @@ def followed(
     Parameters
     ----------
     C : ndarray (m, n, n)
-        Of the unchanged design points.
+        Damping of the unchanged design points.
     families : StackedFamilies
     changed : (roots (m, 2n), right vectors (m, n, 2n))
         The vectors in coordinates of the unchanged design points.
