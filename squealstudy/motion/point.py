@@ -297,10 +297,10 @@ def perturbed(
 
 
 def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
-    """The point with a start at which nothing slides.
+    """The point with a start at which nothing slides, but by its own start velocity.
 
-    To its start velocity that one of least kinetic energy is added whose contact velocities along
-    and across are opposite to the imposed sliding.
+    To that velocity the one of least kinetic energy is added whose contact velocities along and
+    across are opposite to the imposed sliding.
 
     Raises
     ------

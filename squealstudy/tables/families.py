@@ -19,6 +19,7 @@ from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 from squealstudy.tables.stability import INTO, REFINED_ONSETS
 
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
+NOT_LOCATED = "failed"  # an onset whose refinement failed: somewhere between both ends
 BEGINS_UNSTABLE = ("first_seen", "broken")  # status of onsets of tracks that begin unstable
 ENDS = ["point_before", "point_after"]
 MAX_REL_FREQUENCY_GAP = 0.02  # largest relative distance of two modes that may be exchanged

@@ -11,6 +11,7 @@ import pandas as pd
 
 from squealstudy.errors import ResultsError
 from squealstudy.tables.families import (
+    NOT_LOCATED,
     RENUMBERED,
     families,
     pairs_growing_together,
@@ -116,11 +117,11 @@ def rank_modes(
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
-        "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, or the
-        points are `scattered`), "below range" (unstable at the first value of a line; NaN),
-        "first seen" (a track that begins unstable, or whose number an unstable mode takes; an upper
-        bound) or "broken" (on some line it
-        begins so beside a track that ends, the same mode perhaps; an upper bound).
+        "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, it could
+        not be located, or the points are `scattered`), "below range" (unstable at the first value
+        of a line; NaN), "first seen" (a track that begins unstable, or whose number an unstable
+        mode takes; an upper bound) or "broken" (on some line it begins so beside a track that
+        ends, the same mode perhaps; an upper bound).
 
     Raises
     ------
@@ -339,8 +340,10 @@ def _thresholds(
         renumbered = crossings.loc[better.index[better.isna()]]
         crossings = crossings.drop(renumbered.index)
         better = better.dropna()
-        crossings.loc[better.index, "value"] = better
-        crossings.loc[better.index, "kind"] = REFINED
+        located = np.isfinite(better)
+        unstable_end = x[code[crossings.loc[better.index, "after"].to_numpy()]]
+        crossings.loc[better.index, "value"] = better.where(located, unstable_end)
+        crossings.loc[better.index, "kind"] = np.where(located, REFINED, BRACKETED)
     if scattered:
         between = (crossings["kind"] == CROSSING).to_numpy()
         crossings.loc[between, "value"] = x[code[crossings.loc[between, "after"].to_numpy()]]
@@ -384,12 +387,13 @@ def _refined_onsets(
 ) -> dict[tuple[int, int, int], float]:
     """Refined onsets by track and the rows in `points` of both ends; NaN where the mode has none.
 
-    The row before is -1 where the track begins beside one that ends.
+    The row before is -1 where the track begins beside one that ends. Infinite: not located.
     """
     if onsets is None:
         return {}
-    with_onset = [REFINED, CUBIC, RENUMBERED, BROKEN]
+    with_onset = [REFINED, CUBIC, RENUMBERED, BROKEN, NOT_LOCATED]
     refined = onsets[onsets["status"].isin(with_onset) & (onsets["direction"] == INTO)]
+    values = refined["onset"].mask(refined["status"] == NOT_LOCATED, np.inf)
     index = pd.Index(points["point_id"])
     ends = (index.get_indexer(pd.Index(refined[name])) for name in ("point_before", "point_after"))
-    return dict(zip(zip(refined["track"], *ends, strict=True), refined["onset"], strict=True))
+    return dict(zip(zip(refined["track"], *ends, strict=True), values, strict=True))

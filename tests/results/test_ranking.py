@@ -183,6 +183,9 @@ def test_a_refined_onset_replaces_the_interpolated_one():
     points, modes = linear_study({1: lambda m, q: 0.009 - 0.02 * m}, MU, [1.0])
     row = rank_modes(points, modes, "friction", onsets=onsets_table()).iloc[0]
     assert (row["threshold"], row["threshold_kind"]) == (0.4321, "refined")
+    row = rank_modes(points, modes, "friction", onsets=onsets_table(status="failed")).iloc[0]
+    assert row["threshold"] == pytest.approx(0.5)  # the unstable end: nothing is known between
+    assert row["threshold_kind"] == "bracketed"
     for changed in ({"status": "interpolated"}, {"track": 2}, {"direction": "out"}):
         row = rank_modes(points, modes, "friction", onsets=onsets_table(**changed)).iloc[0]
         assert row["threshold"] == pytest.approx(0.45)

@@ -11,7 +11,7 @@ import pandas as pd
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes.batch_onsets import BatchOnsets, Brackets
-from squealstudy.kinds.complex_modes.neighbourhood import FAILED, OnsetTask, refine_onsets
+from squealstudy.kinds.complex_modes.neighbourhood import OnsetTask, refine_onsets
 from squealstudy.kinds.complex_modes.refinement_budget import RefinementBudget
 from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.kinds.complex_modes.track_crossings import TrackCrossings
@@ -21,7 +21,7 @@ from squealstudy.modes.tracking.onsets import NO_CROSSING, Onset, cubic_onsets
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.study.parameters import ONSET_PARAMETER
 from squealstudy.study.sweeps import RANDOM_DESIGNS
-from squealstudy.tables.families import RENUMBERED
+from squealstudy.tables.families import NOT_LOCATED, RENUMBERED
 from squealstudy.tables.mode_ranking import line_codes, parameter_columns
 from squealstudy.tables.stability import (
     BELOW_RANGE,
@@ -384,7 +384,7 @@ class OnsetSearch:
         """Write a refined onset to its row; the number of evaluations."""
         if isinstance(onset, str):
             renumbered = onset == NO_CROSSING
-            table["status"][row] = RENUMBERED if renumbered else FAILED
+            table["status"][row] = RENUMBERED if renumbered else NOT_LOCATED
             if renumbered:
                 table["onset"][row] = np.nan
             return 0
