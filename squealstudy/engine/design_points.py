@@ -1,7 +1,7 @@
-"""The design points of a plan as arrays: a column a parameter; points are made when asked for.
+"""The design points of a plan as arrays, one for each parameter; points are made when asked for.
 
-A million points are 8 bytes for each swept parameter and 16 for an id. What a `DesignPoint` costs
-beside them, a dict of all parameters, is paid for those in use alone.
+A point takes 8 bytes for each swept parameter and 16 for its id. A `DesignPoint`, with its dict of
+all parameters, takes more, and exists only while it is in use.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from squealstudy.models.parameter import ModelDefinition
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import distinct_rows
 
-POINTS_PER_BLOCK = 4096  # points that are made at once while iterating
+POINTS_PER_BLOCK = 4096  # number of points that are made at once while iterating
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,14 @@ class DesignValues:
     options : mapping of str -> str or int
         A value of every option of the model.
     common : mapping of str -> float
-        A value of every parameter, that of the first point; right for all where none `varied`.
+        Value of every parameter at the first point, which all points have unless it is `varied`.
     varied : mapping of str -> ndarray (count,)
+        Values of the parameters that may differ between points.
     count : int
+        Number of design points.
     one_structure : bool
-        All points count as of one structure, whatever their structural values: where structures
-        cost nothing, and are made with their points.
+        Whether all points count as having one structure, whatever their structural values, because
+        structures are made together with their points.
     """
 
     model: ModelDefinition
@@ -56,7 +58,7 @@ class DesignValues:
         columns: Mapping[str, float | np.ndarray],
         count: int,
     ) -> DesignValues:
-        """Design points of values by name, each a number or an array (count,)."""
+        """Values of design points from `columns`, each a number or an array (count,)."""
         varied = {k: x for k, x in columns.items() if isinstance(x, np.ndarray)}
         first = {k: float(x[0] if isinstance(x, np.ndarray) else x) for k, x in columns.items()}
         return cls(model, options, first, varied, count)
@@ -113,7 +115,7 @@ class Names(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class GivenNames:
-    """Names that are known; what a task has of its points."""
+    """Ids and keys as given arrays, such as those that come with a task."""
 
     structures: tuple[str, ...]
     structure_index: np.ndarray
@@ -126,14 +128,14 @@ class GivenNames:
 
 @dataclass(frozen=True, eq=False)
 class PartNames:
-    """Names of some rows of other points, made with theirs."""
+    """Ids and keys at some `rows` of the `whole` points."""
 
     whole: Names
     rows: np.ndarray
 
     @property
     def structures(self) -> tuple[str, ...]:
-        """Keys of prepared models, others' too."""
+        """Keys of prepared models of the whole points."""
         return self.whole.structures
 
     @property
@@ -152,18 +154,18 @@ class PartNames:
 
 
 class PlannedNames:
-    """Names of all points of a plan, made when asked for.
+    """Ids and keys of all points of a plan, made when asked for.
 
-    A point that a random design draws again is another draw, with its own id: it is solved again,
-    and counts again.
+    Where a random design draws the same values again, the later point has an id of its own: it is
+    solved and counted separately.
 
     Parameters
     ----------
     values : DesignValues
     key_of : callable
-        Design point without names -> key of its prepared model.
+        Takes a design point without names, returns the key of its prepared model.
     hash_of : callable
-        That key -> hash of all that decides the results of its points beside their values.
+        Takes that key, returns a hash of all that decides results of its points beside values.
     """
 
     def __init__(
@@ -176,7 +178,7 @@ class PlannedNames:
 
     @cached_property
     def _keys(self) -> list[str]:
-        """Key of each structure of the values; a key may stand twice."""
+        """Key of each structure of the values; several structures may have one key."""
         _, first = np.unique(self._values.structure_index, return_index=True)
         bare = (DesignPoints(self._values, _NO_NAMES).bare(int(i)) for i in first)
         return [self._key_of(point) for point in bare]
@@ -200,7 +202,7 @@ class PlannedNames:
 
     @cached_property
     def _naming(self) -> DesignValues:
-        """The values that name a point: without parameters of others' laws not in use."""
+        """The values that decide ids: without parameters of laws that are not in use."""
         names = DesignPoints(self._values, _NO_NAMES).bare(0).own_values
         v = self._values
         varied = {k: x for k, x in v.varied.items() if k in names}
@@ -208,11 +210,13 @@ class PlannedNames:
 
     @cached_property
     def _again(self) -> dict[int, int]:
-        """Points whose values an earlier one has, and which draw of these values they are."""
+        """Points with the values of an earlier point, and the number of their draw, from 2."""
         columns = [x.view(np.uint64) for x in self._naming.varied.values()]
         columns.append(self.structure_index.astype(np.uint64))
         mixed = np.zeros(self._values.count, dtype=np.uint64)
-        for column in columns:  # points of different sums differ; equal sums are looked at
+        for (
+            column
+        ) in columns:  # points with different sums differ; those with equal sums are compared
             mixed = (mixed ^ column) * np.uint64(0x9E3779B97F4A7C15)
             mixed ^= mixed >> np.uint64(29)
         order = np.argsort(mixed, kind="stable")
@@ -239,7 +243,7 @@ class PlannedNames:
         return ids
 
     def name(self, number: int) -> str:
-        """Id of one of the points, without the others' where they are not made."""
+        """Id of one of the points; the others are not made for it."""
         if "ids" in self.__dict__:
             return str(self.ids[number], "ascii")
         part = self._naming.at(slice(number, number + 1))
@@ -254,7 +258,7 @@ class PlannedNames:
 
 
 def _groups(index: np.ndarray, count: int) -> Iterator[tuple[int, np.ndarray]]:
-    """The rows of each of `count` numbers in an index (n,), ascending; none that has no rows."""
+    """Yield each of `count` numbers that is in an index (n,), and its rows, ascending."""
     order = np.argsort(index, kind="stable")
     ends = np.searchsorted(index[order], np.arange(count + 1))
     for number, (start, end) in enumerate(itertools.pairwise(ends.tolist())):
@@ -266,7 +270,7 @@ _NO_NAMES = GivenNames((), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=ID_TYP
 
 
 class DesignPoints(Sequence[DesignPoint]):
-    """Design points in their order; holds arrays, makes points when asked for.
+    """Design points in their order, held as arrays; points are made when asked for.
 
     Parameters
     ----------
@@ -284,7 +288,7 @@ class DesignPoints(Sequence[DesignPoint]):
 
     @property
     def structures(self) -> tuple[str, ...]:
-        """Keys of the prepared models; of all points of a plan in order of first appearance."""
+        """Keys of the prepared models, for a whole plan in order of first appearance."""
         return self._names.structures
 
     @property

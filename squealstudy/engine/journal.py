@@ -1,9 +1,9 @@
 """The journal of a results directory: which files are finished, with their sizes and hashes.
 
-Lines of JSON, appended by the one writer after a file is whole on disk. Files of one line belong
-together: a chunk with the histories of its points. What stands in no line was never finished; a
-line that cannot be read, as the last one of a killed run, counts for nothing. So does one that
-names a file which no run writes, or which a link leads out of the directory.
+It has lines of JSON, which the only writer appends after a file is whole on disk. Files of one line
+belong together, such as a chunk and the histories of its points. A file in no line was never
+finished. A line that cannot be read, such as the last one of a killed run, is ignored; so is a line
+with a file that no run writes, or that lies outside the directory because of a link.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from squealstudy.wording import listed
 
 JOURNAL = "journal.jsonl"
 Owner = tuple[str, str, str]  # name, kind and model of the study
-MAX_LINE_BYTES = 2**26  # bytes of a line; that of 4,096 points with their files has 2**20
-# bytes of a journal; that of a million points with histories and states has 2**28
+MAX_LINE_BYTES = 2**26  # bytes of a line; 4,096 points with their files need 2**20
+# bytes of a journal; a million points with histories and states need 2**28
 MOST_BYTES = 2**29
-ENTRY_ROOM = 12.0  # bytes of memory for each of the file
-MOST_NAMED, MOST_SHOWN = 4, 100  # names in a message, and letters of each
+ENTRY_ROOM = 12.0  # bytes of memory needed for each byte of the journal
+MOST_NAMED, MOST_SHOWN = 4, 100  # number of names in a message, and of letters of each
 DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
 
 
 class Line(BaseModel):
-    """Content of one line: whose directory it is, finished files, files that are no more."""
+    """Content of one line: the directory's study, finished files, and files no longer valid."""
 
-    model_config = ConfigDict(extra="forbid")  # a key that is none of these is a damaged one
+    model_config = ConfigDict(extra="forbid")  # any other key means damage
 
     owner: Owner | None = None
     files: dict[str, tuple[int, str]] = {}
@@ -52,7 +52,7 @@ class Line(BaseModel):
 
 @dataclass(frozen=True)
 class Entry:
-    """A finished file: bytes, SHA-256, and the names that it belongs together with, its own too."""
+    """A finished file: bytes, SHA-256, and names of all files of its line, its own included."""
 
     size: int
     sha256: str
@@ -60,18 +60,20 @@ class Entry:
 
 
 class Journal:
-    """Reads the lines there are, and appends to them; names are paths below the directory.
+    """Reads the lines of a journal, and appends to them; names are paths below the directory.
 
     Attributes
     ----------
     owner : tuple of str or None
-        The study that began it; None without a journal, or where that line is lost.
+        Name, kind and model of the study that began it; None without a journal, or where that line
+        is lost.
     entries : dict of str -> Entry
+        Finished files by name.
     unreadable : int
-        Lines that cannot be read: what they said counts for nothing.
+        Number of lines that are ignored: they cannot be read, or have a name that is `refused`.
     refused : list of str
-        Names in lines that count for nothing because no run writes such a file, or because a link
-        leads out of the directory.
+        Names because of which lines are ignored: no run writes such a file, or a link leads out of
+        the directory.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -91,7 +93,7 @@ class Journal:
                 self._take(line)
 
     def _refused(self, line: Line) -> list[str]:
-        """Names of a line that are those of no file of a run, or that lead out."""
+        """Names of a line that no file of a run has, or that lead out of the directory."""
         names = [*line.files, *line.gone]
         return [n for n in names if not FINISHED.fullmatch(n) or self._is_outside(n)]
 
@@ -110,32 +112,32 @@ class Journal:
 
     @property
     def begun(self) -> bool:
-        """Whether there is one: results of earlier versions have none."""
+        """Whether there is a journal: results of earlier versions have none."""
         return is_plain_file(self._path)
 
     def begin(self, owner: Owner) -> None:
-        """Say whose the directory is, where no line does."""
+        """Record the study that owns the directory, unless the journal has it already."""
         if self.owner != owner:
             self._append(Line(owner=owner))
 
     def restart(self, owner: Owner) -> None:
-        """Begin anew, with no file."""
+        """Begin the journal anew, with no file."""
         write_text(self._path, _text(Line(owner=owner)))
         self.owner, self.entries, self.unreadable, self.refused = owner, {}, 0, []
 
     def add(self, names: Sequence[str]) -> None:
-        """Files that are whole on disk, and belong together."""
+        """Record files that are whole on disk and belong together."""
         paths = {name: self._directory / name for name in names}
         facts = {name: (path.stat().st_size, file_hash(path)) for name, path in paths.items()}
         self._append(Line(files=facts))
 
     def withdraw(self, names: Sequence[str]) -> None:
-        """Files that are about to be replaced or removed; those in no line are passed over."""
+        """Record that files will be replaced or removed; those not recorded are passed over."""
         if recorded := [name for name in names if name in self.entries]:
             self._append(Line(gone=recorded))
 
     def _append(self, line: Line) -> None:
-        if self._path.exists() and self._path.stat().st_nlink > 1:  # of a backup, or not ours
+        if self._path.exists() and self._path.stat().st_nlink > 1:  # a backup has it too
             write_bytes(self._path, self._path.read_bytes())
         with named(self._path), self._path.open("ab+") as handle:
             if handle.tell():
@@ -150,7 +152,7 @@ class Journal:
     def fault(self, name: str, thoroughly: bool = True) -> str:
         """Fault of a file: DAMAGED, MISSING or UNFINISHED; empty where it is as it was written.
 
-        By its size alone where not `thoroughly`.
+        Only the size is compared, not the hash, unless `thoroughly`.
         """
         entry, path = self.entries.get(name), self._directory / name
         if entry is None:
@@ -168,18 +170,16 @@ class Journal:
 
 
 def refused_names(journal: Journal) -> str:
-    """The names that count for nothing, as much of them as fits on a line."""
+    """The first names because of which lines are ignored, as a text."""
     return listed([printable(name)[:MOST_SHOWN] for name in journal.refused], MOST_NAMED)
 
 
-_hashes: dict[Path, tuple[tuple[int, int], str]] = {}  # of files as they were when last read
-MIN_TIMESTAMP_AGE_NS = (
-    10**9
-)  # ns: what was changed later than this before now may change again unseen
+_hashes: dict[Path, tuple[tuple[int, int], str]] = {}  # size and time of files, and their hashes
+MIN_TIMESTAMP_AGE_NS = 10**9  # ns: a file changed more recently may change again with the same time
 
 
 def _hash_of(path: Path, state: os.stat_result) -> str:
-    """SHA-256 of a file, read once a process while its size and its time stay as they are."""
+    """SHA-256 of a file, which is read only once while its size and time stay the same."""
     size_and_time = state.st_size, state.st_mtime_ns
     hashed_state, sha256 = _hashes.get(path, ((0, 0), ""))
     if hashed_state != size_and_time or not sha256:
@@ -194,7 +194,7 @@ def _text(line: Line) -> str:
 
 
 def _read(path: Path) -> Iterator[Line | None]:
-    """Lines of a journal; None for one that cannot be read."""
+    """Yield lines of a journal; None for one that cannot be read."""
     if not is_plain_file(path):
         return
     size = path.stat().st_size
@@ -206,7 +206,7 @@ def _read(path: Path) -> Iterator[Line | None]:
         raise ResultsError(f"{path}: too long for a journal: {error}") from None
     with path.open("rb") as handle:
         while line := handle.readline(MAX_LINE_BYTES):
-            if len(line) == MAX_LINE_BYTES:  # what is left of it is no line either
+            if len(line) == MAX_LINE_BYTES:  # too long; its rest will not be a line either
                 yield None
             elif line := line.rstrip(b"\n"):
                 try:

@@ -25,9 +25,9 @@ from squealstudy.study.sampling import count_points
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
 
-# degrees of freedom of a family of matrices whose points take milliseconds
+# degrees of freedom of a family of matrices up to which a point takes milliseconds
 MILLISECOND_MAX_DOF = 100
-WORKER_START_WORTH_S = 3.0  # s: two workers take 2 s to start
+WORKER_START_WORTH_S = 3.0  # s of work done without workers, two of which take 2 s to start
 Columns = dict[str, float | np.ndarray]  # values of parameters at all design points
 
 
@@ -38,17 +38,18 @@ class Solves:
     Attributes
     ----------
     point : float
-        A design point of the study.
+        Cost of one design point of the study.
     shared : float
-        What is made once before them.
+        Cost of what is made once, before the design points.
     checks : float
-        What is solved beside them, by all workers.
+        Cost of all checks, which the workers share.
     between : float
-        What may be solved between them at most, once all are there; part of `longest` or not.
+        Largest cost of further points solved between the design points, after these. `longest` may
+        include it.
     least, longest : float
-        Of the time of the points: how far it may be from that of the timed ones.
+        Factors on the forecast time of the design points: shortest and longest it may be.
     not_in_it : str
-        What comes on top that nobody can foretell, in words.
+        Work that comes on top and cannot be forecast, in words.
     """
 
     point: float = 1.0
@@ -72,25 +73,26 @@ class ModelKind(Kind):
     Attributes
     ----------
     definition : type of StudyDefinition
-        With the kind's own section, where it has one.
+        Schema of the study file, which includes the kind's own section if it has one.
     file_defaults : mapping
-        Keys of tables that are otherwise by default than in a study of complex modes.
+        Defaults by section and key that differ from those of a study of complex modes.
     begins_with : mapping of str -> float
-        Values of parameters, where the model has them and 0 by default, in a study to start from.
+        Values in a new study file of parameters that the model has, with 0 as their default.
     start : mapping of str -> mapping, or list of mappings
-        What else such a study says, by section; what the model says of a key comes first.
+        Further sections of a new study file; values that the model proposes replace these.
     short : mapping of str -> sequence of str
-        Keys of sections that matter most: such a study has them at their defaults.
+        Keys by section that matter most: a new study file shows them at their defaults.
     tells_reduction : bool
-        Its tables tell the error of the reduction, against a finer model.
+        Whether its tables have the error of the reduction, against a finer model.
     chooses_rung : bool
-        Its design points are solved by a rung of reanalysis, `[modes] method`.
+        Whether its design points are solved by a rung of reanalysis, `[modes] method`.
     has_fidelity : bool
-        Its settings can be chosen by `[fidelity]`.
+        Whether `[fidelity]` can choose its settings.
     points_are_modes : bool
-        A design point is a solve of complex modes: its time follows from the size of a model.
+        Whether a design point is one solve of complex modes, whose time follows from the model's
+        size.
     needs_contact : bool
-        It cannot be made of a family of matrices.
+        Whether a family of matrices, which has no contact, cannot be studied.
     """
 
     definition: type[StudyDefinition] = StudyDefinition
@@ -106,15 +108,15 @@ class ModelKind(Kind):
 
     # -- the study file --------------------------------------------------------------------------
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
-        """The study, checked against its model and resolved."""
+        """Read the study of a file's tables, checked against its model and resolved."""
         return resolve_study(source, tables)
 
     def plan(self, study: ResolvedStudy) -> Plan:
-        """The plan's design points."""
+        """The plan of a study's design points."""
         return Plan(study)
 
     def owner(self, study: ResolvedStudy) -> tuple[str, str, str]:
-        """Name, kind and model: whose results directory it is."""
+        """Name, kind and model, by which the study's results directory is recognised."""
         return study.name, self.name, study.model.name
 
     def n_points(self, study: ResolvedStudy) -> int:
@@ -122,17 +124,18 @@ class ModelKind(Kind):
         return count_points(study)
 
     def check_count(self, study: ResolvedStudy, yes: bool) -> None:
-        """As `check_limit`, of the points that a study begins with, before they are made."""
+        """Do `check_limit` for the points that a study begins with, before they are made."""
         _check_limit(study, self.n_points(study), yes)
 
     def check_limit(self, plan: Plan, yes: bool) -> None:
-        """Raise StudyFileError (key ``design.limit``) for more points than the limit."""
+        """Raise StudyFileError (key ``design.limit``) above the limit of points, unless `yes`."""
         _check_limit(plan.study, len(plan.swept), yes)
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
-        """Function that fills in values of design points which follow from the whole study.
+        """Function that completes values of design points by those that follow from the study.
 
-        It is given values by the names of parameters: numbers, or arrays over design points.
+        It takes values by the names of parameters, numbers or arrays over design points, and
+        returns them completed.
         """
         return lambda values: values
 
@@ -146,7 +149,7 @@ class ModelKind(Kind):
 
     # -- a run -----------------------------------------------------------------------------------
     def seconds_without_workers(self, plan: Plan) -> float:
-        """Seconds for which work on a model of few degrees of freedom is done without workers."""
+        """Seconds that this process works alone on a small model before workers are started."""
         key, family = plan.tasks[0].structure, isinstance(plan.study.model, FamilyDefinition)
         if has_mesh(plan.study) or (family and not is_prepared(key)):
             return 0.0
@@ -157,7 +160,10 @@ class ModelKind(Kind):
         )
 
     def make_models(self, plan: Plan, workers: Workers, warn: Warn) -> tuple[Plan, dict[str, str]]:
-        """The reductions; of a basis that is not accurate enough a better one."""
+        """Make the reductions, and better ones where the basis is not accurate enough.
+
+        Returns the plan, perhaps one with a better basis, and reasons of failure by key.
+        """
         if text := check_shapes(plan):
             warn(text)
         check_component_modes(plan)
@@ -175,27 +181,27 @@ class ModelKind(Kind):
         return plan, failures
 
     def check(self, plan: Plan) -> None:
-        """Raise StudyFileError for what only the prepared models show."""
+        """Raise StudyFileError for faults that only the prepared models show."""
 
     def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
-        """The plan whose reduced models are good enough for the study; by default as it is."""
+        """The plan with reduced models that are accurate enough; by default the same plan."""
         return plan
 
     def begin(self, plan: Plan) -> None:
-        """Begin, in other processes, what can be made beside the structures."""
+        """Begin, in other processes, work that can be done while structures are made."""
 
     def stacks(self, plan: Plan) -> bool:
-        """Whether it solves the points of a plan as a batch of small models, without structures."""
+        """Whether a plan's points are solved as a batch of small models, without structures."""
         return False
 
     def make_missing_models(self, plan: Plan, workers: Workers) -> dict[str, str]:
-        """Make the structures that the cache does not hold; a batch needs none."""
+        """Make structures that the cache lacks (none for a batch); reasons of failure by key."""
         return {} if plan.stacked else build_structures(plan, workers)
 
     def unsolvable(
         self, plan: Plan, points: DesignPoints, failures: Mapping[str, str]
     ) -> dict[str, str]:
-        """Design points whose structure could not be made."""
+        """Design points whose structure could not be made, and why, by id."""
         return {
             name: failures[key]
             for key, rows in (points.of_structures() if failures else ())
@@ -204,37 +210,37 @@ class ModelKind(Kind):
         }
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
-        """Seconds of one design point on one core; None where it has no working point."""
+        """Seconds of one design point on one core; None where it cannot be solved."""
         raise NotImplementedError
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
-        """Names and values on how design points will be solved, for `check`."""
+        """Names and values of settings by which design points will be solved, for `check`."""
         return []
 
     def solves(self, plan: Plan) -> Solves:
-        """Solves in addition to the design points that are timed."""
+        """Cost of the study relative to the design points that are timed."""
         return Solves()
 
     def may_end_early(self, plan: Plan) -> bool:
-        """Whether design points may take far less time than the first ones."""
+        """Whether later design points may take far less time than the first ones."""
         return False
 
     def reads_meshes(self, plan: Plan) -> bool:
-        """Whether its tasks assemble the unreduced model, and so read the meshes of one's own."""
+        """Whether its tasks assemble the unreduced model, and so read the user's mesh files."""
         return False
 
     def usable_workers(self, plan: Plan, workers: Workers) -> Workers:
-        """Workers of this machine where tasks read its files."""
+        """The workers, but only those of this machine where tasks read its files."""
         has_files = isinstance(plan.study.model, FileDefinition)
         return workers.at_home if has_files and self.reads_meshes(plan) else workers
 
     # -- the manifest ----------------------------------------------------------------------------
     def manifest(self, plan: Plan) -> dict[str, Any]:
-        """Model, parameters, design and structures."""
+        """Facts for the manifest: model, parameters, design and structures."""
         return model_facts(plan) | shared_facts(plan)
 
     def timings(self, plan: Plan, failures: Mapping[str, str]) -> dict[str, float]:
-        """Seconds of each stage of a structure when it was made, the mean over structures."""
+        """Mean over structures of the seconds that each stage took when a structure was made."""
         if plan.stacked:
             return {}
         made_keys = [key for key in plan.structures if key not in failures]
@@ -246,7 +252,7 @@ class ModelKind(Kind):
 
 
 def as_model_kind(kind: StudyKind) -> ModelKind:
-    """A kind with all that is asked of one of a model; TypeError for another."""
+    """The kind as a ModelKind; TypeError where it is not one."""
     if not isinstance(kind, ModelKind):
         raise TypeError(f"the kind of study '{kind.name}' does not derive from ModelKind")
     return kind

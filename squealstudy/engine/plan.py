@@ -36,9 +36,9 @@ from squealstudy.study.sampling import design_points, grid_shape
 from squealstudy.study.toml_text import KeyPath
 
 LAW_OPTIONS = (CONTACT_OPTION.name, FRICTION_OPTION.name)  # they change no structure
-# they decide a reduction
+# source folders and files that a reduction depends on
 STRUCTURE_SOURCES = ("laws", "parameter.py", "linalg", "models", "reduction")
-# beside them, they decide its finer model
+# further ones that its finer model depends on
 FINER_SOURCES = ("system", "modes/full_order")
 TABLE_SOURCES = (*NUMERIC_PACKAGES, "study", "tables", "engine", "kinds")
 
@@ -51,12 +51,13 @@ class Plan:
     study : ResolvedStudy
         A loaded study file.
     swept : ndarray (n_points, n_sweeps) or None
-        Swept values of every design point, where the study's own design has grown by results
-        (kinds/complex_modes/boundary.py).
+        Swept values of every design point of a design that has grown by its results
+        (kinds/complex_modes/boundary.py); None: those that the study begins with.
     enriched : bool
-        Reduced models have the bases of finer ones: theirs are too coarse for the tolerance.
+        Whether bases are enriched once more, because without that they are too coarse for the
+        tolerance.
     point_by_point : bool
-        Small models, too, are prepared and solved one by one: where methods are compared.
+        Whether small models, too, are prepared and solved one by one, to compare methods.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class Plan:
 
     @cached_property
     def stacked(self) -> bool:
-        """Whether the kind solves all points of this plan as a batch, structures and all."""
+        """Whether the kind solves all points of this plan as one batch, without prepared models."""
         return not self.point_by_point and self.kind.stacks(self)
 
     @cached_property
@@ -87,12 +88,12 @@ class Plan:
         return replace(self._given, one_structure=True) if self.stacked else self._given
 
     def design(self, values: Mapping[str, float]) -> DesignPoint:
-        """The design point of some values of all parameters, with neither id nor structure."""
+        """The design point with these values of all parameters, with neither id nor structure."""
         return DesignPoint(self.study.model, self.study.options, values)
 
     @property
     def whole(self) -> Plan:
-        """The plan whose method, boxes and bases serve the points, where these are a part of it."""
+        """The plan that these points are a part of, whose method, boxes and bases serve them."""
         return self
 
     @property
@@ -102,12 +103,12 @@ class Plan:
 
     @property
     def owner(self) -> tuple[str, str, str]:
-        """Name, kind and model: whose results directory it is."""
+        """Name, kind and model, by which the study's results directory is recognised."""
         return self.study.name, self.kind.name, self.study.model.name
 
     @cached_property
     def identity(self) -> list[Any]:
-        """All that a design point's row depends on beside its parameters, by the kind of study."""
+        """All that a row of this kind depends on beside its point's structure and parameters."""
         return self.kind.identity(self)
 
     @property
@@ -131,15 +132,15 @@ class Plan:
 
     @cached_property
     def nominal(self) -> OperatingPoint:
-        """The [parameters] as they stand: where the basis is made."""
+        """Operating point of the study's [parameters], at which the basis is made."""
         return self.design(self.study.values).operating_point()
 
     @cached_property
     def training(self) -> tuple[OperatingPoint, ...]:
-        """Ends of the swept pressure and contact-law ranges, the rest nominal.
+        """Operating points at the ends of swept pressure and contact-law ranges, the rest nominal.
 
-        Friction is among them where the study asks for it: without, another friction range reuses
-        the reduction. There are none without enrichment, which alone is trained.
+        Ends of the friction range are added only if the study asks for it, so that otherwise
+        another friction range reuses the reduction. Without enrichment there are no such points.
         """
         if not has_mesh(self.study) or not self.study.definition.reduction.enrichment:
             return ()
@@ -158,26 +159,30 @@ class Plan:
         return tuple(points)
 
     def ends(self, name: str) -> tuple[float, float]:
-        """Least and largest value of a parameter, which its bases are made for."""
+        """Least and largest value of a parameter over the design points."""
         column = self.tasks.column(name)
         return float(column.min()), float(column.max())
 
     @cached_property
     def judged_to_hz(self) -> float | None:
-        """Top of the band, for errors of the reduction; None where a study does not ask for them.
+        """Highest frequency [Hz] at which reduced roots are compared with a finer model's.
 
-        Complete bases have none, and runs in time tell theirs by other means.
+        None for models without a mesh, whose bases are complete, and where the kind of study does
+        not tell the error of the reduction in this way and residual responses are not asked for.
         """
         is_asked = self.kind.tells_reduction or self.study.definition.reduction.residual_responses
         return self.band_hz[1] if is_asked and has_mesh(self.study) else None
 
     @cached_property
     def trained_scales(self) -> tuple[dict[ModeKey, float], ...]:
-        """Factors on component frequencies that residual loads are taken with."""
+        """Factors on component frequencies at which residual loads are taken."""
         return () if self.judged_to_hz is None else self._extreme_scales()
 
     def _extreme_scales(self) -> tuple[dict[ModeKey, float], ...]:
-        """All factors at their least, then all at their largest; not those that change nothing."""
+        """Factors on component frequencies: all at their least, all at their largest.
+
+        A set of factors that are all 1 is left out, as is the second of two equal sets.
+        """
         swept = [p for p in self.first.mode_parameters() if p.quantity == FREQUENCY_SCALE]
         extremes: list[dict[ModeKey, float]] = []
         for end in (0, 1):
@@ -189,18 +194,18 @@ class Plan:
 
     @property
     def enriching(self) -> int:
-        """How often what finer models show joins the basis (full_order/finer_model.py)."""
+        """How often directions of finer models join the basis (full_order/finer_model.py)."""
         section = self.study.definition.reduction
         once = section.enrichment and section.residual_responses and self.judged_to_hz is not None
         return int(once) + int(self.enriched)
 
     @cached_property
     def shared_range(self) -> SharedRange | None:
-        """Over which structures have one basis; None where each has its own."""
+        """The range over which structures have one basis; None where each has its own."""
         return shared_range(self.study, int(self._values.structure_index.max(initial=-1)) + 1)
 
     def structure_key(self, design: DesignPoint, enriched: bool | None = None) -> str:
-        """Content hash of the prepared model that a design needs; StudyFileError without files."""
+        """Content hash of a design's prepared model; StudyFileError where a file is missing."""
         if isinstance(self.study.model, FamilyDefinition):
             return self.family_key
         values = design.structural_values()
@@ -210,7 +215,7 @@ class Plan:
         return content_hash({**self._structure(values, enriched), "shared": shared.identity})
 
     def shared_key(self, design: DesignPoint) -> str:
-        """Content hash of the basis of the range that a design's structure is in."""
+        """Content hash of the basis for the range that a design's structure is in."""
         assert self.shared_range is not None
         fixed = design.structural_values()
         for name in self.shared_range.names:
@@ -219,7 +224,7 @@ class Plan:
         return content_hash([self._structure(fixed, None), basis])
 
     def _structure(self, values: Mapping[str, float], enriched: bool | None) -> dict[str, Any]:
-        """All that decides a reduction, of structural values."""
+        """All that decides the reduction of a structure with these structural values."""
         enriched = self.enriched if enriched is None else enriched
         s, joined = self.settings, self.enriching - int(self.enriched) + int(enriched)
         scales = [sorted([*k, v.hex()] for k, v in x.items()) for x in self.trained_scales]
@@ -243,7 +248,7 @@ class Plan:
 
     @cached_property
     def family_key(self) -> str:
-        """Content hash of the one prepared model of a family: its files, not where they are."""
+        """Content hash of a family's one prepared model: of the files, not of where they are."""
         model = self.study.model
         assert isinstance(model, FamilyDefinition)
         digests = file_digests(model, self.study.source)
@@ -262,7 +267,7 @@ class Plan:
 
     @cached_property
     def method(self) -> RungChoice:
-        """How design points are solved; StudyFileError for one that cannot serve this study."""
+        """The method that solves design points; StudyFileError where it cannot serve this study."""
         return choose_method(self.study, self.swept)
 
     @cached_property
@@ -272,7 +277,7 @@ class Plan:
         return DesignPoints(self._values, PlannedNames(self._values, key_of, self._model_hash))
 
     def _stacked_key(self, design: DesignPoint) -> str:
-        """Key that stands for all structures of a batch: no prepared model has it."""
+        """A key that stands for all structures of a batch; no prepared model has it."""
         fixed = dict.fromkeys(design.structural_values(), 0.0)
         return content_hash(["stacked", self._structure(fixed, None), self.study.model.added])
 

@@ -54,17 +54,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunReport:
-    """Numbers of points solved, failed and known, and seconds of a run.
+    """Results directory of a run, and how many of its points were solved or there already.
 
     Attributes
     ----------
     directory : Path
     manifest : dict
-        As written.
+        The manifest as it was written.
     n_solved : int
-        Design points solved by this run; 0 where all was there.
+        Number of points that this run solved or could not solve; 0 where all results were there.
     n_reused : int
-        Points found in the results.
+        Number of points whose rows were in the results before.
     """
 
     directory: Path
@@ -84,11 +84,11 @@ def run_study(
     fresh: bool = False,
     cluster: Cluster | None = None,
 ) -> RunReport:
-    """Run a study of any kind, or what is left of it.
+    """Run a study of any kind, or the rest of one that was begun before.
 
-    Nothing is written before the study is known to be valid. Whole chunk files are kept over
-    kills and changes; only missing design points are solved. A design that grows is solved in
-    rounds, each of points that the ones before ask for.
+    Nothing is written before the study is known to be valid. Chunk files that are whole stay when a
+    run is killed or the study changes; only missing design points are solved. A design that grows
+    is solved in rounds; each round has the points that results of the former rounds ask for.
 
     Parameters
     ----------
@@ -96,22 +96,23 @@ def run_study(
     directory : Path
         Results directory; made where absent.
     jobs : int
-        Workers.
+        Number of workers.
     yes : bool
         Accept more points than the study's limit.
     progress : callable
-        Told (stage, done, total, failed).
+        Called with (stage, done, total, failed).
     warn : callable
-        Told what may go wrong, before the design points are solved.
+        Called with a text about what may go wrong.
     fresh : bool
-        Remove what the study wrote there before, and begin anew; files of others stay.
+        Remove what the study wrote there before, and begin anew; other files stay.
     cluster : Cluster or None
-        Whose workers solve the design points; None for processes of this machine.
+        Cluster whose workers solve the design points; None: processes of this machine.
 
     Raises
     ------
     StudyFileError, ResultsError
-        Invalid study; directory of another study, or in use; no design point is ok.
+        Where the study is invalid, the directory is another study's or in use, or no design point
+        is ok.
     """
     kind = as_kind(plan.kind)
     kind.check_limit(plan, yes)
@@ -151,7 +152,7 @@ def run_study(
             warn(text)
         for other in beside_left:
             warn(f"{other}: it belongs to this study no more (--fresh removes it)")
-        for name in pictures:  # of tables that are made anew
+        for name in pictures:  # they show tables that are made anew
             (directory / name).unlink(missing_ok=True)
         manifest = new_manifest(plan, jobs)
         manifest["timings"] = {"structures_s": prepared_s, **kind.timings(plan, failures)}
@@ -188,9 +189,10 @@ class _Options:
 
 
 def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict[str, str], bool]:
-    """Run the studies beside one: why some could not be, by their folders; whether any changed.
+    """Run the studies beside a study.
 
-    A study file or a machine that is at fault ends the run; else the others go on.
+    Returns by folder why one failed, else an empty text; and whether results of any have changed.
+    A fault of a study file or of the machine ends the run; after other errors the next study runs.
     """
     failures, changed = {}, False
     for folder, other in as_kind(plan.kind).side_studies(plan).items():
@@ -210,7 +212,7 @@ def _run_beside(plan: Planned, directory: Path, options: _Options) -> tuple[dict
 
 
 def _left_beside(plan: Planned, directory: Path) -> list[Path]:
-    """Results of studies that were run beside one, and are no more: their journals tell whose."""
+    """Results of studies that were run beside this one before, and no longer belong to it."""
     name, kind, _ = plan.owner
     planned = {directory / folder for folder in as_kind(plan.kind).side_studies(plan)}
     folders = {path.parent for path in directory.glob(f"*/*/{JOURNAL}")} - planned
@@ -220,7 +222,7 @@ def _left_beside(plan: Planned, directory: Path) -> list[Path]:
 
 
 def _remove(directory: Path, tables: Sequence[str]) -> None:
-    """Remove what a study wrote in a directory, which its journal tells; files of others stay."""
+    """Remove all that a study wrote in a directory, by its journal; other files stay."""
     store = Store(directory)
     owner = store.journal.owner
     assert owner is not None
@@ -230,7 +232,7 @@ def _remove(directory: Path, tables: Sequence[str]) -> None:
         (directory / JOURNAL).unlink()
     (directory / LOCK).unlink(missing_ok=True)
     for folder in (directory, directory.parent):
-        with contextlib.suppress(OSError):  # it holds what is not ours
+        with contextlib.suppress(OSError):  # it holds files of others
             folder.rmdir()
 
 
@@ -258,7 +260,7 @@ def _is_complete(manifest: dict[str, Any], plan: Planned, store: Store) -> bool:
 
 
 def _left_over(plan: Planned, store: Store, solved_ids: np.ndarray) -> str:
-    """How many of the rows that were solved before belong to the study; empty where all do."""
+    """Warning about rows solved before that do not belong to the study now; empty without any."""
     others = int(np.isin(solved_ids, plan.tasks.ids, invert=True).sum())
     if not others:
         return ""
@@ -278,7 +280,7 @@ def _solve_points(
     workers: Workers,
     manifest: dict[str, Any],
 ) -> int:
-    """Solve the design points that are not among those `done_before`; their number."""
+    """Solve the design points whose ids are not in `done_before`; how many these were."""
     started, kind = time.perf_counter(), as_kind(plan.kind)
     workers = kind.usable_workers(plan, workers)
     pending = np.flatnonzero(np.isin(plan.tasks.ids, done_before, invert=True))
@@ -312,7 +314,7 @@ def _solve_points(
         "working_points_reused": gaps_reused,
     }
     timings = manifest["timings"]
-    for name, seconds in spent.items():  # of all rounds together
+    for name, seconds in spent.items():  # summed over all rounds
         timings[name] = timings.get(name, 0) + seconds
     return len(pending)
 
@@ -321,7 +323,7 @@ def _finish(
     plan: Planned, store: Store, manifest: dict[str, Any], workers: Workers, started: float
 ) -> None:
     """Build the tables and close the manifest."""
-    give_back_memory()  # what came from workers is written
+    give_back_memory()  # that of workers' results, which are written
     workers.report("tables", 0, 1)
     tables_started = time.perf_counter()
     points, facts = as_kind(plan.kind).build_tables(plan, store, workers)
@@ -356,9 +358,9 @@ def _expect_solved(plan: Planned, directory: Path, points: pd.DataFrame) -> None
 
 @contextmanager
 def reading_earlier_files(store: Store) -> Iterator[None]:
-    """Raise ContradictionError for what nobody foresaw where files were there at the beginning.
+    """Turn unforeseen errors into a ContradictionError where results were there before.
 
-    Types and lengths are checked as rows are read, but not every value of them.
+    Types and lengths are checked as rows are read, but not every value: the files may be at fault.
     """
     earlier = bool(store.journal.entries)
     try:

@@ -1,7 +1,7 @@
-"""The one place that hands tasks to workers; work of a few seconds stays in this process.
+"""The only place that hands tasks to workers; work of a few seconds stays in this process.
 
-Workers are processes of this machine or those of a cluster (engine/cluster.py). How many there are,
-how many design points a task has, and what passes between a run and its workers.
+Workers are processes of this machine or of a cluster (engine/cluster.py). Their number, the number
+of design points in a task, and results that pass between workers and a run are defined here.
 """
 
 from __future__ import annotations
@@ -43,11 +43,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from squealstudy.engine.cluster import Cluster
-FIRST_POINTS = 16  # points of a task while nothing is known of their time
-MOST_POINTS = 4096  # design points of a task, and of a chunk file
-TARGET_TASK_S = 2.0  # duration of a task that is aimed at
-LEAST_SECONDS = 0.1  # a shorter task is not worth sending
-TASKS_A_WORKER = 8  # tasks of the points that remain: so workers end together
+FIRST_POINTS = 16  # most points of a task before any has been timed
+MOST_POINTS = 4096  # most design points of a task, and of a chunk file
+TARGET_TASK_S = 2.0  # s, longest duration that a task is given points for
+LEAST_SECONDS = 0.1  # s: a shorter task is not worth sending
+# the points left are divided into so many tasks for each worker, so that workers end together
+TASKS_A_WORKER = 8
 
 
 @dataclass
@@ -57,17 +58,17 @@ class Pace:
     Attributes
     ----------
     seconds : float
-        Of a point in the last finished task; 0 where none is.
+        Time of a point in the last finished task, s; 0 before any is finished.
     """
 
     seconds: float = 0.0
 
     def took(self, points: int, seconds: float) -> None:
-        """Learn from a finished task."""
+        """Record how many seconds a finished task of so many points took."""
         self.seconds = max(seconds, 1e-9) / max(points, 1)
 
     def size(self, n_points: int, jobs: int) -> int:
-        """Points of the next task, where so many are left for so many workers."""
+        """Number of points in the next task, where `n_points` are left for `jobs` workers."""
         fair = math.ceil(n_points / (TASKS_A_WORKER * jobs))
         if not self.seconds:
             return max(1, min(FIRST_POINTS, fair))
@@ -75,9 +76,10 @@ class Pace:
         return max(1, min(MOST_POINTS, max_points, max(fair, min_points)))
 
     def parts(self, points: DesignPoints, jobs: int, min_points: int = 1) -> Iterator[DesignPoints]:
-        """Consecutive points of one structure each, as many at a time as `size` says then.
+        """Yield parts of the points, each of one structure, with as many as `size` says then.
 
-        Where that is less than `min_points`, nearly so many, of even parts.
+        They are no smaller than a structure's points divided evenly into parts of `min_points` or
+        somewhat less.
         """
         n_left = len(points)
         for _, rows in points.of_structures():
@@ -88,7 +90,7 @@ class Pace:
                 start, n_left = start + size, n_left - size
 
 
-# tasks a worker that are drawn: one at work, others wait for it to be free
+# tasks drawn for each worker: one that it does, the others wait for it
 TASKS_IN_FLIGHT_PER_WORKER = 3
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
@@ -98,32 +100,32 @@ ArgumentsT = ParamSpec("ArgumentsT")
 
 
 def silent(stage: str, done: int, total: int, failed: int = 0) -> None:
-    """Progress that nobody is told of."""
+    """Report no progress."""
 
 
 def at_once() -> float:
-    """No seconds: tasks go to worker processes at once."""
+    """Return 0 s: tasks go to worker processes at once."""
     return 0.0
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Workers, one BLAS thread each, and who is told how far they are.
+    """Workers with one BLAS thread each, and the function that reports their progress.
 
     Attributes
     ----------
     jobs : int
-        How many; with one local one all is done in this process.
+        Number of workers; a single local one is this process itself.
     report : callable
-        Told (stage, done, total, failed).
+        Called with (stage, done, total, failed).
     seconds_without_workers : callable
-        Seconds for which tasks are done in this process: a worker takes longer to start than a
-        small study to run. Workers of a cluster have started: they get all tasks, unless it is
-        infinite.
+        Returns for how many seconds tasks are done in this process before workers are started,
+        which takes longer than a small study. Workers of a cluster run already: they get all tasks,
+        unless it returns infinity.
     pace : Pace
-        What design points have taken, by which tasks are cut.
+        Time that design points have taken, which decides how many a task has.
     cluster : Cluster or None
-        Whose workers they are; None for processes of this machine.
+        The cluster that the workers belong to; None: processes of this machine.
     """
 
     jobs: int = 1
@@ -134,11 +136,11 @@ class Workers:
 
     @property
     def at_home(self) -> Workers:
-        """Workers of this machine, for what needs its files."""
+        """Workers of this machine, for tasks that need its files."""
         return self if self.cluster is None else replace(self, jobs=cores(), cluster=None)
 
     def threads(self, tasks: int) -> int:
-        """Threads that each of so many tasks may use: of a single one all, where it runs here."""
+        """Threads that each of so many tasks may use: 1, but `jobs` for a single task run here."""
         return self.jobs if tasks == 1 and self.cluster is None else 1
 
     def each(
@@ -149,28 +151,28 @@ class Workers:
         total: int | None = None,
         lost: Callable[[TaskT, str], ResultT] | None = None,
     ) -> Iterator[ResultT]:
-        """Results of a function of each task, as they come; none is kept here.
+        """Yield results of a function of each task, as they come; none is kept here.
 
-        Tasks are drawn when a worker is about to need them: of a long iterable never more than
-        `TASKS_IN_FLIGHT_PER_WORKER` a worker are there at once.
+        Tasks are drawn when a worker is about to need them: never are more than
+        `TASKS_IN_FLIGHT_PER_WORKER` for each worker in memory.
 
         Parameters
         ----------
         function : callable
         tasks : iterable
         stage : str
-            Name under which progress is told; none without.
+            Name under which progress is reported; empty: it is not reported.
         total : int or None
             Number of tasks, for progress, where `tasks` has no length.
         lost : callable or None
-            Makes the result of a task that ended every worker of a cluster that tried it, of the
-            task and of what happened.
+            Takes a task that ended every worker of a cluster that tried it, and what happened;
+            returns a result for it.
 
         Raises
         ------
         MachineError
-            Where a worker process dies, or none can start; in a cluster where the scheduler is
-            lost, or such a task has no result.
+            Where a worker process dies, or none can start. In a cluster: where the scheduler is
+            lost, or a task ends every worker and there is no `lost`.
         """
         n_known = len(tasks) if isinstance(tasks, Sized) else 0
         total = n_known if total is None else total
@@ -240,10 +242,10 @@ class Workers:
 def _executor(
     jobs: int, line: Connection, files: tuple[Path, ...], _cache: Path
 ) -> ProcessPoolExecutor:
-    """Processes that stay for the next tasks: they take longer to start than most tasks.
+    """Worker processes, which stay for later tasks because they take long to start.
 
-    With other extensions others start, whose kernels know other laws; with another cache as well,
-    for processes have the environment in which they start.
+    Other extensions need new processes, whose kernels know other laws. So does another cache,
+    because a process keeps the environment that it was started in.
     """
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
@@ -261,7 +263,7 @@ def _executor(
         ) from error
 
 
-atexit.register(_executor.cache_clear)  # while modules are there, which it looks up at its end
+atexit.register(_executor.cache_clear)  # its end needs modules, which go after this
 
 
 @lru_cache(maxsize=1)
@@ -271,12 +273,12 @@ def _thread_pools(_modules: frozenset[str]) -> ThreadpoolController:
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """With one thread of BLAS."""
+    """A context in which BLAS has one thread."""
     return _thread_pools(frozenset(sys.modules)).limit(limits=1)
 
 
 def on_one_thread(function: Callable[ArgumentsT, ResultT]) -> Callable[ArgumentsT, ResultT]:
-    """The function with one thread of BLAS: for small matrices more of them wait for each other."""
+    """The function run with one BLAS thread: for small matrices several would be slower."""
 
     @wraps(function)
     def limited(*args: ArgumentsT.args, **kwargs: ArgumentsT.kwargs) -> ResultT:
@@ -299,11 +301,11 @@ class Solved:
     Attributes
     ----------
     rows : sequence of dict
-        One a design point, with the columns of the kind's chunk files.
+        One row for each design point, with the columns of the kind's chunk files.
     files : mapping of str -> Table, or mapping of names to arrays
-        What belongs beside the tables, by its path in the results directory: Parquet or npz.
+        Contents of Parquet or npz files beside the tables, by path in the results directory.
     known : int
-        Points whose working point an earlier study had found.
+        Number of points whose working point an earlier study had solved.
     table : Table or None
         The rows as a table of the kind's chunk files, in place of `rows`.
     """
@@ -317,7 +319,7 @@ class Solved:
 def worker_count(
     jobs: int | None, manifest: Mapping[str, Any] | None, warn: Callable[[str], None]
 ) -> int:
-    """Worker processes of a run: as many as were asked for, else as cores and memory allow.
+    """Number of worker processes of a run: `jobs`, or None: as cores and memory allow.
 
     A worker is assumed to need as much memory as the largest worker of the earlier run with this
     `manifest`, or as this process has taken so far. `warn` is called where memory limits the
