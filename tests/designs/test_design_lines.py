@@ -400,3 +400,11 @@ def test_more_modes_than_a_point_has_are_called_tracks(tmp_path):
     assert named > results.points["n_modes"].max() == 2
     told = " ".join(as_text(results.screen.findings(results)).split())
     assert f"{named} tracks of modes, at most 2 at one point, are unstable between 1 and" in told
+
+
+def test_modes_that_are_not_followed_have_an_answer_above_their_table(tmp_path):
+    results = results_of(tmp_path / "r", [0.2, 0.4], [75.0], more="track = false\n")
+    answer, table = as_text(results.screen.findings(results)).split("\n\n")[:2]
+    assert answer.startswith("1 group of modes is unstable between 10 and 1000 Hz. Most")
+    assert "50 % of the 2 solved points" in " ".join(answer.split())
+    assert table.split()[0] == "mode"

@@ -165,7 +165,10 @@ class ComplexModesScreen(KindScreen):
             lines = design_lines(results)
             table = self.rank(results, "share", None, None)
             designs = design_table(results, lines, table) if lines else onset_table(results)
-            return [*answer(results, table, lines), *designs, *self.ranking(results)]
+            first = answer(results, table, lines)
+            if not first and (table["kind"] != group_kind(1)).all() and len(table):
+                first = [self.verdict(results), ""]  # modes without numbers have no onsets
+            return [*first, *designs, *self.ranking(results)]
         lost = _left_out(results)
         if not (results.points["status"] == "ok").any():
             return [_no_mode(results, None), notes(lost)]
