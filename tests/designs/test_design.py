@@ -15,6 +15,7 @@ from own_blocks import STUDY as BLOCKS
 from own_blocks import write_blocks
 from scipy import ndimage
 from scipy.stats import norm
+from test_report import quickly
 
 import squealstudy as sq
 from squealstudy.cli import app as cli
@@ -1057,7 +1058,7 @@ def test_variants_are_searched_and_proven_each_and_set_beside_each_other(varied)
     assert f"{table['cost'].min():.4g}" in facts["choice"]
     assert ("'soft'" if best == "soft" else "the file's own design") in facts["choice"]
     assert facts["choice"].endswith("3 of 3 alternatives are proven, large motions not looked at.")
-    assert report([varied]).count("<section id=") == 3
+    assert quickly(varied).count("<section id=") == 3
     held, whole = check_results(varied.directory)
     assert whole
     assert "variants/soft: study" in dict(held)
@@ -1155,7 +1156,7 @@ def test_an_operating_point_without_a_result_is_no_search_that_failed(
     assert "operating points (1 could not be solved); no design could be held" in facts["verdict"]
     assert "could not be solved (it falls apart)" in facts["verdict"]
     assert "Nearest" not in facts["verdict"]
-    told = html.unescape(report([found], shapes=False))
+    told = html.unescape(quickly(found))
     assert f"{facts['verdict']} 1 of 2 points is not ok (1 no_working_point)." in told
 
 

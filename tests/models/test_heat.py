@@ -7,9 +7,9 @@ import pytest
 import scipy.sparse as sp
 from own_blocks import block, write_blocks
 from study_runs import command, solved
+from test_report import quickly
 
 import squealstudy as sq
-from squealstudy.engine.report import report
 from squealstudy.errors import StudyFileError
 from squealstudy.models.components.heat import thermal_forces
 from squealstudy.models.components.inp_writer import write_inp
@@ -244,4 +244,4 @@ def test_inspect_check_and_report_say_that_the_plate_is_hot(tmp_path, monkeypatc
     assert command("check", str(path)) == 0
     assert said in " ".join(capsys.readouterr().out.split())
     results = solved(sq.read_study(path).plan(), tmp_path / "out")
-    assert said in report([results], shapes=False)
+    assert said in quickly(results)

@@ -9,9 +9,9 @@ import scipy.io
 import scipy.sparse as sp
 from study_runs import command
 from test_lumped import BELT, ROCKER, changed, model_of
+from test_report import quickly
 
 import squealstudy as sq
-from squealstudy.engine.report import report
 from squealstudy.engine.validity import open_reason
 from squealstudy.errors import ModelError, StudyFileError
 from squealstudy.study.lumped import read_lumped
@@ -274,7 +274,7 @@ def test_a_contact_that_nothing_presses_is_said_first(tmp_path, capsys):
     assert command("run", str(tmp_path / "study.toml"), "-o", str(tmp_path / "out"), "-j", "1") == 0
     text = "In steady sliding the contact touches nowhere at any of 2 design points"
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
-    page = report([sq.open_results(tmp_path / "out")], shapes=False)
+    page = quickly(sq.open_results(tmp_path / "out"))
     assert text in page
 
 
@@ -295,7 +295,7 @@ def test_a_bilateral_contact_over_a_gap_is_said_first(kind, tmp_path, capsys):
     assert command(*run, "--no-pictures") == 0
     text = "In steady sliding the contact pulls at all 2 design points"
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
-    assert text in report([sq.open_results(tmp_path / "out")], shapes=False)
+    assert text in quickly(sq.open_results(tmp_path / "out"))
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 from study_runs import command, plan_of, solved
+from test_report import quickly
 
 import squealstudy
 from squealstudy.cli.before_after import before_after
-from squealstudy.engine.report import report
 from squealstudy.engine.validity import parameter_reasons
 from squealstudy.errors import StudyFileError
 from squealstudy.models.parameter import ParameterTable
@@ -121,7 +121,7 @@ def test_exact_alone_serves_tables(warm):
 
 
 def test_the_report_says_through_what_temperature_acts(warm):
-    assert "temperature acts through tables of friction alone" in report([warm])
+    assert "temperature acts through tables of friction alone" in quickly(warm)
 
 
 def test_a_changed_table_is_another_study():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from own_blocks import write_blocks
 from study_runs import command, solved
+from test_report import quickly
 
 import squealstudy as sq
-from squealstudy.engine.report import report
 from squealstudy.errors import StudyFileError
 
 RATE = 1e-14  # 1/Pa
@@ -167,4 +167,4 @@ def test_inspect_check_and_report_say_that_faces_are_worn(tmp_path, monkeypatch,
     assert command("check", str(path)) == 0
     assert said in " ".join(capsys.readouterr().out.split())
     results = solved(sq.read_study(path).plan(), tmp_path / "out")
-    assert said in report([results], shapes=False)
+    assert said in quickly(results)
