@@ -1,6 +1,7 @@
 """Masses and springs that a study adds to a model's sets, as parameters that are 0 by default.
 
-Of a model file they are tables of the file, of a generated brake they join what was assembled.
+For a model file they become further tables of the file. In a generated brake they are added to the
+assembled matrices.
 """
 
 from __future__ import annotations
@@ -36,17 +37,18 @@ class AddedPart:
     Attributes
     ----------
     name : str
-        Of the parameter: kg, or N/m.
+        Name of the parameter, whose value is in kg or N/m.
     table : PointMassTable or SpringTable
-        As it would stand in the model file, of size 0.
+        The table that the model file would have for it, with size 0.
     keys : tuple of str
-        What of the table has the parameter's value: ``mass``, ``stiffness[1]``.
+        Keys of the table that have the parameter's value: ``mass``, ``stiffness[1]``.
     source : SourceText
-        The study file, and
+        The study file.
     place : tuple of key
-        where it stands there.
+        Keys at which the study file has it.
     by_name : bool
-        The study names the parameter alone: a parameter of the model that is called so is that one.
+        Whether the study gives only the parameter's name. Then a parameter of the model with that
+        name is meant, and nothing is added.
     """
 
     name: str
@@ -58,19 +60,19 @@ class AddedPart:
 
     @property
     def kind(self) -> str:
-        """The tables of a model file that it is one of."""
+        """Name of the model file's tables of this kind."""
         return "spring" if isinstance(self.table, SpringTable) else "point_mass"
 
     @property
     def sets(self) -> tuple[str, ...]:
-        """COMPONENT.SET that it is on, ground left out."""
+        """The sets that it is on, as COMPONENT.SET; ground is left out."""
         if isinstance(self.table, SpringTable):
             return tuple(name for name in self.table.between if name.casefold() != GROUND)
         return (self.table.on,)
 
     @property
     def identity(self) -> str:
-        """Hash of all that decides what is added."""
+        """Hash of all that decides what the part adds."""
         text = repr((self.name, self.kind, self.keys, self.table.model_dump_json()))
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -80,7 +82,7 @@ class AddedPart:
 
 
 def named_mass(name: str, source: SourceText, keys: KeyPath) -> AddedPart:
-    """The mass spread over a set that a parameter such as ``added_mass.caliper.BRIDGE`` adds."""
+    """The mass, spread over a set, of a parameter such as ``added_mass.caliper.BRIDGE``."""
     table = PointMassTable(name="added", on=name.removeprefix(ADDED_MASS), mass=0.0)
     return AddedPart(name, table, ("mass",), source, keys, by_name=True)
 
@@ -88,12 +90,12 @@ def named_mass(name: str, source: SourceText, keys: KeyPath) -> AddedPart:
 def with_parts(
     file: ModelFile, parts: Sequence[AddedPart]
 ) -> tuple[ModelFile, dict[KeyPath, AddedPart]]:
-    """The tables of a file with those of some parts, and the place of each part among them.
+    """The file with the tables of some parts added, and the parts by keys of their tables.
 
     Raises
     ------
     StudyFileError
-        A part whose parameter there is already.
+        Where the file has a parameter with the name of a part already.
     """
     tables = {kind: list(getattr(file, kind)) for kind in ("point_mass", "spring")}
     parameters = dict(file.parameters)
@@ -117,12 +119,13 @@ def with_parts(
 
 
 def with_added(model: ModelDefinition, parts: Sequence[AddedPart]) -> ModelDefinition:
-    """A generated model with parts on its sets; lengths of parts are m.
+    """A generated model with parts on its sets; lengths of parts are in m.
 
     Raises
     ------
     StudyFileError
-        A set that the model does not have; two springs between the same; ground twice.
+        Where the model has no such set, or has a part's parameter already, or a spring does not
+        join two different sets, or a set and ground.
     """
     names, declared = {p.name for p in model.parameters}, list(model.declared)
     parts = [part for part in parts if not (part.by_name and part.name in names)]
@@ -157,7 +160,7 @@ def _built(
     options: Mapping[str, str | int],
     values: Mapping[str, float],
 ) -> Assembly:
-    """The assembly with the parts; StudyFileError about one that cannot be, whatever its size."""
+    """The assembly with the parts; StudyFileError about a part that is impossible at any size."""
     assembly = build(options, values)
     for number, part in enumerate(parts, start=1):
         try:
@@ -168,7 +171,7 @@ def _built(
 
 
 def _with_part(assembly: Assembly, part: AddedPart, name: str, size: float) -> Assembly:
-    """The assembly with a part of a size, kg or N/m."""
+    """The assembly with a part of this size [kg or N/m]."""
     components = {c.name: c for c in assembly.components}
 
     def points(reference: str) -> tuple[str, Surface]:

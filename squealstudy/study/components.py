@@ -1,4 +1,4 @@
-"""The model of a study that names a model file: its parameters, its files, how it is built."""
+"""The model of a study that names a model file: parameters, files, and how it is built."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ if TYPE_CHECKING:
 def read_model(
     path: Path, parts: Sequence[AddedPart] = (), *, unfinished: bool = False
 ) -> FileDefinition:
-    """The model of a model file with what a study adds; StudyFileError about what is wrong.
+    """The model of a model file with parts that a study adds; StudyFileError about any fault.
 
-    One that is `unfinished` may be without contact.
+    A file that is `unfinished` may have no contact yet.
     """
     source = SourceText.read(path)
     file = validate(ModelFile, source, source.tables)
@@ -120,7 +120,7 @@ def read_model(
 
 
 def _idle(file: ModelFile, law: FrictionCurveDefinition) -> dict[str, str]:
-    """Parameters of the operating point that no contact follows, and why."""
+    """Parameters of the operating point that no contact uses, and why."""
     sliding = [table for table in file.contact if table.kind == "sliding"]
     if not sliding:
         return {}
@@ -134,7 +134,7 @@ def _idle(file: ModelFile, law: FrictionCurveDefinition) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _InPlace:
-    """Which parameters leave nodes where they are: all but those that turn the rotor."""
+    """Tells which parameters leave nodes in place: all but those that turn the rotor."""
 
     turning: tuple[str, ...]
 
@@ -143,9 +143,9 @@ class _InPlace:
 
 
 def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
-    """Inspection of a model file, and its geometry; StudyFileError about what is wrong.
+    """Inspection of a model file, and its geometry; StudyFileError about any fault.
 
-    Of one without contact or load that of its components, as far as they can be used.
+    Without contact or load only the components are inspected, as far as they can be used.
     """
     from squealstudy.models.components.geometry import geometry_at
     from squealstudy.models.components.inspection import inspect
@@ -162,14 +162,14 @@ def inspected(model: FileDefinition) -> tuple[Inspection, Geometry | None]:
 
 
 def free_motions(model: FileDefinition) -> list[str]:
-    """Doubts about motions that nothing holds, at the defaults of a model file.
+    """Doubts about motions that nothing holds, at the default values of a model file.
 
-    Reads all meshes and assembles: a second or two for 50,000 degrees of freedom.
+    All meshes are read and assembled: a second or two for 50,000 degrees of freedom.
 
     Raises
     ------
     StudyFileError
-        What of the file cannot be used, in its meshes and sets too.
+        Where the file, or its meshes and sets, cannot be used.
     """
     from squealstudy.models.components.component_facts import Inspection
     from squealstudy.models.components.geometry import geometry_at
@@ -186,7 +186,7 @@ def free_motions(model: FileDefinition) -> list[str]:
 def inspected_part(
     path: Path, units: str, part: str | None, pass_over: Sequence[str]
 ) -> tuple[Inspection, Geometry | None]:
-    """Inspection of a mesh alone; ModelError about what is wrong."""
+    """Inspection of a mesh alone; ModelError about any fault."""
     from squealstudy.models.components.part_inspection import inspect_parts, part_alone
 
     if units not in UNITS:
@@ -195,7 +195,7 @@ def inspected_part(
 
 
 def build_of(model: FileDefinition) -> _Build:
-    """How a model is built, with the file that was read."""
+    """The builder of a model file's model."""
     assert isinstance(model.build, _Build)
     return model.build
 
@@ -203,12 +203,12 @@ def build_of(model: FileDefinition) -> _Build:
 def free_component(
     model: FileDefinition, name: str
 ) -> tuple[Body, tuple[sp.csr_matrix, sp.csr_matrix], tuple[np.ndarray, np.ndarray]]:
-    """A component of a model file at its defaults: body, its free K and M, turn and shift.
+    """A component of a model file at default values: body, its free K and M, turn and shift.
 
     Raises
     ------
     StudyFileError
-        There is no such component, or what is wrong with it.
+        Where there is no such component, or it has a fault.
     """
     from squealstudy.models.components.attached import component_matrices
     from squealstudy.models.components.geometry import geometry_of
@@ -229,7 +229,7 @@ def free_component(
 
 @dataclass(frozen=True)
 class _Build:
-    """Builds the model: what `ModelDefinition.build` is; goes to worker processes.
+    """Builds the model (`ModelDefinition.build`); it is sent to worker processes.
 
     Attributes
     ----------
@@ -237,17 +237,17 @@ class _Build:
         The model file.
     brake : Brake
     digests : tuple of str
-        Hashes of it and of its files as they were when the study was read.
+        Hashes of the model file and the files it reads, when the study was read.
     places : dict of str -> tuple of key
-        Where each parameter of the file stands.
+        Keys of the file's numbers that each parameter sets.
     stressed : OperatingPoint or None
-        Whose stresses stiffen what vibrates; None where none do.
+        Operating point whose stresses stiffen the model; None: none do.
     defaults : dict of str -> float
-        Of the parameters of the file.
+        Default values of the file's parameters.
     law_values : dict of str -> float
         Defaults of the parameters of contact laws.
     added : dict of key -> AddedPart
-        What a study adds, by its place in the file.
+        Parts that a study adds, by the keys of their tables in the file.
     """
 
     source: SourceText
@@ -260,7 +260,7 @@ class _Build:
     added: Mapping[KeyPath, AddedPart] = field(default_factory=dict)
 
     def given(self, values: Mapping[str, float]) -> dict[KeyPath, float]:
-        """Numbers of the file, SI, by key, that parameters of these values are."""
+        """Numbers (SI) that these values of parameters set in the file, by key."""
         return {keys: values[name] for name, where in self.places.items() for keys in where}
 
     def effective_radius(
@@ -268,7 +268,7 @@ class _Build:
         options: Mapping[str, str | int],
         values: Mapping[str, float],
     ) -> float | None:
-        """Radius [m] that ``sliding_speed`` is of; None where all points slide at one speed."""
+        """Radius [m] at which points slide at ``sliding_speed``; None where all slide at it."""
         from squealstudy.models.components.geometry import geometry_of
 
         with self.told(values):
@@ -283,14 +283,14 @@ class _Build:
             return mean_and_largest(geometry_of(self.brake), number, seed)
 
     def __call__(self, options: Mapping[str, str | int], values: Mapping[str, float]) -> Assembly:
-        """The assembly of options and values.
+        """The assembly at options and values.
 
         Raises
         ------
         StudyFileError
-            With line and key of the model file.
+            About a fault of the model file, with line and key.
         ModelError
-            Values that no material can have; a file that has changed meanwhile.
+            Where no material can have the values, or a file has changed meanwhile.
         """
         from squealstudy.models.components.build import build_assembly  # scikit-fem is slow to load
 
@@ -311,14 +311,14 @@ class _Build:
 
     @contextmanager
     def _slides(self, values: Mapping[str, float], table: str, why: str) -> Iterator[None]:
-        """Errors where there is no steady sliding for a table of the file.
+        """A context that explains errors of steady sliding needed for a table of the file.
 
         Raises
         ------
         StudyFileError
-            About the table, where parameters have their defaults.
+            About the table, where all parameters have their defaults.
         ModelError
-            About values of parameters else: other design points may be well.
+            About the other values, where some differ: other design points may be fine.
         """
         try:
             yield
@@ -332,15 +332,15 @@ class _Build:
 
     @contextmanager
     def told(self, values: Mapping[str, float]) -> Iterator[None]:
-        """Errors about the model file raised with file, line and key; `values` are in effect.
+        """A context that adds file, line and key to errors; `values` are those of parameters.
 
         Raises
         ------
         StudyFileError
-            About a key of the file, or of the study for what it adds. Of numbers that the file
-            does not have, and of defaults that cannot be, about the parameter.
+            About a key of the file, or of the study for a part it adds; about the parameter where
+            the number is not in the file, or is an impossible default.
         ModelError
-            Other values that cannot be, by the names of their parameters.
+            About other impossible values, with the names of their parameters.
         """
         try:
             yield
@@ -359,16 +359,16 @@ class _Build:
             raise ModelError(f"{self.source.path}: {what}") from error
 
     def _owners(self, keys: Sequence[KeyPath]) -> list[str]:
-        """Parameters that are the numbers at some keys."""
+        """Names of the parameters that set a number at one of these keys."""
         return [name for name, where in self.places.items() if set(where) & set(keys)]
 
     def _law(self, options: Mapping[str, str | int]) -> ContactLaw:
-        """The contact law under which stresses are found: its defaults, whatever is swept."""
+        """The contact law for stresses and wear: its parameters at defaults, even if swept."""
         return ContactLaw.from_values(str(options[CONTACT_OPTION.name]), self.law_values)
 
 
 def placed(error: PlacedError, source: SourceText) -> StudyFileError:
-    """The error with file, line and key, and what may have been meant."""
+    """The error with file, line and key, and a similar name that may be meant."""
     return source.error(error.keys, error.message + did_you_mean(error.word, error.known))
 
 

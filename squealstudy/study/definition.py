@@ -1,4 +1,4 @@
-"""A study: what its file says, checked against the model and resolved to numbers."""
+"""A study: the contents of its file, checked against the model and resolved to numbers."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ResolvedStudy:
     source : SourceText
         The file as it was read, and its path.
     kind : ModelStudyKind
-        What is computed at the design points.
+        The kind of study, which decides what is computed at the design points.
     definition : StudyDefinition
     model : ModelDefinition
     options : mapping of name -> str or int
@@ -52,7 +52,7 @@ class ResolvedStudy:
         A value of every parameter of the model, and the mode parameters of [parameters].
     sweeps : tuple of Sweep
     extensions : tuple of str
-        Hashes of the files that it names.
+        Hashes of the extension files that the study names.
     """
 
     source: SourceText
@@ -70,26 +70,26 @@ class ResolvedStudy:
         return self.definition.study.name
 
     def error(self, keys: KeyPath, message: str) -> StudyFileError:
-        """The error to raise about a key of the file."""
+        """An error about a key of the file, to be raised."""
         return self.source.error(keys, message)
 
     @property
     def grows(self) -> bool:
-        """Whether its design points depend on its results."""
+        """Whether the study's results decide further design points."""
         return self.definition.design.type == BOUNDARY
 
     @property
     def section(self) -> Any:
-        """The table of the file that is the kind's own; None where it has none."""
+        """The kind's own section of the file; None where the kind has none."""
         return getattr(self.definition, self.kind.section) if self.kind.section else None
 
     def variant(self, changes: Mapping[str, Any]) -> ResolvedStudy:
-        """The study with other values of some dotted keys; StudyFileError about one it refuses."""
+        """The study with other values at dotted keys; StudyFileError where one is refused."""
         return resolve_study(self.source, changed(self.source, self.source.tables, changes))
 
     @property
     def constant(self) -> dict[str, float]:
-        """Values of the parameters that are the same at all design points and designs."""
+        """Values of the parameters that are the same at all design points, and in all designs."""
         varied = {s.name for s in self.sweeps}
         varied |= {v.parameter for v in getattr(self.definition, "variable", ())}
         varied |= {t.name for t in self.model.tables if varied.intersection(t.over)}
@@ -97,7 +97,7 @@ class ResolvedStudy:
 
     @property
     def doubts(self) -> list[str]:
-        """Warnings about values, swept ones too, that may be in another unit than they should."""
+        """Warnings about values, swept ones too, that may have been given in a wrong unit."""
         ends: dict[str, tuple[float, ...]] = {
             name: (number,) for name, number in self.values.items()
         }
@@ -113,37 +113,37 @@ class ResolvedStudy:
 
 
 def load_any(path: str | Path) -> Any:
-    """Read and check a study file of any kind: a `ResolvedStudy`, or what a kind of methods reads.
+    """Read and check a study file of any kind: a `ResolvedStudy`, or a study of methods.
 
     Raises
     ------
     StudyFileError
-        With file, line, key and what was expected, whatever is wrong with the file.
+        About any fault of the file, with file, line, key and what was expected.
     """
     source = SourceText.read(path)
     return read_tables(source, source.tables)
 
 
 def read_tables(source: SourceText, tables: Mapping[str, Any]) -> Any:
-    """The study, as `load_any`, of a file's tables, perhaps with some values changed."""
+    """The study of a file's tables, perhaps with values changed; of any kind, as `load_any`."""
     kind = kind_of_file(source, tables)
     return resolve_study(source, tables) if kind is None else kind.read(source, tables)
 
 
 def load_study(path: str | Path) -> ResolvedStudy:
-    """Read and check a study file of a model; raises as `load_any`."""
+    """Read and check a study file of a model; StudyFileError about any fault."""
     source = SourceText.read(path)
     return resolve_study(source, source.tables)
 
 
 def parse_study(text: str, path: Path) -> ResolvedStudy:
-    """The study of a TOML text; `path` is for messages. Raises as `load_any`."""
+    """The study of a TOML text; `path` is used in messages. StudyFileError about any fault."""
     source = SourceText(path, text)
     return resolve_study(source, source.tables)
 
 
 def given_keys(study: ResolvedStudy) -> set[str]:
-    """Dotted keys of the file, ``transient.step``, of tables in tables too."""
+    """Dotted keys of the file's sections, such as ``transient.step``; none in lists of tables."""
     return {
         f"{section}.{key}"
         for section, table in study.source.tables.items()
@@ -153,7 +153,7 @@ def given_keys(study: ResolvedStudy) -> set[str]:
 
 
 def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStudy:
-    """The study of a file's tables, perhaps with some values changed; errors are about the file."""
+    """The study of a file's tables, perhaps with values changed; StudyFileError about any fault."""
     from squealstudy.study.design import DesignPoint
     from squealstudy.study.laws import check_laws
     from squealstudy.study.model_files import named_by_content
@@ -169,7 +169,7 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
     if any(TEMPERATURE in table.over for table in followed):
         model = with_temperature(model, given_tables)
     model = replace(model, tables=followed)
-    options = _options(definition.model, model, source)  # a law first, then its parameters
+    options = _options(definition.model, model, source)  # laws, before parameters that need them
     values = model.defaults()
     used: list[tuple[KeyPath, StudyParameter]] = []
     for name, written in definition.parameters.items():
@@ -208,9 +208,9 @@ def resolve_study(source: SourceText, tables: Mapping[str, Any]) -> ResolvedStud
 
 
 def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelStudyKind:
-    """The kind of a study file; StudyFileError for a table that another kind has."""
+    """The kind of a study file; StudyFileError for a section of another kind."""
     kind = kind_of_file(source, tables)
-    if kind is None:  # what is missing or wrong in [study] is said
+    if kind is None:  # then [study] has a fault, which validation reports
         validate(StudyDefinition, source, tables)
         raise source.error(("study", "kind"), "expected the name of a kind of study")
     if kind.of_methods:
@@ -231,7 +231,7 @@ def _kind(source: SourceText, tables: Mapping[str, Any]) -> ModelStudyKind:
 def _model_with_units(
     tables: Mapping[str, Any], source: SourceText, given_tables: Sequence[GivenTable]
 ) -> ModelDefinition | None:
-    """The model that a file names, whose parameters have units; None for matrices and no model."""
+    """The model named in a study file, for units of its parameters; None if it is not known."""
     from squealstudy.models.catalogue import MODELS
 
     section = tables.get("model")
@@ -274,7 +274,7 @@ def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
 def _options(
     section: ModelSection, model: ModelDefinition, source: SourceText
 ) -> dict[str, str | int]:
-    """Every option of the model: as given, or its default."""
+    """The value of every option of the model: as given, or its default."""
     from squealstudy.models.matrices.family import FamilyDefinition
 
     options = {option.name: option for option in model.options}
@@ -308,7 +308,7 @@ def _check_acting(
     options: Mapping[str, str | int],
     source: SourceText,
 ) -> None:
-    """No parameter of a law that the study does not choose: it would seem to have no influence."""
+    """Refuse parameters of laws not chosen, which would seem to have no influence."""
     from squealstudy.models.acting_laws import expect_acting
     from squealstudy.study.design import DesignPoint
 
@@ -321,7 +321,7 @@ def _check_acting(
 
 
 def _check_disjoint(used: list[tuple[KeyPath, StudyParameter]], source: SourceText) -> None:
-    """No component mode may be set under two names, in [parameters] or by sweeps."""
+    """Refuse a component mode that two names set, in [parameters] or by sweeps."""
     try:
         check_disjoint(parameter for _, parameter in used)
     except ParameterError as e:

@@ -13,36 +13,36 @@ if TYPE_CHECKING:  # numpy and scipy only where something is sampled: files are 
     import numpy as np
 
 UNIFORM: DistributionName = "uniform"
-KEYS: dict[str, tuple[str, ...]] = {  # of a [[sweep]], all of them needed
+KEYS: dict[str, tuple[str, ...]] = {  # keys of a [[sweep]], all of which are needed
     "uniform": ("start", "stop"),
     "normal": ("mean", "std"),
     "truncated_normal": ("mean", "std", "start", "stop"),
     "lognormal": ("median", "sigma"),
 }
-# probability beyond what is shown as the range of an unbounded distribution
+# probability of each tail beyond the range that is shown of an unbounded distribution
 DISPLAY_TAIL_PROBABILITY = 1e-4
-# relative change of a density over its range: its differences are rounded away
+# relative change of a density over its range, below which it counts as uniform
 DENSITY_REL_ROUND_OFF = 1e-7
 SOBOL_CLIP = 2.0**-31  # half a step of a Sobol sequence: keeps unbounded quantiles finite
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution by its quantile function.
+    """A distribution of values, sampled by its quantile function.
 
     Attributes
     ----------
     name : str
         A key of KEYS.
     mean, std : float
-        Of the normal distributions, before truncation. Of the lognormal the median, and the
-        standard deviation of the natural logarithm: ln x is normal about ln(median).
+        Mean and standard deviation of the normal distributions, before truncation. For the
+        lognormal the median, and the standard deviation of ln x, which is normal about ln(median).
     start, stop : float
         Ends of the uniform and the truncated distribution, start < stop.
     scale : str
-        ``log``: the logarithm is uniform.
+        ``log`` if the logarithm is uniform, else ``linear``.
     zero : float
-        Logarithms are of the distance from here: -273.15 of a temperature in degC.
+        Value from which logarithms measure the distance: -273.15 for a temperature in degC.
     """
 
     name: DistributionName
@@ -69,7 +69,7 @@ class Distribution:
 
     @cached_property
     def range(self) -> tuple[float, float]:
-        """Start and stop; without ends the quantiles at DISPLAY_TAIL_PROBABILITY from 0 and 1."""
+        """Start and stop; if unbounded the quantiles DISPLAY_TAIL_PROBABILITY from 0 and 1."""
         if self.bounded:
             return self.start, self.stop
         import numpy as np
@@ -81,7 +81,7 @@ class Distribution:
 
     @property
     def text(self) -> str:
-        """For people: the name and its numbers."""
+        """The name and its numbers, as messages show them."""
         if self.name == UNIFORM:
             return "uniform in the logarithm" if self.scale == "log" else UNIFORM
         first, second = KEYS[self.name][:2]

@@ -1,4 +1,4 @@
-"""The most friction of a model file's sliding contacts: what its assumption is judged by."""
+"""The largest friction of a model file's sliding contacts, by which its assumption is judged."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ FactorsOver = Callable[[int, int], tuple[float, float]]
 
 @dataclass(frozen=True)
 class OverFace:
-    """The largest factor of a contact that varies over its face, with the spread that it has.
+    """Largest factor on the friction of a contact where the factor varies over the face.
 
     Attributes
     ----------
     number : int
-        Of the contact.
+        Number of the contact, from 0.
     spread : float or str
-        `friction_spread`, or the parameter that it is.
+        `friction_spread`, or the name of the parameter that sets it.
     seed : float or str
-        `friction_seed`, or the parameter that it is.
+        `friction_seed`, or the name of the parameter that sets it.
     factors_over : callable
-        Number of a contact and seed -> mean and largest factor over its face; reads meshes.
+        Takes the number of a contact and a seed, returns mean and largest factor over its face; it
+        reads meshes.
     """
 
     number: int
@@ -41,7 +42,7 @@ class OverFace:
     factors_over: FactorsOver
 
     def at(self, values: Mapping[str, Any]) -> Any:
-        """At values of all parameters, numbers or arrays (m,)."""
+        """The factor at values of all parameters, which are numbers or arrays (m,)."""
         seeds, which = np.unique(_of_parameter(self.seed, values), return_inverse=True)
         faces = np.array([self.factors_over(self.number, int(seed)) for seed in seeds])
         mean, largest = faces[which].T if len(seeds) > 1 else faces[0]
@@ -50,16 +51,16 @@ class OverFace:
 
 @dataclass(frozen=True)
 class OwnFriction:
-    """A contact with friction or numbers of a friction law of its own.
+    """A contact that has its own friction, or its own values of the friction law.
 
     Attributes
     ----------
     coefficient : float, str or None
-        Its `friction`, or the parameter that it is; None for the study's.
+        Its `friction`, or the name of the parameter that sets it; None: the study's friction.
     factor : float, str or OverFace
-        Its `friction_factor`.
+        Its `friction_factor`, or the name of the parameter that sets it.
     law : mapping of parameter -> float or str
-        Its values of parameters of the friction law.
+        Its values of the friction law's parameters, or names of the parameters that set them.
     """
 
     coefficient: NumberOrParameter | None
@@ -67,7 +68,7 @@ class OwnFriction:
     law: Mapping[str, NumberOrParameter]
 
     def at(self, values: Mapping[str, Any]) -> Any:
-        """Static friction at values of all parameters, numbers or arrays (m,)."""
+        """Static friction at values of all parameters, which are numbers or arrays (m,)."""
         of_study = self.coefficient is None
         friction = values[FRICTION.name] if of_study else _of_parameter(self.coefficient, values)
         law = {name: _of_parameter(number, values) for name, number in self.law.items()}
@@ -77,13 +78,13 @@ class OwnFriction:
 
 @dataclass(frozen=True)
 class LargestFriction:
-    """Static friction of the contact point with most of it: the group of `FRICTION_RANGE`.
+    """Largest static friction of all contact points: the number that `FRICTION_RANGE` bounds.
 
     Attributes
     ----------
     factors : tuple of float, str or OverFace
-        `friction_factor` of each sliding contact with the study's friction, or the parameter that
-        it is.
+        `friction_factor` of each sliding contact with the study's friction, or the name of the
+        parameter that sets it.
     own : tuple of OwnFriction
         The other contacts with friction.
     """
@@ -92,7 +93,7 @@ class LargestFriction:
     own: tuple[OwnFriction, ...] = ()
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
-        """At values of all parameters, numbers or arrays (m,)."""
+        """The friction at values of all parameters, which are numbers or arrays (m,)."""
         factors = [_factor(factor, values) for factor in self.factors]
         largest = np.maximum.reduce(np.broadcast_arrays(*factors)) if factors else 1.0
         groups = [FRICTION_RANGE.group(values) * largest] if self.factors or not self.own else []
@@ -111,7 +112,7 @@ def _of_parameter(number: NumberOrParameter | None, values: Mapping[str, Any]) -
 def largest_friction(
     file: ModelFile, keys_of: Mapping[str, tuple[KeyPath, ...]], factors_over: FactorsOver
 ) -> LargestFriction:
-    """Largest static friction of a model file whose parameters stand at `keys_of`."""
+    """Largest static friction of a model file whose parameters set the numbers at `keys_of`."""
     parameter_at = {keys: name for name, of_name in keys_of.items() for keys in of_name}
     numbers = Numbers(file, {})
 
@@ -132,7 +133,7 @@ def largest_friction(
             f"{LAW_PREFIX}{key}": number_at("contact", i, OF_CONTACT, key)
             for key in table.friction_law
         }
-        if table.state is not None:  # it has its coefficient at all speeds
+        if table.state is not None:  # then the coefficient is the same at all speeds
             of_laws = (p for p in friction_parameters() if p.name.startswith(LAW_PREFIX))
             law = {p.name: p.default for p in of_laws}
         return OwnFriction(coefficient, factor_of(i), law)

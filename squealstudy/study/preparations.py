@@ -1,4 +1,4 @@
-"""Preparations of a model file, in words: what is done to it before anything vibrates."""
+"""Preparations of a model file before its modes or runs, such as heat or wear, in words."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from squealstudy.wording import listed
 if TYPE_CHECKING:  # which reads model files by what this is beside
     from squealstudy.study.definition import ResolvedStudy
 
-IN_TIME = ("transient", "limit_cycles")  # kinds in whose runs contacts stick and slip by themselves
+IN_TIME = ("transient", "limit_cycles")  # kinds of study in which contacts stick and slip
 
 
 def preparations(study: ResolvedStudy) -> tuple[str, ...]:
-    """Stresses, angles, heat, wear and contacts with friction of their own, a text each.
+    """Texts on stresses, angles, heat, wear and contacts with their own friction.
 
-    Of a model file with meshes; else ().
+    Only for a study of a model file with meshes; () for other models.
     """
     if not isinstance(study.model, FileDefinition) or study.model.name != NAME:
         return ()
@@ -43,7 +43,7 @@ def preparations(study: ResolvedStudy) -> tuple[str, ...]:
 
 
 class _Preparations:
-    """Texts of a model file at numbers of a study; what varies is told by its parameter's name."""
+    """Texts on a model file at a study's values; a number that varies is its parameter's name."""
 
     def __init__(
         self, file: ModelFile, overrides: Mapping[KeyPath, float], owners: Mapping[KeyPath, str]
@@ -84,7 +84,7 @@ class _Preparations:
                 yield f"heat has expanded {name}: {scale} times the temperatures of {of}"
 
     def contacts(self, in_time: bool) -> Iterator[str]:
-        """Which contacts have friction of their own, slide off the rotor or stick."""
+        """Yield texts on contacts with their own friction, or that slide or stick off the rotor."""
         for i, table in enumerate(self._file.contact):
             keys: KeyPath = ("contact", i)
             numbers = [("friction", "")] if table.friction is not None else []
@@ -114,7 +114,7 @@ class _Preparations:
         return stuck if self._numbers.at(*keys, "state") == STATES["stuck"] else sliding
 
     def _starts_in_time(self, keys: KeyPath) -> bool:
-        """Whether what does not vary of a contact with a state can be run in time."""
+        """Whether a contact with a state can be run in time, as far as its constant values tell."""
         state, stiffness = (*keys, "state"), (*keys, "tangential")
         sticks = state in self._owners or self._numbers.at(*state) == STATES["stuck"]
         is_free = self._file.at(stiffness) is None or stiffness in self._owners

@@ -26,14 +26,14 @@ from squealstudy.models.operating import (
 from squealstudy.models.parameter import Assumption, Declared
 from squealstudy.parameter import Parameter
 
-# assemblies whose stresses a process keeps: their working point takes longest
+# number of assemblies whose stresses a process keeps, because their working points take long
 ASSEMBLY_CACHE_SIZE = 4
-# pressures (relative) and frictions up to which stresses are told of
+# largest relative difference of pressure, and difference of friction, at which stresses hold
 MAX_OPERATING_DIFFERENCE = 0.2
 
 
 def stressed_point(file: ModelFile) -> OperatingPoint | None:
-    """The operating point of ``[stress_stiffening]``, SI units, sliding forward."""
+    """The operating point of ``[stress_stiffening]`` in SI units, sliding forward, or None."""
     table = file.stress_stiffening
     if table is None:
         return None
@@ -42,7 +42,7 @@ def stressed_point(file: ModelFile) -> OperatingPoint | None:
 
 
 def law_defaults(declared: Declared) -> dict[str, float]:
-    """Defaults of the parameters of contact laws, those of the file first."""
+    """Default of every contact-law parameter: the file's, else the law's."""
     of_file = {p.name: p.default for p in declared if isinstance(p, Parameter)}
     return {p.name: of_file.get(p.name, p.default) for p in contact_parameters()}
 
@@ -53,14 +53,14 @@ _stored_stresses: dict[tuple[Any, ...], StressStiffness] = {}
 def with_stresses(
     assembly: Assembly, brake: Brake, operating: OperatingPoint, overrides: Mapping[KeyPath, float]
 ) -> Assembly:
-    """An assembly of a brake with the stiffness of its stresses, of meshed components.
+    """An assembly of a brake with the stiffness due to stresses in its meshed components.
 
     Parameters
     ----------
     assembly : Assembly
     brake : Brake
     operating : OperatingPoint
-        Whose steady sliding has the stresses.
+        Operating point whose steady sliding causes the stresses.
     overrides : mapping of key -> float
         Numbers of the file that have other values in the assembly.
 
@@ -89,21 +89,21 @@ def with_stresses(
 def with_worn_gaps(
     assembly: Assembly, file: ModelFile, law: ContactLaw, overrides: Mapping[KeyPath, float]
 ) -> Assembly:
-    """An assembly whose contact has worn as ``[wear]`` of its file says; itself without that.
+    """An assembly with contact worn as ``[wear]`` of its file says; the same without that table.
 
     Parameters
     ----------
     assembly : Assembly
     file : ModelFile
     law : ContactLaw
-        Of the contact while it wore.
+        Law of the contact while it wore.
     overrides : mapping of key -> float
         Numbers of the file that have other values, SI.
 
     Raises
     ------
     ConvergenceError
-        Where there is no steady sliding on the way.
+        Where there is no steady sliding at some stage of wear.
     """
     if file.wear is None:
         return assembly
@@ -118,7 +118,7 @@ def with_worn_gaps(
 
 
 def _without_laws(assembly: Assembly) -> Assembly:
-    """Contacts with coefficients of their own alone: the friction of a table is of no law."""
+    """The assembly without friction laws of contacts: a table's friction is at all speeds."""
     contact = assembly.contact
     own = coefficients_alone(contact.own_friction)
     return replace(assembly, contact=replace(contact, own_friction=own))
@@ -126,13 +126,13 @@ def _without_laws(assembly: Assembly) -> Assembly:
 
 @dataclass(frozen=True)
 class _Off:
-    """How far design points are from where stresses were taken; goes to worker processes."""
+    """How far design points are from where stresses were taken; sent to worker processes."""
 
     at: OperatingPoint
     of_pressure: bool
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
-        """Relative distance in pressure, or distance in friction, negative in reverse."""
+        """Relative distance in pressure, or distance in friction, which is negative in reverse."""
         if self.of_pressure:
             return abs(values[PRESSURE.name] / self.at.brake_pressure - 1)
         way = np.copysign(1.0, values[SLIDING_SPEED.name])
@@ -140,7 +140,7 @@ class _Off:
 
 
 def stress_assumptions(stressed: OperatingPoint | None) -> tuple[Assumption, ...]:
-    """Up to where stresses that were taken at one operating point are told of others."""
+    """Assumptions that bound how far stresses of one operating point are used for others."""
     if stressed is None:
         return ()
     pressure = (

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 SOBOL_INDICES = "sobol_indices"
 RANDOM_DESIGNS = ("sobol", "latin_hypercube", SOBOL_INDICES)
 BOUNDARY = "boundary"
-LEAST_GROUPS = 8  # base points of sobol_indices: fewer tell nothing
+LEAST_GROUPS = 8  # least number of base points of sobol_indices: fewer tell nothing
 LEAST_SWEEPS = {"sobol": 1, "latin_hypercube": 1, "sobol_indices": 2, BOUNDARY: 1}
 MOST_BOUNDARY_SWEEPS = 3
-MOST_NODES = 1_000_000  # of the full grid of a boundary design, which its map holds
+MOST_NODES = 1_000_000  # nodes of a boundary design's full grid, all of which its map holds
 DISTRIBUTION_KEYS = ("distribution", "mean", "std", "median", "sigma")
 
 
@@ -40,14 +40,14 @@ class Sweep:
     ----------
     parameter : PlainParameter or ModeParameter
     values : tuple of float
-        Levels in the order of the file; empty for random designs. Of a boundary design those of
-        its first, coarse grid.
+        Levels in the order of the file; empty for random designs. A boundary design has those of
+        its coarse grid.
     low, high : float
-        The range that is swept; `Distribution.range` of random designs.
+        Ends of the swept range; for random designs those of `Distribution.range`.
     scale : str
-        ``linear`` or ``log``: how start to stop is divided or sampled; ``log`` for lognormal.
+        How the range is divided or sampled, ``linear`` or ``log``; ``log`` for lognormal.
     distribution : Distribution or None
-        Of random designs.
+        Distribution of the values in a random design; None in others.
     """
 
     parameter: StudyParameter
@@ -63,7 +63,7 @@ class Sweep:
         return self.parameter.name
 
     def halved(self, times: int) -> tuple[float, ...]:
-        """All values of a boundary design, each step between `values` halved so many times."""
+        """All levels of a boundary design: each step between `values` is halved so many times."""
         n = (len(self.values) - 1) * 2**times + 1
         return levels(self.values[0], self.values[-1], n, self.scale, zero=zero_of(self.parameter))
 
@@ -76,8 +76,8 @@ def resolve_sweeps(
     Raises
     ------
     StudyFileError
-        An unknown or repeated parameter, a value it cannot take, no levels, levels that repeat,
-        keys that do not go together, or a design that does not fit the sweeps.
+        Where a parameter is unknown, repeated or cannot take a value, levels are missing or repeat,
+        keys do not go together, or the design does not fit the sweeps.
     """
     design = definition.design
     sweeps: list[Sweep] = []
@@ -97,7 +97,7 @@ def read_sweep(
     source: SourceText,
     keys: KeyPath,
 ) -> Sweep:
-    """The sweep of a table like [[sweep]], which stands at `keys`; raises StudyFileError."""
+    """Read the sweep of a table like [[sweep]], at `keys` of the file; StudyFileError."""
     return _SweepReader(section, design, model, source, keys).read()
 
 
@@ -129,7 +129,7 @@ class _SweepReader:
         return Sweep(parameter, values, low, high, self.section.scale)
 
     def _random(self, parameter: StudyParameter) -> Sweep:
-        """A sweep with its distribution, both tails of which the parameter must be able to take."""
+        """A sweep with a distribution, whose tails must be values that the parameter can take."""
         section, name = self.section, self.section.distribution
         start, stop = -math.inf, math.inf
         if "start" in KEYS[name]:
@@ -161,7 +161,7 @@ class _SweepReader:
             raise self._error(key, f"{parameter.name} {e.message}") from None
 
     def _check_keys(self) -> None:
-        """The keys given are those of a list, of a divided range, or of a distribution."""
+        """Check that the keys given are those of a list, a divided range, or a distribution."""
         keys = self.section.model_fields_set
         if self.design.type in RANDOM_DESIGNS:
             self._check_random_keys(keys)
@@ -184,7 +184,7 @@ class _SweepReader:
             raise self._error("num", "expected at least 2 in a boundary design, got 1")
 
     def _check_random_keys(self, keys: set[str]) -> None:
-        """The numbers of the distribution, all of them and no others."""
+        """Check that the keys given are all those of the distribution, and no others."""
         kind, name = self.design.type, self.section.distribution
         if "values" in keys:
             raise self._error("values", f"a {kind} design samples a range: give start and stop")
@@ -216,7 +216,7 @@ class _SweepReader:
         return tuple(self._checked(parameter, v, ("values", i)) for i, v in enumerate(values))
 
     def _range(self, parameter: StudyParameter) -> tuple[float, ...]:
-        """The levels from start to stop; these two alone where the design is random."""
+        """The levels from start to stop; only these two where the design is random."""
         section = self.section
         start = self._checked(parameter, section.start, ("start",))
         stop = self._checked(parameter, section.stop, ("stop",))
@@ -247,7 +247,7 @@ class _SweepReader:
 
 
 def beyond_range_text(distribution: Distribution, message: str) -> str:
-    """Message about a distribution with values that the parameter cannot take."""
+    """The message that a distribution has values which the parameter cannot take."""
     advice = (
         "" if distribution.bounded else "; distribution = 'truncated_normal' has start and stop"
     )
@@ -265,11 +265,11 @@ def zero_of(parameter: StudyParameter) -> float:
 def levels(
     start: float, stop: float, num: int, scale: Scale, every: int = 1, zero: float = 0.0
 ) -> tuple[float, ...]:
-    """`num` >= 2 values from start to stop, both exactly in; equally spaced, or in their logarithm.
+    """`num` >= 2 values from start to stop, equally spaced themselves or in their logarithm.
 
-    The values between are rounded far below their spacing, so that two sweeps over different
-    ranges share the values they have in common. With `every`, a divisor of num - 1, only each
-    `every`-th value is given. Logarithms are of the distance from `zero` (`zero_of`).
+    Start and stop are exact. Values between are rounded to far less than their spacing, so that
+    they are the same in sweeps over different ranges. With `every`, a divisor of num - 1, only each
+    `every`-th value is returned. Logarithms are taken of the distance from `zero` (`zero_of`).
     """
     indices = range(every, num - 1, every)
     if scale == "log":
@@ -286,7 +286,7 @@ def levels(
 
 
 def check_design(definition: StudyDefinition, sweeps: Sequence[Sweep], source: SourceText) -> None:
-    """Raise StudyFileError where the design does not fit its sweeps, or has keys of another."""
+    """Raise StudyFileError where the design does not fit its sweeps, or has keys of other types."""
     design = definition.design
     random = design.type in RANDOM_DESIGNS
     min_sweeps = LEAST_SWEEPS.get(design.type, 0)
@@ -333,7 +333,7 @@ def check_design(definition: StudyDefinition, sweeps: Sequence[Sweep], source: S
 def _check_boundary(
     definition: StudyDefinition, sweeps: Sequence[Sweep], source: SourceText
 ) -> None:
-    """Complex modes, few sweeps, a grid that is not vast."""
+    """Check for complex modes, few sweeps, and a full grid of at most MOST_NODES."""
     kind, design = model_kind(definition.study.kind), definition.design
     if not kind.chooses_rung:
         raise source.error(
@@ -364,7 +364,7 @@ def _check_boundary(
 def _check_zip(
     sections: tuple[SweepSection, ...], sweeps: Sequence[Sweep], source: SourceText
 ) -> None:
-    """Equal lengths, and no point twice."""
+    """Check that sweeps have equal lengths and no point appears twice."""
     for i, sweep in enumerate(sweeps):
         if len(sweep.values) != len(sweeps[0].values):
             raise source.error(

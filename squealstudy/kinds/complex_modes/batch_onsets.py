@@ -1,4 +1,4 @@
-"""Onsets of a batch of small models, refined in step: one stacked solve an iteration for all."""
+"""Onsets of a batch of small models, refined together: each iteration is one stacked solve."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from squealstudy.stacked.modes import stacked_system
 
 
 class Brackets(NamedTuple):
-    """Crossings between two design points each.
+    """Crossings of the stability limit, each between two design points.
 
     Attributes
     ----------
     points : (ndarray (n,), ndarray (n,)) of int
-        Both design points.
+        First and second design point of each crossing.
     places : (ndarray (n,), ndarray (n,)) of int
-        Of the mode among their oscillating ones.
+        Index of the mode among the oscillating ones of the first and of the second point.
     """
 
     points: tuple[np.ndarray, np.ndarray]
     places: tuple[np.ndarray, np.ndarray]
 
     def at(self, rows: np.ndarray) -> Brackets:
-        """Some of them."""
+        """The crossings in these rows."""
         (a, b), (i, j) = self
         return Brackets((a[rows], b[rows]), (i[rows], j[rows]))
 
@@ -46,9 +46,9 @@ class BatchOnsets:
     judged : Ragged
         Oscillating roots of all points as their stability is judged, rad/s.
     column : int
-        The parameter among the plan's coordinates.
+        Index of the parameter among the plan's coordinates.
     tolerance, precision : float
-        As of `refine_onsets_together`.
+        Those of `refine_onsets_together`.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class BatchOnsets:
         self._column, self._tolerance, self._precision = column, tolerance, precision
 
     def refine(self, brackets: Brackets) -> list[Onset | None]:
-        """Onsets of brackets; None for one that is left to the way one by one."""
+        """Onsets of brackets; None for a bracket that has to be refined by itself."""
         refined: list[Onset | None] = [None] * len(brackets.points[0])
         counts = [self._judged.counts[points] for points in brackets.points]
         same = np.flatnonzero((counts[0] == counts[1]) & (counts[0] > 0))
@@ -72,7 +72,7 @@ class BatchOnsets:
             rows = same[counts[0][same] == count]
             try:
                 onsets = self._of_as_many(brackets.at(rows), int(count))
-            except FAILURES:  # which the way one by one tells of its row
+            except FAILURES:  # refined one by one, the row at fault reports it
                 continue
             for row, onset in zip(rows.tolist(), onsets, strict=True):
                 refined[row] = onset
@@ -97,7 +97,7 @@ class BatchOnsets:
         return ManyModes(lam, self._follower.raw_many(points, count))
 
     def _solve(self, points: np.ndarray, x: np.ndarray, count: int) -> tuple[ManyModes, np.ndarray]:
-        """Modes at values x (r,) beside design points, and which have `count` oscillating ones."""
+        """Modes at the parameter's coordinates x (r,), and whether `count` of them oscillate."""
         part = self._plan.tasks.at(points)
         log = self._follower.near.logarithmic(self._column)
         name = self._plan.study.sweeps[self._column].name

@@ -1,11 +1,11 @@
 """A stability map whose points go where stability changes: a grid that is refined cell by cell.
 
-The nodes are those of a virtual grid of (num - 1) 2^levels + 1 values a sweep. The coarse grid is
-solved first. A cell is halved in every direction where `CellRule` says that stability may change
-inside, or `PassingModes` that two modes pass each other there and may lock in, down to the spacing
-of the virtual grid. The known nodes of every cell that is left larger, those that smaller
-neighbours put on its faces included, agree. What lies inside unseen, neither shown by damping nor
-by the order of modes at its corners, the map does not have.
+The nodes are those of a virtual grid with (num - 1) 2^levels + 1 values for each sweep. The coarse
+grid is solved first. A cell is halved in every direction, down to the spacing of the virtual grid,
+where `CellRule` says that stability may change inside, or `PassingModes` that two modes pass each
+other there and may lock in. All solved nodes of a cell that stays larger agree, those included that
+smaller neighbours put on its faces. A change inside such a cell that neither damping nor the order
+of modes at its corners shows is not on the map.
 
 Which cells are halved follows from the finished nodes alone, round by round from the coarse grid:
 a killed run finds the same points again.
@@ -34,13 +34,13 @@ from squealstudy.study.sampling import count_points
 
 @dataclass(frozen=True)
 class GridCell:
-    """A box of the virtual grid, from its lowest node over `stride` nodes in each direction."""
+    """A box of the virtual grid, from its lowest node `corner`, with sides of `stride` steps."""
 
     corner: Node
     stride: int
 
     def nodes(self, step: int) -> Iterator[Node]:
-        """Nodes at every `step` of the stride, the cell's faces included."""
+        """Yield every `step`-th node in each direction, those on the cell's faces included."""
         offsets = range(0, self.stride + 1, step)
         for shift in itertools.product(offsets, repeat=len(self.corner)):
             yield tuple(c + s for c, s in zip(self.corner, shift, strict=True))
@@ -62,9 +62,9 @@ class BoundaryGrid:
     Attributes
     ----------
     names : tuple of str
-        Swept parameters.
+        Names of the swept parameters.
     axes : tuple of tuple of float
-        Values of each; exactly those of a grid study of that resolution.
+        Values of each parameter, exactly those of a grid study of that resolution.
     levels : int
         How often a cell of the coarse grid may be halved.
     """
@@ -86,7 +86,7 @@ class BoundaryGrid:
 
     @property
     def stride(self) -> int:
-        """Nodes of the virtual grid in one step of the coarse grid."""
+        """Number of the virtual grid's steps in one step of the coarse grid."""
         return int(2**self.levels)
 
     def values(self, nodes: Sequence[Node]) -> np.ndarray:
@@ -97,7 +97,7 @@ class BoundaryGrid:
         )
 
     def node(self, values: Sequence[float]) -> Node:
-        """The node of these swept values (d,); ValueError where there is none."""
+        """The node with these swept values (d,); ValueError where there is none."""
         return tuple(axis.index(v) for axis, v in zip(self.axes, values, strict=True))
 
     def coarse_nodes(self) -> list[Node]:
@@ -116,17 +116,17 @@ def refine(
     tolerance: float,
     passing: PassingModes | None = None,
 ) -> list[Node]:
-    """The nodes that follow from what is known: the coarse grid, then each round's.
+    """The nodes to solve that follow from finished ones: the coarse grid, then each round's.
 
     Parameters
     ----------
     roots : mapping of node -> ndarray (m,) complex or None
-        Roots [rad/s] of the finished nodes as `read_roots` gives them, None where one failed.
-        Nodes that the refinement has not asked for are not looked at.
+        Roots [rad/s] of the finished nodes, as `read_roots` gives them; None for a failed node.
+        Nodes that the refinement has not asked for are ignored.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     passing : PassingModes or None
-        Of the same nodes; None: their shapes are not known.
+        Tells where modes pass each other; None: shapes of the nodes' modes are not known.
     """
     nodes, cells = grid.coarse_nodes(), grid.coarse_cells()
     rule = CellRule(grid.shape, tolerance)
@@ -155,28 +155,29 @@ def _ordered(nodes: object) -> list[Node]:
 
 
 UNKNOWN, FAILED = -1, -2
-SAME_MODE = 0.05  # relative: farther apart in frequency, two unstable modes are not the same one
-FREQUENCY_WINDOW, DAMPING_WINDOW = 0.05, 0.5  # changes that weigh alike when roots are paired
-MIDDLE_OUTSIDE = (-0.125, 0.75, 0.375)  # parabola through places -1, 0 and 1, taken at 1/2
+SAME_MODE = 0.05  # largest difference in log frequency at which two unstable modes are the same one
+# changes of log frequency and of damping ratio that weigh alike when roots are paired
+FREQUENCY_WINDOW, DAMPING_WINDOW = 0.05, 0.5
+MIDDLE_OUTSIDE = (-0.125, 0.75, 0.375)  # weights of the values at -1, 0 and 1 in a parabola at 1/2
 
 
 class CellRule:
-    """Results at the nodes, and the rule by which they decide a cell.
+    """Results at the nodes, and the rule by which they decide whether a cell is halved.
 
     A cell is to be halved where
 
-    1. its known nodes differ in the number of unstable modes, or some of them failed and others
+    1. its solved nodes differ in the number of unstable modes, or some of them failed and others
        did not (a cell whose nodes all failed would only fail again);
-    2. two of its corners have as many, but of other frequencies: other modes;
-    3. the damping ratio of a mode, on the parabola through both ends of an edge and the next node
-       beyond, has the other sign at the middle of the edge than at both ends.
+    2. both ends of an edge have as many unstable modes, but with other frequencies: other modes;
+    3. the damping ratio of a mode has another sign at the middle of an edge than at both its ends,
+       on the parabola through these ends and the next node beyond.
 
-    Roots are paired between nodes by frequency and damping: a wrong pair costs points at most.
+    Roots of nodes are paired by frequency and damping; a wrong pair at most adds points.
 
     Parameters
     ----------
     shape : tuple of int
-        Of the virtual grid.
+        Number of the virtual grid's nodes in each direction.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     """
@@ -189,7 +190,7 @@ class CellRule:
         self._partners: dict[tuple[Node, Node], np.ndarray] = {}
 
     def add(self, roots: Mapping[Node, np.ndarray | None]) -> None:
-        """Take in finished nodes: roots [rad/s] as `read_roots` gives them, None if one failed."""
+        """Add finished nodes: roots [rad/s] as `read_roots` gives them, None for a failed node."""
         for node, lam in roots.items():
             if lam is None:
                 self._code[node] = FAILED
@@ -200,7 +201,7 @@ class CellRule:
             self._code[node] = len(unstable)
 
     def changes_inside(self, corner: Node, stride: int) -> bool:
-        """Whether the cell from `corner` over `stride` nodes is to be halved."""
+        """Whether the cell from `corner`, `stride` steps wide, is to be halved."""
         box = self._code[tuple(slice(c, c + stride + 1) for c in corner)]
         codes = np.unique(box[box != UNKNOWN])
         if len(codes) > 1:
@@ -217,7 +218,7 @@ class CellRule:
         return bool((np.abs(np.log(f / g)) > SAME_MODE).any())
 
     def _lines(self, a: Node, b: Node) -> list[tuple[Node, Node, Node]]:
-        """(beyond, near, far) for both directions of an edge in which the next node is known."""
+        """(beyond, near, far) for each direction of an edge in which the next node is solved."""
         node_lines = []
         for start, end in ((a, b), (b, a)):
             beyond = tuple(2 * n - f for n, f in zip(start, end, strict=True))
@@ -226,7 +227,7 @@ class CellRule:
         return node_lines
 
     def _dips(self, beyond: Node, near: Node, far: Node) -> bool:
-        """Whether a mode's damping is predicted to change sign between near and far, and back."""
+        """Whether a mode's damping is predicted to change sign, and back, between near and far."""
         outer, inner = self._paired(near, beyond), self._paired(near, far)
         is_paired = (outer >= 0) & (inner >= 0)
         if not is_paired.any():
@@ -240,7 +241,7 @@ class CellRule:
         return bool((lost | gained).any())
 
     def _paired(self, a: Node, b: Node) -> np.ndarray:
-        """Index among the roots of b of the partner of each root of a, -1 for none."""
+        """Index, for each root of node a, of its partner among those of node b; -1 for none."""
         if (a, b) not in self._partners:
             self._partners[a, b] = _partners(self._roots[a], self._roots[b])
         return self._partners[a, b]
@@ -259,7 +260,7 @@ def _edges(corner: Node, stride: int) -> list[tuple[Node, Node]]:
 
 
 def _partners(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """One-to-one pairing of roots (ma,), (mb,) within FREQUENCY_WINDOW."""
+    """Pair roots (ma,) and (mb,) one to one, by changes of frequency and damping."""
     df = np.abs(np.log(np.abs(b)[None, :] / np.abs(a)[:, None])) / FREQUENCY_WINDOW
     dz = np.abs(damping_ratios(b)[None, :] - damping_ratios(a)[:, None]) / DAMPING_WINDOW
     return partners(df + dz, 1.0)
@@ -268,8 +269,8 @@ def _partners(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def extended_plan(plan: Plan, store: Store) -> Plan:
     """The plan with the nodes at which the boundary is to be refined next.
 
-    The plan itself where some of its points are not finished, or where no more are needed. The
-    nodes depend on the rows of the plan's points alone.
+    The plan itself where some of its points are not finished, or no more are needed. The nodes
+    depend only on the results of the plan's points.
     """
     while True:
         grid = BoundaryGrid.of(plan.study)
@@ -293,14 +294,14 @@ def extended_plan(plan: Plan, store: Store) -> Plan:
 
 
 def most_points(study: ResolvedStudy) -> int:
-    """Number of design points that a study may come to."""
+    """Largest number of design points that a study may have in the end."""
     if not study.grows:
         return count_points(study)
     return math.prod(BoundaryGrid.of(study).shape)
 
 
 def map_facts(plan: Plan) -> dict[str, Any]:
-    """For the manifest: the virtual grid of a boundary design, and how much of it was solved."""
+    """Facts for the manifest: a boundary design's virtual grid, and how much of it was solved."""
     grid = BoundaryGrid.of(plan.study)
     nodes = math.prod(grid.shape)
     return {

@@ -1,6 +1,6 @@
-"""Errors of every mode of a study: of its rung, of the reduction, and both against full order.
+"""Errors of every mode of a study: of its rung, of the reduction, and of both together.
 
-`audited` holds the estimates against full-order roots, at the points that were checked so.
+`audited` compares these estimates with full-order roots at the points that were checked.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from squealstudy.kinds.complex_modes.rows import ModeColumns
 from squealstudy.modes.judged_roots import light_or_growing
 from squealstudy.root_pairs import paired_with_full_order
 
-ESTIMATE_COVERAGE = 0.95  # share of the checked modes whose error an estimate is to reach
+ESTIMATE_COVERAGE = 0.95  # share of the checked modes whose error is at most its widened estimate
 
 
 class ModeErrors(NamedTuple):
@@ -31,9 +31,9 @@ class ModeErrors(NamedTuple):
     Attributes
     ----------
     rung : ndarray
-        Against the component-mode model: what another rung of reanalysis can lower.
+        Error against the component-mode model, which another rung of reanalysis can lower.
     reduction : ndarray
-        Of the component-mode model against the full-order one; zero where there is none.
+        Error of the component-mode model against the full-order one; 0 without a reduction.
     """
 
     rung: np.ndarray
@@ -54,8 +54,8 @@ def mode_errors(
 ) -> tuple[ModeErrors, dict[str, Any]]:
     """Errors of all modes, and facts for the manifest.
 
-    Full-order solutions of some points are evidence: where their modes err by more than estimated,
-    all errors of the reduction grow by that factor. They never shrink.
+    Where points were also solved at full order and modes err by more than estimated, all errors of
+    the reduction are multiplied by `widening`. They never become smaller.
     """
     reduction = carried_errors(plan, columns, samples)
     widened = 1.0
@@ -87,7 +87,7 @@ def widening(
     reduction: np.ndarray,
     references: Mapping[str, Mapping[str, Any]],
 ) -> float:
-    """Factor, at least 1, by which checked modes ask for larger errors of the reduction."""
+    """Factor of at least 1 with which ESTIMATE_COVERAGE of the checked modes err as estimated."""
     ends = np.append(0, np.cumsum(columns.counts))
     ratios = [np.zeros(0)]
     for point, name in enumerate(plan.tasks.ids.astype(str).tolist() if references else ()):
@@ -115,7 +115,7 @@ def audited(
 ) -> dict[str, Any]:
     """True errors beside estimates over the light modes of the checked points among `ids`.
 
-    Reads the modes table, which is to be there.
+    The modes table must be written before.
 
     Returns
     -------

@@ -24,17 +24,17 @@ from squealstudy.reduction.prepared import PreparedFamily, mean_contact_stiffnes
 from squealstudy.root_pairs import FullOrderPairs, paired_with_full_order
 from squealstudy.study.design import DesignPoint
 
-# degrees of freedom of checks at work at once: of 48,588 one takes 2.1 GB
+# degrees of freedom of all checks at work at once: a check with 48,588 takes 2.1 GB
 SIDE_BY_SIDE = 110_000
-UNTOLD = 1e-11  # relative error of a check that does not say its own
+UNTOLD = 1e-11  # relative error of the roots of a check that stores no errors
 
 
 @dataclass(frozen=True, eq=False)
 class FullOrderTask:
-    """A design point, solved with roots `lam` (m,), to solve by the full-order model as well.
+    """A design point to solve at full order, whose study has the roots `lam` (m,) [rad/s].
 
-    Of a `stacked` one the prepared model is made here. A mode whose damping ratio is below
-    `neutral` in size neither grows nor decays.
+    If it is `stacked` its prepared model is made by the task. A mode neither grows nor decays if
+    its damping ratio is between -`neutral` and `neutral`.
     """
 
     point: DesignPoint
@@ -46,7 +46,7 @@ class FullOrderTask:
 
 
 def at_once(tasks: Sequence[FullOrderTask]) -> int:
-    """How many checks may be at work at once for their memory."""
+    """How many checks the memory allows at once."""
     largest = 1
     for structure in {task.point.structure for task in tasks if not task.stacked}:
         prepared = load_any(structure)
@@ -56,7 +56,7 @@ def at_once(tasks: Sequence[FullOrderTask]) -> int:
 
 
 def check_reference(task: FullOrderTask) -> dict[str, Any]:
-    """Solve one point at full order: its errors, or why there are none."""
+    """Solve one point at full order; the facts of its check: errors, or why there are none."""
     started = time.perf_counter()
     check: dict[str, Any] = {"point_id": task.point.point_id}
     try:
@@ -75,7 +75,7 @@ def check_reference(task: FullOrderTask) -> dict[str, Any]:
     except FAILURES as error:
         check |= {"status": "failed", "message": reason(error)[1]}
     finally:
-        give_back_memory()  # a factor is larger than all that stays
+        give_back_memory()  # the factor, which is larger than all that remains
     check["wall_s"] = time.perf_counter() - started
     return check
 
@@ -90,14 +90,14 @@ def reference_roots(reference: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarra
     return full, np.array(reference.get("root_errors", UNTOLD * np.abs(full)), dtype=float)
 
 
-# by structure, and whether component modes go with it
+# by structure, and whether it was built with component modes: assembly, and these modes
 _built: dict[tuple[str, bool], tuple[Assembly, Mapping[str, ComponentModes]]] = {}
-# by structure: of large ones that are definite
+# by structure: factorised stiffness of a large model, None where that is not definite
 _stiffness_by_structure: dict[str, HeldStiffness | None] = {}
 
 
 def forget() -> None:
-    """Let go of the unreduced model that this process holds, and of its factor."""
+    """Free the unreduced model and the factor that this process holds."""
     _built.clear()
     _stiffness_by_structure.clear()
     give_back_memory()
@@ -110,19 +110,25 @@ def solve_unreduced(
     band_hz: tuple[float, float],
     check: bool = False,
 ) -> PointModes:
-    """Complex modes of a design point at full order; ConvergenceError.
+    """Complex modes of a design point at full order.
 
     Parameters
     ----------
     prepared : PreparedModel or PreparedFamily
-        Of the point's structure.
+        Prepared model of the point's structure.
     design : DesignPoint
     settings : ReductionSettings
-        Of the reduction: which real modes have modal damping of their own.
+        Settings of the reduction, which decide the real modes that have modal damping.
     band_hz : (low, high)
+        Band of the modes, Hz.
     check : bool
-        Modes that others are held against: a family's own modes are of full order, and are checked
-        by another factorisation.
+        Whether the modes check others. A family's modes are of full order anyway, so the check
+        solves them with another factorisation.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no steady sliding, or modes are not found.
     """
     if isinstance(prepared, PreparedFamily):
         return solve_family_point(prepared, design.plain_values(), band_hz, check)
@@ -143,7 +149,7 @@ def solve_unreduced(
 def unreduced_assembly(
     design: DesignPoint, settings: ReductionSettings
 ) -> tuple[Assembly, Mapping[str, ComponentModes]]:
-    """The unreduced model, and the component modes, by component, that its study may change."""
+    """The unreduced model, and modes by component where the study changes component modes."""
     changed = bool(design.mode_parameters())
     key = design.structure, changed
     if key not in _built:

@@ -1,6 +1,6 @@
-"""Design points between those of a study: for tracking and onsets, in no table.
+"""Further points between the design points of a study, for tracking and onsets; in no table.
 
-`refine_onsets` is what a worker does with them: root finding between two design points.
+With them a worker finds onsets between two design points (`refine_onsets`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from squealstudy.system.linearise import linearise
 
 @cache
 def _threads() -> ThreadpoolController:
-    """Thread pools of this process: looking them up takes as long as a small solve."""
+    """Thread pools of this process, cached because a look-up takes as long as a small solve."""
     return ThreadpoolController()
 
 
@@ -45,17 +45,17 @@ class PointNeighbourhood:
     ----------
     structure : SweptStructure
     rung : str
-        By which the study solves the point.
+        Name of the rung by which the study solves the point.
     box : Box
-        In which it does so.
+        The box of parameters in which it does so.
     design : DesignPoint
-        Of the point at coordinates `x`.
+        The design point at coordinates `x`.
     x : ndarray (p,)
-        As in Plan.coordinates.
+        Coordinates of the point, as in Plan.coordinates.
     sweeps : tuple of (str, bool)
-        Name of each coordinate, and whether it is a logarithm.
+        Parameter of each coordinate, and whether the coordinate is its logarithm.
     stacked : bool
-        It is one of a batch of small models.
+        Whether the point is one of a batch of small models.
     """
 
     structure: SweptStructure
@@ -67,7 +67,7 @@ class PointNeighbourhood:
     stacked: bool = False
 
     def design_at(self, x: np.ndarray) -> DesignPoint:
-        """The design at other coordinates (p,); coordinates that agree keep their exact value."""
+        """The design at other coordinates (p,); where one is unchanged its value stays exact."""
         values = dict(self.design.values)
         for (name, log), coordinate, new_coordinate in zip(self.sweeps, self.x, x, strict=True):
             if new_coordinate != coordinate:
@@ -75,12 +75,12 @@ class PointNeighbourhood:
         return self.design.with_values(values)
 
     def solve(self, x: np.ndarray) -> Modes:
-        """Oscillating modes at coordinates (p,).
+        """Solve for the oscillating modes at coordinates (p,).
 
         Raises
         ------
         ConvergenceError
-            Where there are none: no working point, or an eigenproblem without solution.
+            Where there is no working point, or the eigenproblem has no solution.
         """
         if self.stacked:
             return self._alone(x)
@@ -112,7 +112,7 @@ class PointNeighbourhood:
             raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
 
     def pencils(self, column: int) -> PencilLine | None:
-        """Matrices along coordinate `column`, where the study solves these of a reduced brake."""
+        """Matrices along coordinate `column`; None unless a reduced model is solved densely."""
         prepared = None if self.stacked or self.rung != DENSE else prepared_any(self.structure.key)
         if not isinstance(prepared, PreparedModel):
             return None
@@ -130,7 +130,7 @@ class PointNeighbourhood:
         return PencilLine(pencil, prepared.shape_basis)
 
     def matrices(self) -> ModalMatrices:
-        """The design point in the real modes of its structure, of an assembly.
+        """Damping and stiffness of the design point in the real modes of its structure.
 
         Raises
         ------
@@ -146,12 +146,12 @@ class PointNeighbourhood:
             return ModalMatrices(X.T @ system.C @ X, X.T @ system.K @ X, prepared.sensor_shapes)
 
     def way_to(self, other: PointNeighbourhood) -> InterpolatedModes:
-        """Steps from this point to one of another structure.
+        """Interpolation from the modes of this point to those of a point of another structure.
 
         Raises
         ------
         ConvergenceError
-            Where one of both has no working point.
+            Where one of the two has no working point.
         """
         low, high = self.structure.band_hz
         band = (2 * np.pi * low, 2 * np.pi * high)
@@ -180,7 +180,7 @@ class StudyNeighbourhoods:
         )
 
     def of(self, point: int) -> PointNeighbourhood:
-        """The neighbourhood of a design point of the plan, by its number."""
+        """The neighbourhood of the plan's design point with this number."""
         task, x = self._plan.tasks[point], self._plan.coordinates[point]
         structure = self._structures[task.structure]
         box = self._boxes.get(task.point_id) or whole_box(structure)
@@ -199,15 +199,15 @@ class StudyNeighbourhoods:
         return self._sweeps[column][1]
 
     def joined(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Whether one prepared model holds at both of two points, and so between them (n,)."""
+        """Whether one prepared model holds at points a and b (n,), and so between them."""
         within: np.ndarray = self._structure[a] == self._structure[b]
         return within
 
 
 def _boxes_of_points(plan: Plan) -> dict[str, Box]:
-    """The box in which each point of a plan is solved, where a rung does more than point by point.
+    """The box in which each point of a plan is solved, by id.
 
-    A basis serves all points alike.
+    Empty where points are solved one by one, or in a basis that serves all of them.
     """
     rung = plan.method.rung
     if rung.exact or rung.over_a_basis:
@@ -227,15 +227,21 @@ class OnsetTask:
     Attributes
     ----------
     rows : list of int
-        Of the table.
+        Rows of the onsets in their table.
     places : list of (int, int)
-        Place of each mode among those of both ends.
+        Index of each mode among the modes of the first and of the second point.
     between : PointNeighbourhood
-        Around the first point.
+        Neighbourhood of the first point.
     column : int
-        Coordinate of the parameter.
+        Index of the coordinate along which onsets are refined.
+    end : float
+        This coordinate at the second point.
     low, high : Modes
-        At the first and at the second point, whose coordinate is `end`.
+        Modes at the first and at the second point.
+    tolerance : float
+        A mode is unstable where its damping ratio is below minus this.
+    precision : float
+        Precision of the onset (`refine_onset`).
     """
 
     rows: list[int]
@@ -250,7 +256,7 @@ class OnsetTask:
 
 
 def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
-    """Refined onsets by row of the table, or why there is none: the status of an error."""
+    """Rows of the table with refined onsets, or with the status of the error instead."""
     start = task.between.x
 
     def solve(value: float) -> Modes:
@@ -280,7 +286,7 @@ def refine_onsets(task: OnsetTask) -> list[tuple[int, Onset | str]]:
 
 
 def _followed(task: OnsetTask, pencils: PencilLine, mode_pair: tuple[int, int]) -> Onset | None:
-    """The onset by its root alone; None where this is not sure, or fails for whatever reason."""
+    """The onset, by following the root alone; None where that fails or is not certain."""
     low = float(task.between.x[task.column])
     ends = FollowedEnd(low, task.low, mode_pair[0]), FollowedEnd(task.end, task.high, mode_pair[1])
     with _threads().limit(limits=1):

@@ -1,10 +1,10 @@
 """Growing modes outside a study's band, at a few of its design points.
 
-A study lists the modes of its band; what grows beside it squeals all the same. It is looked for
-below the band and up to `SEARCHED_BAND_FACTOR` times its top, as far as the component modes of a
-reduced model are kept, by the exact method at few points: that of the fastest growth in the band,
-and others spread over the design, so that it costs a few percent of the study. Of models with few
-coordinates all modes are looked at.
+A study lists the modes of its band, but modes outside it may squeal too. They are searched for
+below the band and up to `SEARCHED_BAND_FACTOR` times its top, to where a reduced model keeps its
+component modes. The exact method does so at a few points, the one with the fastest growth in the
+band and others spread over the design, which costs a few percent of a study. Models with few
+coordinates are searched for all modes, at more points.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ from squealstudy.study.design import DesignPoint
 
 SEARCHED_BAND_FACTOR = 1.5  # top of the searched range over the band's top
 EVERYTHING = 1e6  # factor on the band's top: above all modes of a model with few coordinates
-# of the design points that are looked at: one takes twice the time of an exact point
+# share of the design points that are searched; one takes as long as two exact points
 CHECKED_POINT_SHARE = 0.02
-MIN_CHECKED_POINTS, MAX_CHECKED_POINTS = 5, 8  # design points
-# coordinates up to which a model is cheap, and its design points
+MIN_CHECKED_POINTS, MAX_CHECKED_POINTS = 5, 8  # least and largest number of points searched
+# coordinates up to which a model is cheap, and the number of its points that are searched
 MAX_CHEAP_COORDINATES, MAX_CHECKED_POINTS_CHEAP = 60, 64
 
 
 @dataclass(frozen=True)
 class OutsideTask:
-    """A design point, and where it is looked at.
+    """A design point, and the wider band in which it is searched.
 
     Attributes
     ----------
     row : int
-        Of the design point in the plan.
+        Row of the design point in the plan.
     point : DesignPoint
     structure : SweptStructure
-        Whose band is the wider one.
+        The point's structure, with the wider band as its band.
     band_hz : (low, high)
-        Of the study.
+        Band of the study, Hz.
     tolerance : float
-        Relative error up to which growth is judged.
+        Relative error of a root up to which growth within its error counts as none (`settled`).
     neutral : float
         A mode grows where its damping ratio is below minus this.
     """
@@ -74,8 +74,9 @@ class Outside:
     Attributes
     ----------
     row : int
+        Row of the design point in the plan.
     below, above : ndarray complex
-        Roots [rad/s] that grow, by more than their error, below and above the band.
+        Growing roots [rad/s] below and above the band, without those neutral within their error.
     """
 
     row: int
@@ -86,8 +87,7 @@ class Outside:
 def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Outside]:
     """Growing roots outside the band at chosen points; failed points are left out.
 
-    None of a model that could be reduced and is solved unreduced, where each would take as long
-    again.
+    A meshed model that is solved unreduced is not searched: each point would take as long again.
     """
     if plan.method.rung.unreduced and has_mesh(plan.study):
         return []
@@ -112,7 +112,7 @@ def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Out
 
 
 def chosen_points(plan: Plan, columns: ModeColumns) -> list[int]:
-    """Rows of the design points that are looked at, that of the fastest growth first."""
+    """Rows of the design points that are searched, first the one with the fastest growth."""
     growth = np.full(len(columns.counts), -np.inf)
     np.maximum.at(growth, columns.point, columns.lam.real)
     solved = np.flatnonzero(np.array(columns.points["status"].to_pylist()) == "ok")
@@ -136,10 +136,11 @@ def is_small(plan: Plan) -> bool:
 
 
 def spread(X: np.ndarray, growth: np.ndarray, count: int, rows: np.ndarray) -> list[int]:
-    """`count` of the rows (n,) whose coordinates X (n, d) lie far apart.
+    """Choose at most `count` of the rows (n,), whose coordinates X (n, d) lie far apart.
 
-    The first is that of the fastest growth; each further one is farthest from those chosen, of
-    equal ones that with the faster growth.
+    The first has the fastest growth. Each further one is farthest from those chosen before; among
+    equally far ones it has the fastest growth. Rows with the coordinates of a chosen one are left
+    out.
     """
     size = np.ptp(X, axis=0)
     X = (X - X.min(axis=0)) / np.where(size > 0, size, 1.0)
@@ -170,7 +171,7 @@ def _outside(
     tolerance: float,
     neutral: float,
 ) -> Outside:
-    """Growing ones of roots (k,) with errors, outside a band."""
+    """Those of roots (k,) with these errors (k,), rad/s, that grow outside a band."""
     lam = settled(lam, error, tolerance)
     lam = lam[damping_ratios(lam) < -neutral]
     hz = np.abs(lam) / (2 * np.pi)
@@ -211,7 +212,7 @@ def outside_facts(plan: Plan, looked: Sequence[Outside], started: float) -> dict
 
 
 def _worst(plan: Plan, roots: Sequence[tuple[int, np.ndarray]]) -> dict[str, Any] | None:
-    """The point at which a root grows fastest, how many do there, and that root; None of none."""
+    """Facts on the root that grows fastest, and its point; None where no root grows."""
     growing = [(float(lam.real.max()), row, lam) for row, lam in roots if len(lam)]
     if not growing:
         return None

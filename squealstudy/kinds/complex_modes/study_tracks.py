@@ -1,7 +1,7 @@
 """Tracking of a whole study: all steps paired at once, doubtful ones refined by workers.
 
-`Follower` hands `RefineTask` to workers, which run `refine_task`; `CommonShapes` gives the shapes
-of two points in common coordinates.
+`Follower` sends each `RefineTask` to workers, which run `refine_task`. `CommonShapes` gives the
+shapes of two points in common coordinates.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from squealstudy.modes.tracking.refinement import DEPTH, Modes, Solve, StepRefin
 from squealstudy.modes.tracking.steps import Pairings
 from squealstudy.modes.tracking.tree import cross_edges, tracking_tree
 
-POINTS_A_STEP = 2  # inserted, about
-BASIS_POINTS_A_POINT = 4  # solved in a basis in the time of an exact one
-MAX_REFINEMENT_ROUNDS = 4  # a refined step may put its followers in doubt
+POINTS_A_STEP = 2  # about so many points are inserted into a step
+BASIS_POINTS_A_POINT = 4  # points that a basis solves in the time of an exact point
+MAX_REFINEMENT_ROUNDS = 4  # rounds of refinement: a refined step may put later ones in doubt
 STEPS_PER_ROUND = 32  # steps refined together; fixed, so that results do not depend on the workers
 
 
@@ -42,7 +42,7 @@ class Follower:
     ----------
     plan : Plan
     columns : ModeColumns
-        With shapes.
+        Modes of all points, read with their shapes.
     workers : Workers
 
     Attributes
@@ -50,9 +50,9 @@ class Follower:
     lams : Ragged
         Roots of the oscillating modes of each point, rad/s.
     band : (low, high)
-        Of these roots, rad/s.
+        Band of these roots, rad/s.
     seconds : float
-        Spent on refinement so far.
+        Time spent on refinement so far, s.
     """
 
     def __init__(self, plan: Plan, columns: ModeColumns, workers: Workers) -> None:
@@ -73,11 +73,11 @@ class Follower:
 
     @property
     def parents(self) -> np.ndarray:
-        """Point with modes that each point's modes were compared with (n,), -1 for none."""
+        """The point (n,) with which each point's modes were compared, -1 for none."""
         return self._tree.parents
 
     def _solved(self, point: int) -> Modes:
-        """Oscillating modes of a point, as they were solved."""
+        """Oscillating modes of a point in its own structure's coordinates."""
         return Modes(self.lams[point], self.raw(point))
 
     def raw(self, point: int) -> np.ndarray:
@@ -89,23 +89,25 @@ class Follower:
         return self._shapes.raw_many(points, count)
 
     def follow(self, refine: bool, budget: int = 0) -> tuple[Tracks, dict[str, Any]]:
-        """Labels of all modes, and how they came about.
+        """Label all modes with tracks.
 
         Parameters
         ----------
         refine : bool
+            Whether steps in doubt are refined by further points.
         budget : int
-            Design points that may be solved for it within a structure.
+            Number of points that may be solved for this within a structure.
 
         Returns
         -------
         Tracks
         dict
-            ``ambiguous_pairs`` before refinement, steps ``refined``, ``extra_points`` solved for
-            it within a structure (up to BASIS_POINTS_A_POINT of a step in a basis count as one),
-            ``interpolated_points`` between structures, which cost far less than a reduction and
-            are not limited, steps in doubt that were ``left``, for the budget or the rounds were
-            spent, and pairs ``still_ambiguous``, those of these steps too.
+            Numbers of: ``ambiguous_pairs`` before refinement; steps ``refined``;
+            ``extra_points`` solved within a structure, where up to BASIS_POINTS_A_POINT of a
+            step in a basis count as one; ``interpolated_points`` between structures, which cost far
+            less than a reduction and are not limited; steps within a structure ``left`` in doubt
+            when budget or rounds were spent; pairs ``still_ambiguous``, those of such steps
+            included.
         """
         pairings = self._stepper.all()
         before = pairings.count_unresolved()
@@ -140,12 +142,12 @@ class Follower:
         return join_tracks(tracks, self.lams, self._edges, self._shapes), summary
 
     def _enter(self, pairings: Pairings, point: int, pairing: Pairing) -> bool:
-        """Write a refined pairing; whether its partners changed."""
+        """Store the refined pairing of a step to `point`; whether partners changed by it."""
         batch = Pairing(*(part[None] for part in pairing))
         return bool(pairings.enter(np.array([point]), batch, int(self.lams.counts[point]))[0])
 
     def _doubtful(self, pairings: Pairings, refined: np.ndarray) -> tuple[list[int], list[int]]:
-        """Steps in doubt within a structure, and those to another one, the least trusted first."""
+        """Steps in doubt within a structure, and between two, each with the least trusted first."""
         trust = pairings.trust.least()
         trust[refined] = np.inf
         doubtful = np.flatnonzero(trust <= HALVING_TRUST)
@@ -156,7 +158,7 @@ class Follower:
     def _refine(
         self, doubtful: list[int], pairings: Pairings, budget: int
     ) -> tuple[dict[int, Pairing], int]:
-        """Refine steps in order, as far as the budget goes; the points solved between."""
+        """Refine steps in order while the budget lasts; pairings by point, and points solved."""
         refined: dict[int, Pairing] = {}
         points = done = 0
         while done < len(doubtful):
@@ -197,15 +199,17 @@ class RefineTask:
     Attributes
     ----------
     point : int
-        At the end of the step.
+        Number of the point at the end of the step.
     start, end : PointNeighbourhood
-        Around both its points.
+        Neighbourhoods of the step's first and last point.
     a, b : Modes
-        Of both, as they were solved.
+        Modes of both, in the coordinates of their own structures.
     expected : ndarray or None
-        As of `pair_modes`.
+        Roots of `a` as they are expected at `b`, rad/s; None: they are expected not to change.
     direct : Pairing
-        What is to be refined.
+        The pairing of both without points between, to be refined.
+    basis : Basis or None
+        Basis in which points between are solved; None: they are solved exactly.
     """
 
     point: int
@@ -219,9 +223,9 @@ class RefineTask:
 
 
 def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
-    """Point, pairing with its parent, and number of intermediate points, as a budget counts them.
+    """Refine a step: its point, refined pairing, and the number of points the budget counts.
 
-    The pairing is as it was where anything fails on the way.
+    Where anything fails, the pairing stays as it was, and no points count.
     """
     try:
         return _refined(task)
@@ -243,9 +247,9 @@ def _refined(task: RefineTask) -> tuple[int, Pairing, int]:
 
 
 def _refined_in_basis(task: RefineTask) -> tuple[Pairing, int] | None:
-    """The pairing by inserted points that are solved in a basis, where it leaves no doubt.
+    """The pairing by inserted points that are solved in a basis, and how many points they count as.
 
-    And how many exact points they count as.
+    None where there is no basis, it fails, or the pairing is still in doubt.
     """
     if task.basis is None:
         return None
@@ -258,22 +262,22 @@ def _refined_in_basis(task: RefineTask) -> tuple[Pairing, int] | None:
 
 
 def _refined_by(task: RefineTask, solve: Solve, a: Modes, b: Modes) -> tuple[Pairing, int]:
-    """Pairing of the modes of both ends, and number of inserted points solved."""
+    """Pairing of the modes of both ends, and the number of inserted points that were solved."""
     low, high = task.start.structure.band_hz
     refinement = StepRefinement(solve, band=(2 * np.pi * low, 2 * np.pi * high))
     pairing = refinement.pair(a, b, task.start.x, task.end.x, task.expected)
     return pairing, refinement.points
 
 
-MAX_CACHED_SHAPES = 8  # shapes of points kept at hand
+MAX_CACHED_SHAPES = 8  # number of points whose shapes stay in memory
 
 
 class CommonShapes:
-    """Shapes of two points of a plan as they can be compared by their MAC (`Shapes`).
+    """Shapes of two points of a plan in coordinates in which their MAC can be taken (`Shapes`).
 
-    Points of one structure have the same nominal real modes as coordinates. Each structure has its
-    own, so that two structures are compared by what is seen at the places that correspond between
-    them (PreparedModel.sensor_shapes), weighted by mass.
+    Shapes of one structure have its nominal real modes as coordinates. Shapes of two structures
+    are compared by their motion at corresponding places (PreparedModel.sensor_shapes), weighted by
+    mass.
 
     Parameters
     ----------
@@ -297,7 +301,7 @@ class CommonShapes:
         return self._file.stack(points, count)
 
     def sort(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Coordinates of both ends of steps within a structure (n,), -1 from one to another."""
+        """Number of coordinates (n,) of steps within a structure, -1 for those between two."""
         within = self._structure[a] == self._structure[b]
         return np.where(within, self._file.width(b), -1)
 
