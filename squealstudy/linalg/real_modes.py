@@ -1,8 +1,8 @@
 """Real modes of symmetric sparse pencils K phi = omega^2 M phi, by shift-invert block Lanczos.
 
-The Krylov space grows from a block of random states: a few at a time share one pass through a
-sparse factor, which is what a solve waits for, and as many copies of a multiple eigenvalue as the
-block has columns are found, not by round-off alone (Golub and Underwood 1977).
+The Krylov space grows from a block of random states. States of a block share one pass through the
+sparse factor, whose reading takes most of the time of a solve. A block also finds as many copies of
+a multiple eigenvalue as it has columns, without the help of round-off (Golub and Underwood 1977).
 """
 
 from __future__ import annotations
@@ -15,25 +15,28 @@ import scipy.sparse as sp
 
 from squealstudy.linalg.factor import RefinedFactor, factorise
 
-# The shift is negative, so that K - s M is definite for free bodies too, and goes with the cutoff:
-# at a twentieth of it the rigid modes outweigh the highest ones and leave them residuals a thousand
-# times larger (1e-10 against 3e-14 on the coarse pad), at the same time.
-SHIFT_SHARE = 1 / 6  # of the cutoff
-DENSE_LIMIT = 400
-# states before the first test of convergence, and 1 in so many between two
+# Square root of the shift in K + shift M over the cutoff's angular frequency. The shift makes the
+# matrix definite for free bodies too. With a twentieth, rigid modes outweigh the highest ones and
+# leave them residuals a thousand times larger (1e-10 against 3e-14 on the coarse pad).
+SHIFT_SHARE = 1 / 6
+DENSE_LIMIT = 400  # degrees of freedom up to which LAPACK computes all modes
+# states before the first test of convergence; the space then grows by 1/12 between two tests
 FIRST_TEST_SIZE, TEST_GROWTH_DIVISOR = 48, 12
-# of the degrees of freedom: a Krylov space that is larger costs more than LAPACK
+# largest Krylov space over the degrees of freedom: a larger one costs more than LAPACK
 MAX_KRYLOV_SHARE = 0.4
-# residual of a mode, of its theta = 1 / (omega^2 - shift); squared by refining
+# residual of a converged mode over its theta = 1 / (omega^2 + shift); refining squares it
 CONVERGED_RESIDUAL = 1e-10
-REL_RESIDUAL_FLOOR = 1e-14  # and of the largest theta: without a shift no residual gets below
-MAX_REL_ROUND_OFF = 1e-6  # of theta: where that is more than this of it, another shift is needed
-# of the highest frequency of a single degree of freedom: far above round-off
+REL_RESIDUAL_FLOOR = 1e-14  # residual over the largest theta: round-off, so no residual gets below
+# round-off over the theta of the limit, above which another shift is needed
+MAX_REL_ROUND_OFF = 1e-6
+# frequency of a rigid mode over the highest frequency of a single degree of freedom, at most
 RIGID_FREQUENCY_RATIO = 1e-6
-LANCZOS_BLOCK_SIZE = 4  # states at a time: more make a larger space, fewer use a factor worse
-# of an image's squared size: what is outside the space by less is round-off
+LANCZOS_BLOCK_SIZE = (
+    4  # states of a block: more make the space larger, fewer use the factor less well
+)
+# squared norm of a state outside the space, over that of its block, below which it is round-off
 DEPENDENCE_TOLERANCE_SQUARED = 1e-28
-GRAM_SCHMIDT_PASSES = 2  # of Gram and Schmidt
+GRAM_SCHMIDT_PASSES = 2
 
 
 def real_modes(
@@ -50,21 +53,21 @@ def real_modes(
     Parameters
     ----------
     M, K : sparse or ndarray (n, n)
-        Positive definite and positive semi-definite.
+        Mass, positive definite, and stiffness, positive semi-definite.
     cutoff_hz : float
-        Modes above are dropped.
+        Highest frequency of the modes, Hz.
     factor : RefinedFactor or None
-        Of K + shift M, where it is there already.
+        Factor of K + shift M, if computed before.
     shift : float or None
-        (rad/s)^2; None: that of `shifted`, which is used, too, where this one is too far from the
-        modes.
+        Shift of that factor, (rad/s)^2; None for that of `shifted`, which is also used where the
+        given one is too far from the modes.
 
     Returns
     -------
     omega : ndarray (m,)
-        rad/s; rigid-body modes come out as 0 within round-off.
+        Angular frequencies, rad/s; those of rigid-body modes are 0 to round-off.
     phi : ndarray (n, m)
-        phi^T M phi = I.
+        Mode shapes with phi^T M phi = I.
     """
     n = M.shape[0]
     limit = (2 * np.pi * cutoff_hz) ** 2
@@ -73,7 +76,7 @@ def real_modes(
             factorise(shifted(M, K, cutoff_hz), definite=True) if factor is None else factor
         )
         phi = _space_below(M, factorised, limit, SHIFT_SHARE**2 * limit if shift is None else shift)
-        if phi is not None:  # from unrefined solves: what they lack is mended here
+        if phi is not None:  # refining mends the error of unrefined solves
             return _clip(*_refine(M, K, factorised.lean()(M @ phi)), limit)
         if shift is not None:
             return real_modes(M, K, cutoff_hz)
@@ -84,9 +87,9 @@ def real_modes(
 def _space_below(
     M: sp.spmatrix, factor: RefinedFactor, limit: float, shift: float
 ) -> np.ndarray | None:
-    """Modes (n, m) with omega^2 <= limit and the next; None where they are most of all.
+    """Modes (n, m) with omega^2 <= limit [(rad/s)^2], and the next one.
 
-    And where they drown in round-off of the softest one.
+    None where they are too many for a Krylov space, or lost in the round-off of the softest one.
     """
     space = BlockKrylov(factor.solve_once, M.shape[0], M)
     size = FIRST_TEST_SIZE
@@ -109,9 +112,9 @@ def _space_below(
 
 
 def shifted(M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float) -> sp.csr_matrix:
-    """K + (SHIFT_SHARE 2 pi cutoff)^2 M: what `real_modes` factors for modes up to a cutoff.
+    """K + (SHIFT_SHARE 2 pi cutoff)^2 M, which `real_modes` factorises for modes up to a cutoff.
 
-    K itself where there is no cutoff: all modes are LAPACK's then.
+    It is K itself at an infinite cutoff, where LAPACK computes all modes.
     """
     shift = (SHIFT_SHARE * 2 * np.pi * cutoff_hz) ** 2 if np.isfinite(cutoff_hz) else 0.0
     total = K + shift * M
@@ -119,16 +122,16 @@ def shifted(M: sp.spmatrix, K: sp.spmatrix, cutoff_hz: float) -> sp.csr_matrix:
 
 
 def rigid_modes(M: sp.spmatrix, K: sp.spmatrix, omega: np.ndarray) -> int:
-    """How many of the real modes omega [rad/s] of a free body are rigid: zero but for round-off."""
+    """Number of rigid modes among frequencies omega (m,) [rad/s], which are 0 but for round-off."""
     highest = np.sqrt(np.abs(K.diagonal()) / M.diagonal()).max()
     return int((omega <= RIGID_FREQUENCY_RATIO * highest).sum())
 
 
 def _refine(M: sp.spmatrix, K: sp.spmatrix, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rayleigh-Ritz twice on modes sharpened by an inverse iteration.
+    """Rayleigh-Ritz, twice, on modes phi (n, m) after a step of inverse iteration.
 
-    Lanczos stops at residuals near 1e-9; component modes must be diagonal in K to 1e-12. The
-    second pass removes the round-off that the unequal sizes leave in the first.
+    Residuals of Lanczos' method are near 1e-9, but component modes must be diagonal in K to 1e-12.
+    The second pass removes round-off of the first, by modes of unequal size.
     """
     phi = phi / np.sqrt(np.einsum("ij,ij->j", phi, M @ phi))
     for _ in range(2):
@@ -143,15 +146,16 @@ def _clip(w2: np.ndarray, phi: np.ndarray, limit: float) -> tuple[np.ndarray, np
 
 
 class BlockKrylov:
-    """Orthonormal states V with V^T M A V, grown a block at a time (Arnoldi's method, of blocks).
+    """An orthonormal basis V of a Krylov space, and V^T M A V, by the block Arnoldi method.
 
     Parameters
     ----------
     apply : callable
-        Product (n, b) of S with real (n, b); A = S M.
+        Returns S X (n, b) of real X (n, b), where A = S M.
     n : int
+        Number of rows of a state.
     mass : sparse (n, n) or None
-        M of the inner product, symmetric; None is the identity.
+        M of the inner product, symmetric; None for the identity.
     """
 
     def __init__(
@@ -163,8 +167,8 @@ class BlockKrylov:
         self._apply, self._mass, self.size = apply, mass, 0
         self._V = np.empty((n, 16 * LANCZOS_BLOCK_SIZE), order="F")
         self._H = np.zeros((16 * LANCZOS_BLOCK_SIZE, 16 * LANCZOS_BLOCK_SIZE))
-        self._random = np.random.default_rng(0)  # the same operator has the same space
-        self._next = np.zeros((n, 0))  # M times the block that is mapped next
+        self._random = np.random.default_rng(0)  # a given operator always has the same space
+        self._next = np.zeros((n, 0))  # M times the block to which A is applied next
         self._append(*self._orthonormal(self._random.standard_normal((n, LANCZOS_BLOCK_SIZE)))[:2])
 
     @property
@@ -178,7 +182,7 @@ class BlockKrylov:
         return self._H[: self.size, : self.size]
 
     def left_out(self, y: np.ndarray) -> np.ndarray:
-        """Sizes (k,) of what the images of V y, y (size, k), have outside of the space."""
+        """Norms (k,) of the parts of A V y outside the space, for y (size, k)."""
         leaves = self._H[
             self.size : self.size + LANCZOS_BLOCK_SIZE, self.size - LANCZOS_BLOCK_SIZE : self.size
         ]
@@ -197,7 +201,7 @@ class BlockKrylov:
             self._H[end : end + LANCZOS_BLOCK_SIZE, end - LANCZOS_BLOCK_SIZE : end] = R
 
     def _append(self, Q: np.ndarray, MQ: np.ndarray) -> None:
-        """Make states the block that is mapped next."""
+        """Add the block Q to the space; A is applied to it next."""
         end = self.size + LANCZOS_BLOCK_SIZE
         if end > self._V.shape[1]:
             self._V = _wider(self._V)
@@ -206,9 +210,9 @@ class BlockKrylov:
         self._next = MQ
 
     def _orthonormal(self, W: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Q, M Q (n, b), H (size, b), R (b, b) with W = V H + Q R; Q of unit states outside V.
+        """Q, M Q (n, b), H (size, b), R (b, b) with W = V H + Q R, and Q orthonormal to V.
 
-        Where W has nothing more outside of V, random states take its place.
+        Columns of W that depend on V are replaced by random states.
         """
         V = self._V[:, : self.size]
         along, R = np.zeros((self.size, LANCZOS_BLOCK_SIZE)), np.eye(LANCZOS_BLOCK_SIZE)
@@ -241,7 +245,7 @@ class BlockKrylov:
         return weighed
 
     def _outside(self, X: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Unit states of the span of X outside of V and of other unit states."""
+        """Orthonormalise X against V, orthonormal `others` and itself."""
         V = self._V[:, : self.size]
         for _ in range(GRAM_SCHMIDT_PASSES):
             MX = self._weigh(X)
@@ -252,12 +256,12 @@ class BlockKrylov:
 
 
 def _projected(V: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """V^T W of few W (n, b); of V (n, k) by columns BLAS takes two thirds of the time so."""
+    """V^T W for narrow W (n, b): two thirds of the time of V.T @ W with V in column order."""
     return (W.T @ V).T
 
 
 def _summed(V: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """V h of few h (k, b), in half the time."""
+    """V h for narrow h (k, b): half the time of V @ h."""
     return (h.T @ V.T).T
 
 

@@ -1,7 +1,7 @@
 """An assembly: disjoint components, the interfaces between them, and loads (THEORY.md eq. (23)).
 
-Interfaces are observation matrices and point weights, never only assembled matrices: stiffness,
-pressure, friction and law so stay parameters (THEORY.md eq. (1), (2)).
+Interfaces are kept as observation matrices and point weights, not as assembled matrices, so that
+stiffness, pressure, friction and law remain parameters (THEORY.md eq. (1), (2)).
 """
 
 from __future__ import annotations
@@ -45,30 +45,32 @@ class Component:
     coordinates : ndarray (n_nodes, 3)
         Node coordinates, m; empty for minimal models.
     correspondence : csr_matrix (s, n) or None
-        Rows that observe the same places of the component whatever the values of the model's
-        parameters, weighted by the square root of the mass that each stands for: mode shapes of
-        two structures are compared there. None: the degrees of freedom themselves.
+        Rows that observe the same places of the component at any values of the model's parameters,
+        weighted by the square root of the mass that each represents. Mode shapes of two structures
+        are compared by them. None stands for the degrees of freedom, by the diagonal of M.
     cells : ComponentCells or None
-        Of a meshed component, for pictures of its shapes.
+        Cells of a meshed component, for pictures of its shapes.
     dofs : ndarray (n,) of int or None
-        Which of 3 * node + axis each degree of freedom is, where some are held or nodes follow
-        others; -1: none, but a turn or a modal coordinate. None: there are all of them.
+        3 * node + axis of each degree of freedom, where some are held or nodes follow others; -1
+        for a rotation or a modal coordinate. None where all 3 n_nodes are degrees of freedom.
     expansion : csr_matrix (3 n_nodes, n) or None
-        Displacements of the nodes, where some follow others; None: those of `dofs`.
+        Maps degrees of freedom to displacements of all nodes, where some nodes follow others; None
+        where `dofs` is enough.
     C : csr_matrix (n, n) or None
-        Damping of its own, N s/m, symmetric; None: it has none.
+        The component's own damping, N s/m, symmetric; None where it has none.
     G : csr_matrix (n, n) or None
-        Gyroscopic terms, N s/m, skew-symmetric; None: it does not turn, or they are left out.
+        Gyroscopic terms, N s/m, skew-symmetric; None where it does not turn or they are left out.
     turning : csr_matrix (n, n) or None
-        Gyroscopic terms of a rotor seen from places at rest, of 1 rad/s, kg, skew-symmetric; None:
-        it is no rotor, or none that has them (`Rotors.unturned`).
+        Gyroscopic terms of a rotor seen from places at rest, kg at 1 rad/s, skew-symmetric; None
+        where it is no rotor or has no such terms (`Rotors.unturned`).
     sets : mapping of name -> callable
-        Named faces of a generated one: () -> points of a face (models.fem.sampling.Surface).
+        Named faces of a generated component; each callable returns the points of a face
+        (models.fem.sampling.Surface).
 
     Raises
     ------
     ModelError
-        Wrong shapes, non-finite values, asymmetry, a diagonal that rules out definiteness.
+        Wrong shapes, non-finite values, asymmetry, or a diagonal that rules out definiteness.
     """
 
     name: str
@@ -116,7 +118,7 @@ class Component:
 
     @property
     def seen(self) -> sp.csr_matrix:
-        """The rows of `correspondence`, whether given or not."""
+        """The rows of `correspondence`, or their default where it is None."""
         if self.correspondence is not None:
             return self.correspondence
         return sp.diags(np.sqrt(self.M.diagonal())).tocsr()
@@ -133,7 +135,7 @@ class Component:
         return np.arange(self.n_dof) if self.dofs is None else self.dofs
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
-        """Displacements (3 n_nodes, ...) of all nodes, held ones too, from those of freedoms."""
+        """Displacements (3 n_nodes, ...) of all nodes from degrees of freedom u (n, ...)."""
         if self.expansion is not None:
             expanded: np.ndarray = self.expansion @ u
             return expanded
@@ -142,11 +144,11 @@ class Component:
         return displacements
 
     def restricted(self, A: sp.csr_matrix) -> sp.csr_matrix:
-        """A matrix (3 n_nodes, 3 n_nodes) of the nodes, for the degrees of freedom (n, n)."""
+        """A matrix (3 n_nodes, 3 n_nodes) of the nodes, over the degrees of freedom (n, n)."""
         if self.expansion is None:
             return A[self.places][:, self.places]
-        both = (self.expansion.T @ A @ self.expansion).tocsr()
-        return ((both + both.T) / 2).tocsr()
+        projected = (self.expansion.T @ A @ self.expansion).tocsr()
+        return ((projected + projected.T) / 2).tocsr()
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,7 @@ class ContactInterface:
     T_perp : csr_matrix (n_points, n_dof)
         The same across the sliding direction (both in the contact plane).
     area : ndarray (n_points,)
-        m2, positive.
+        Area of each point, m2, positive.
     gap0 : ndarray (n_points,)
         Initial gap, m.
     radius : ndarray (n_points,)
@@ -173,18 +175,19 @@ class ContactInterface:
         Factor on the friction coefficient of the operating point, not negative; 0 for contact
         without friction, whose rows of T and T_perp may be empty.
     speed_factor : ndarray (n_points,)
-        Sliding speed of each point over the imposed one, positive: r over the radius that the
-        imposed speed is of, where a body turns. One by default; what stands at points without
-        friction is not used. 0 where no sliding is imposed, of points with friction of their own.
+        Sliding speed of each point over the imposed one, positive: where a body turns, the point's
+        radius over that of the imposed speed. 1 by default, and set to 1 at points without
+        friction. 0 at points with friction of their own on which no sliding is imposed.
     points : ndarray (n_points, 3)
-        Where they are, m; empty for models without coordinates.
+        Coordinates of the points, m; empty for models without coordinates.
     pairs : tuple of str
-        For each point the name of the pair of surfaces that it is of; empty without names.
+        Name of the pair of surfaces to which each point belongs; empty without names.
     spring_points : ndarray (ns, 5)
-        Of the last ns points, which are springs and no contact (laws/spring.py): of 1 m2, without
-        friction.
+        Numbers of the last ns points, which are springs and no contact (laws/spring.py), with an
+        area of 1 m2 and without friction.
     own_friction : ndarray (n_points, k)
-        Of points with friction numbers of their own (laws/own_friction.py); no columns without.
+        Numbers of points with friction of their own (laws/own_friction.py); no columns where there
+        are no such points.
     """
 
     N: sp.csr_matrix
@@ -257,16 +260,16 @@ class Assembly:
     load : ndarray (n_dof,)
         Nodal forces of a unit brake pressure, N/Pa.
     constant_load : ndarray (n_dof,)
-        Nodal forces that are always there, N.
+        Constant nodal forces, N.
     rotors : Rotors or None
-        What turns; None where nothing does, or the axis is not known.
+        The turning components and their axis; None where nothing turns or no axis is given.
     dampers : tuple of DamperInterface
         Linear dampers between components and to the ground.
 
     Raises
     ------
     ModelError
-        Arrays that do not fit together.
+        Arrays do not fit together.
     """
 
     components: tuple[Component, ...]
@@ -295,7 +298,7 @@ class Assembly:
 
     @property
     def component_names(self) -> tuple[str, ...]:
-        """Names in the order of the numbering."""
+        """Component names in the order of the numbering."""
         return tuple(c.name for c in self.components)
 
     @property
@@ -305,7 +308,7 @@ class Assembly:
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Degrees of freedom of each component."""
+        """Range of the degrees of freedom of each component."""
         return component_slices(self.components)[0]
 
     @cached_property
@@ -331,7 +334,7 @@ class Assembly:
 
     @cached_property
     def turning(self) -> sp.csr_matrix | None:
-        """Gyroscopic terms (n_dof, n_dof) of rotors at 1 m/s of sliding, kg/m; None without."""
+        """Gyroscopic terms (n_dof, n_dof) of rotors at 1 m/s of sliding, kg/m; or None."""
         rotors = self.rotors
         if rotors is None or rotors.radius is None:
             return None
@@ -349,7 +352,7 @@ class Assembly:
 
     @cached_property
     def node_slices(self) -> dict[str, slice]:
-        """Nodes of each component that has any, among all nodes."""
+        """Range of each component's nodes among the nodes of all components."""
         ends = np.cumsum([0, *(len(c.coordinates) for c in self.components)])
         return {
             c.name: slice(int(a), int(b))
@@ -357,7 +360,7 @@ class Assembly:
         }
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
-        """Displacements (n_nodes, 3) of all nodes, held ones too, from those of freedoms (n_dof,).
+        """Displacements (n_nodes, 3) of all nodes from degrees of freedom u (n_dof,).
 
         Every component needs coordinates.
         """
@@ -365,7 +368,7 @@ class Assembly:
         return np.concatenate(by_component).reshape(-1, 3)
 
     def K_springs(self, static: bool = False) -> sp.csr_matrix:
-        """Stiffness of the linear interfaces; `static` leaves out those absent at rest."""
+        """Stiffness of linear interfaces, of all or of those in the `static` state."""
         matrices = [s.matrix() for s in self.springs if s.in_static or not static]
         return sum(matrices, sp.csr_matrix((self.n_dof, self.n_dof)))
 
@@ -376,5 +379,5 @@ class Assembly:
 
 
 def _block_diagonal(blocks: Sequence[sp.csr_matrix]) -> sp.csr_matrix:
-    """Blocks one after the other; a single one as it is, for minimal models are built often."""
+    """Block-diagonal matrix; of a single block that block, as minimal models are built often."""
     return blocks[0].tocsr() if len(blocks) == 1 else sp.block_diag(blocks, format="csr")

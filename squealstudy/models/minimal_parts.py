@@ -33,7 +33,7 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
         Gap (positive when open) and sliding displacement from the degrees of freedom.
     stiffness : ndarray (nc,)
         Contact stiffness k_n = A dp/d(-g) of each point, N/m. It makes the area
-        A = stiffness / 5e11 m2, that ``contact.kt`` is given for.
+        A = stiffness / 5e11 m2, to which ``contact.kt`` refers.
     """
     n = len(stiffness)
     return ContactInterface(
@@ -54,9 +54,9 @@ def mass_on_belt(values: Mapping[str, float], springs: SpringInterface) -> Assem
     Parameters
     ----------
     values : mapping of str -> float
-        ``mass`` [kg], ``contact_stiffness`` [N/m] and ``normal_force`` [N] among them.
+        Must contain ``mass`` [kg], ``contact_stiffness`` [N/m] and ``normal_force`` [N].
     springs : SpringInterface
-        That hold it.
+        Springs that hold the mass.
     """
     return Assembly(
         components=(point_mass("mass", values["mass"]),),
@@ -78,32 +78,32 @@ def stacked_mass(
     force: list[Any],
     springs: list[list[Any]] | None = None,
 ) -> StackedAssembly:
-    """A point mass on bilateral contact points, of many structures at once.
+    """A point mass on bilateral contact points, for m structures at once.
 
     Parameters
     ----------
     mass : float or ndarray (m,)
-        kg.
+        Mass, kg.
     N, T : ndarray (nc, 2)
-        As of `bilateral_points`.
+        As in `bilateral_points`.
     stiffness : list of (float or ndarray (m,))
-        Of each contact point, N/m.
+        Contact stiffness of each point, N/m.
     force : list of (float or ndarray (m,))
-        That is always there, along each coordinate, N.
+        Constant force along each coordinate, N.
     springs : list of lists of (float or ndarray (m,)) or None
         Stiffness (2 x 2) of linear springs, N/m.
     """
-    still = np.zeros((1, 2, 2))
+    zeros = np.zeros((1, 2, 2))
     area = _rows(stiffness) / LAW.value(STIFFNESS.name)
     spring_rates = (
-        still if springs is None else np.stack(np.broadcast_arrays(*map(_rows, springs)), axis=1)
+        zeros if springs is None else np.stack(np.broadcast_arrays(*map(_rows, springs)), axis=1)
     )
     nc = len(N)
     return StackedAssembly(
         components=("mass",),
         offsets=np.array([0, 2]),
         M=np.atleast_1d(np.asarray(mass, dtype=float))[:, None, None] * np.eye(2),
-        K=still,
+        K=zeros,
         springs=spring_rates,
         static_springs=spring_rates,
         C=None,
@@ -120,6 +120,6 @@ def stacked_mass(
 
 
 def _rows(columns: list[Any]) -> np.ndarray:
-    """Numbers or arrays (m,) side by side: (m or 1, k)."""
+    """Stack k numbers or arrays (m,) as columns: (m or 1, k)."""
     arrays = [np.atleast_1d(np.asarray(column, dtype=float)) for column in columns]
     return np.stack(np.broadcast_arrays(*arrays), axis=1)

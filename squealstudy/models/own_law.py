@@ -1,4 +1,4 @@
-"""Numbers of a friction law that contacts of a model file have in place of the study's."""
+"""Parameters of a friction law whose values contacts of a model file set for themselves."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.operating import FRICTION_OPTION, friction_laws
 from squealstudy.parameter import Parameter
 
-LAW_PREFIX = "friction_law."  # of parameters of friction laws in studies
-OF_CONTACT = "friction_law"  # the key of a contact that has its own
+LAW_PREFIX = "friction_law."  # begins the names of friction-law parameters in studies
+OF_CONTACT = "friction_law"  # the key with values of a contact's own
 
 
 def law_keys() -> dict[str, list[str]]:
-    """Keys that `friction_law` of a contact may have, and which friction laws have them."""
+    """Keys that `friction_law` of a contact may have, each with the laws that have it."""
     keys: dict[str, list[str]] = {}
     for law in FRICTION_CURVES:
         for key in parameters_of(law):
@@ -26,17 +26,17 @@ def law_keys() -> dict[str, list[str]]:
 
 
 def parameters_of(curve: FrictionCurveDefinition) -> dict[str, Parameter]:
-    """Parameters of a friction law by what `friction_law` of a contact calls them."""
+    """Parameters of a friction law by their keys in `friction_law` of a contact."""
     return {p.name.removeprefix(LAW_PREFIX): p for p in curve.parameters}
 
 
 def law_parameter_named(key: str) -> Parameter:
-    """The parameter that `friction_law` of a contact calls so; KeyError where no law has it."""
+    """The parameter with this key in `friction_law` of a contact; KeyError where no law has it."""
     return {k: p for law in FRICTION_CURVES for k, p in parameters_of(law).items()}[key]
 
 
 def check_law_keys(names: Sequence[str], keys: KeyPath) -> None:
-    """PlacedError where `friction_law` of the contact at `keys` names what no law has."""
+    """PlacedError where `friction_law` of the contact at `keys` has a key that no law has."""
     of_laws = tuple(law_keys())
     for name in names:
         if name not in of_laws:
@@ -50,7 +50,7 @@ def curve_of(options: Mapping[str, str | int]) -> FrictionCurveDefinition:
 
 
 def law_parameter(key: str, curve: FrictionCurveDefinition, keys: KeyPath) -> Parameter:
-    """The parameter of the study's law that a contact has a value of; PlacedError: of another."""
+    """The parameter `key` of the study's law; PlacedError where it belongs to another law."""
     parameters = parameters_of(curve)
     if key not in parameters:
         laws = " or ".join(law_keys()[key])
@@ -76,32 +76,36 @@ def check_row(curve: FrictionCurveDefinition, row: Sequence[float], keys: KeyPat
 def law_of_contacts(
     names: Sequence[str], numbers: Sequence[tuple[int, str]]
 ) -> FrictionCurveDefinition:
-    """The first friction law that has what contacts have own values of: the model's own choice.
+    """The first friction law that has all parameters for which contacts have values of their own.
+
+    It is the default law of such a model.
 
     Parameters
     ----------
     names : sequence of str
-        Of the contacts.
+        Names of the contacts.
     numbers : sequence of (number of the contact, key)
-        All that they have own values of.
+        The contact and the parameter of each such value.
 
     Raises
     ------
     PlacedError
-        Numbers of which no law has all.
+        No law has all these parameters.
     """
     for law in friction_laws():
         if all(key in parameters_of(FRICTION_CURVES[law]) for _, key in numbers):
             return FRICTION_CURVES[law]
     laws = law_keys()
     pairs = combinations(numbers, 2)
-    unlike = (pair for pair in pairs if not set(laws[pair[0][1]]) & set(laws[pair[1][1]]))
-    (i, first), (j, other) = next(unlike, (numbers[0], numbers[-1]))
+    incompatible_pairs = (
+        pair for pair in pairs if not set(laws[pair[0][1]]) & set(laws[pair[1][1]])
+    )
+    (i, first), (j, other) = next(incompatible_pairs, (numbers[0], numbers[-1]))
     text = f"expected numbers of one friction law: '{first}' of {names[i]} is of "
     text += f"{' or '.join(laws[first])}, and '{other}' of {' or '.join(laws[other])}"
     raise PlacedError(("contact", j, OF_CONTACT, other), text)
 
 
 def law_first(name: str) -> tuple[str, ...]:
-    """Names of friction laws, this one by default."""
+    """Names of all friction laws, `name` first, as the default."""
     return name, *(law for law in friction_laws() if law != name)

@@ -20,13 +20,13 @@ Declared = tuple[Parameter | Callable[[], tuple[Parameter, ...]], ...]
 
 @dataclass(frozen=True)
 class ModelOption:
-    """A choice that is no number to sweep: mesh density, contact law.
+    """A choice in a model that is no number to sweep, such as the mesh density or contact law.
 
     Attributes
     ----------
     name : str
     allowed : tuple, or callable
-        The allowed values, the first is the default; a callable gives those of a register.
+        Allowed values, the default first; a callable returns those of a registry.
     description : str
     """
 
@@ -36,7 +36,7 @@ class ModelOption:
 
     @property
     def choices(self) -> tuple[str | int, ...]:
-        """The allowed values, the first is the default."""
+        """The allowed values, the default first."""
         return self.allowed() if callable(self.allowed) else self.allowed
 
 
@@ -47,10 +47,10 @@ class Assumption:
     Attributes
     ----------
     rule : str
-        What holds up to the bound, in words: the reason of a design point beyond it.
+        What is assumed, in words: the reason given at a design point beyond the bound.
     group : callable
-        Values of all parameters, each a number or an array over design points -> the dimensionless
-        group. One that takes numbers alone is asked point by point.
+        Returns the dimensionless group from the values of all parameters, each a number or an array
+        over design points. If it takes only numbers, it is called for each design point.
     most : float
         The largest value of the group for which the model holds.
     """
@@ -60,7 +60,7 @@ class Assumption:
     most: float
 
     def values(self, columns: Mapping[str, float | np.ndarray], count: int) -> np.ndarray:
-        """The group (count,) at design points whose values are numbers or arrays (count,)."""
+        """The group (count,) at design points; `columns` are numbers or arrays (count,)."""
         try:
             assumed = np.asarray(self.group(columns), dtype=float)
         except (TypeError, ValueError):
@@ -77,13 +77,13 @@ class ParameterTable:
     Attributes
     ----------
     name : str
-        The parameter that follows.
+        The parameter whose values the table gives.
     over : tuple of str
-        What it follows.
+        The parameters that it depends on.
     at : tuple of tuple of float
-        Ascending knots of each, two or more.
+        Ascending knots of each of these, two or more.
     values : tuple of float
-        At all knots, those of the last of `over` side by side.
+        Values at all knots; the knots of the last of `over` vary fastest.
     """
 
     name: str
@@ -92,9 +92,9 @@ class ParameterTable:
     values: tuple[float, ...]
 
     def value(self, values: Mapping[str, Any]) -> Any:
-        """The parameter at values of what it follows, each a number or an array (count,).
+        """The parameter at values of `over`, each a number or an array (count,).
 
-        The last pieces go on beyond the ends.
+        Beyond the end knots the outermost linear pieces are continued.
         """
         columns = np.broadcast_arrays(*(np.asarray(values[name], float) for name in self.over))
         count = columns[0].size
@@ -111,7 +111,7 @@ class ParameterTable:
 
 
 def _at(table: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """The entries (..., count) of a table (..., knots, count) at a knot of each column."""
+    """Entries (..., count) of a table (..., knots, count) at one knot (count,) of each column."""
     knots = np.broadcast_to(position, (*table.shape[:-2], 1, len(position)))
     entries: np.ndarray = np.take_along_axis(table, knots, axis=-2)[..., 0, :]
     return entries
@@ -119,7 +119,7 @@ def _at(table: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ModelChange:
-    """A version of squealstudy since which a model gives other numbers.
+    """A change of a model's numbers in a version of squealstudy.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class ModelChange:
     what : str
         What has changed, in words.
     defaults : mapping of str -> float
-        Defaults of before, of the parameters whose default has changed.
+        Former default of each parameter whose default has changed.
     """
 
     version: str
@@ -137,7 +137,7 @@ class ModelChange:
 
 
 def nothing_vanishes(values: Mapping[str, float]) -> None:  # noqa: ARG001
-    """Result for a model none of whose parts vanishes, whatever the values."""
+    """Result None, for a model of which no part can vanish."""
     return
 
 
@@ -147,53 +147,53 @@ def _not_known(parameter: Parameter) -> bool:  # noqa: ARG001
 
 @dataclass(frozen=True)
 class ModelDefinition:
-    """A model of the catalogue: how it is named, varied and built.
+    """A model: how it is named, varied and built.
 
     Attributes
     ----------
     name, description : str
-        As in study files; in a line.
+        Name as in study files; description in one line.
     options : tuple of ModelOption
         Choices that are no numbers.
     declared : tuple of Parameter, or of callable
-        The model's parameters; a callable gives those of a register. A model may have one of them
-        as its own with another default.
+        The model's parameters; a callable returns those of a registry. The model may declare one of
+        these itself, with another default.
     build : callable
-        (options, parameter values, all of them) -> Assembly.
+        (options, values of all parameters) -> Assembly.
     components : tuple of str
-        Names, known before the model is built.
+        Names of the components, available before the model is built.
     assumptions : tuple of Assumption
-        What must hold of the parameters for a design point's results to be valid.
+        Assumptions about the parameters, without which results of a design point are not valid.
     vanishing : callable
-        Values of all parameters -> (smaller, larger): two names in order, of values that are not,
-        so that a part of the model vanishes; None where all is there.
+        Values of all parameters -> names (smaller, larger) of two parameters whose values are not
+        in this order, so that a part of the model vanishes; None where no part vanishes.
     torque_unit : str
-        Of the columns ``torque_*``: N m of a braking torque, N where friction is summed along a
-        straight belt (its interfaces have an arm of 1).
+        Unit of the columns ``torque_*``: N m for a braking torque, N where friction is summed along
+        a straight belt (its interfaces have an arm of 1).
     effective_radius : callable
-        Options and values of all parameters -> the radius [m] that ``sliding_speed`` is of where
-        the model turns; None where all contact points slide at one speed.
+        (options, values of all parameters) -> the radius [m] at which a turning model slides with
+        ``sliding_speed``; None where all contact points slide at one speed.
     changes : tuple of ModelChange
-        Versions since which it gives other numbers, the latest first.
+        Changes of the model's numbers, the latest first.
     tables : tuple of ParameterTable
-        Of a study: what follows other parameters.
+        Tables of a study, for parameters that follow others.
     sets : tuple of str
-        COMPONENT.SET that the components have (`Component.sets`), known before it is built.
+        COMPONENT.SET of all sets (`Component.sets`), available before the model is built.
     added : tuple of str
-        Hashes of what a study adds on its sets.
+        Hashes of what a study adds on these sets.
     in_place : callable
         Whether a structural parameter leaves nodes and contact points where they are, so that
         structures that differ in it alone can have one basis.
     stack : callable or None
-        As `build` for many structures: (options, values of all parameters, numbers or arrays (m,))
-        -> StackedAssembly; None: one is built after the other.
+        Builds many structures at once: (options, values of all parameters, numbers or arrays (m,))
+        -> StackedAssembly; None where structures are built one after the other.
     idle : mapping of str -> str
-        Why a parameter that it has does nothing here, in words.
+        Why a parameter has no effect here, in words, by its name.
     absent : mapping of str -> str
-        Why it has no parameter of a name that one may look for, in words.
+        Why there is no parameter of a name that users may look for, in words.
     start : mapping of str -> mapping, or list of mappings
-        What a study to start from says, by section: under ``sweep`` a parameter and a range on
-        which steady sliding turns unstable.
+        Contents of a study to start from, by section; ``sweep`` has a parameter and a range over
+        which steady sliding becomes unstable.
     """
 
     name: str
@@ -223,9 +223,9 @@ class ModelDefinition:
     def followed(
         self, values: Mapping[str, Any], before: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
-        """Values of all parameters, numbers or arrays, in which what has a table follows it.
+        """Values of all parameters, numbers or arrays, with those of tables computed.
 
-        Where what it is over is as `before`, a value stays as it is given.
+        A value stays as given where the parameters of its table have the same values `before`.
         """
         all_values = dict(values)
         for table in self.tables:
@@ -235,12 +235,12 @@ class ModelDefinition:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All that can be varied, those of the laws registered by now among them.
+        """All parameters, those of the laws registered so far included.
 
         Raises
         ------
         ModelError
-            A law has a parameter of a name that means another one in this model.
+            A law has a parameter whose name means another parameter in this model.
         """
         own_parameters = {p.name: p for p in self.declared if isinstance(p, Parameter)}
         by_name: dict[str, Parameter] = {}
@@ -258,7 +258,7 @@ class ModelDefinition:
 
     @property
     def meshed(self) -> bool:
-        """Whether it is a finite-element model, to be reduced."""
+        """Whether the model is a finite-element model, which is reduced."""
         return any(option.name == "mesh" for option in self.options)
 
     @property
@@ -271,21 +271,21 @@ class ModelDefinition:
         return {p.name: p for p in self.parameters}[name]
 
     def defaults(self, version: str | None = None) -> dict[str, float]:
-        """Default value of every parameter, in a `version` of squealstudy; None: in this one."""
+        """Default of every parameter in a `version` of squealstudy; None for this version."""
         defaults = {p.name: p.default for p in self.parameters}
         for change in self.changed_since(version):
             defaults |= change.defaults
         return defaults
 
     def changed_since(self, version: str | None) -> tuple[ModelChange, ...]:
-        """Changes that are later than a version, the latest first; none for None."""
+        """Changes later than a version, the latest first; no changes for None."""
         if version is None:
             return ()
         return tuple(c for c in self.changes if _ordered(version) < _ordered(c.version))
 
 
 def _ordered(version: str) -> tuple[int, ...]:
-    """The numbers of a version, to be compared."""
+    """The first three numbers of a version, for comparison."""
     return tuple(int(n) for n in re.findall(r"\d+", version)[:3])
 
 

@@ -1,7 +1,8 @@
-"""A body that turns under places at rest: what its rotation adds, as seen from there.
+"""Gyroscopic terms of a body that turns, with displacements described at places at rest.
 
-With u(x, t) at places at rest the velocity of the matter there is e x x w + du/dt + w du/dtheta, at
-the rate w about the axis e. To first order in w the kinetic energy adds w (A - A^T) to the damping,
+With displacements u(x, t) at places at rest, the matter there has the velocity
+w e x x + du/dt + w du/dtheta, where w is the rate of rotation about the axis e. To first order in
+w, the kinetic energy adds w (A - A^T) to the damping,
 
     A_ij = integral rho N_i . dN_j/dtheta dV,   dN/dtheta = (e x x) . grad N, Cartesian components
 
@@ -17,10 +18,10 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 
-# of a row's largest entry: symmetric part where the surface faces along the rotation, by about the
-# sine of the angle; facets of a mesh of a ring stay below
+# largest symmetric part of a row of A over its skew part. A surface that faces along the rotation
+# has about the sine of the angle; facets of a meshed ring stay below
 MOST_SYMMETRIC = 0.3
-NEGLIGIBLE_ROW = 1e-6  # entries of a row over the largest of all: nodes on the axis
+NEGLIGIBLE_ROW = 1e-6  # excess over the largest skew entry, below which it is round-off
 
 
 @dataclass(frozen=True)
@@ -30,13 +31,14 @@ class Rotors:
     Attributes
     ----------
     names : tuple of str
-        Components that turn.
+        Names of the components that turn.
     point : ndarray (3,)
-        Of the axis, m.
+        A point on the axis, m.
     direction : ndarray (3,)
-        Of unit length.
+        Unit vector along the axis.
     radius : float or None
-        Of the sliding speed, m: this over it is the rate of rotation. None where it is not known.
+        Radius of the imposed sliding speed, m: speed over radius is the rate of rotation. None
+        where it is not given.
     unturned : str
         Why there are no gyroscopic terms, in words; empty where there are.
     """
@@ -48,7 +50,7 @@ class Rotors:
     unturned: str = ""
 
     def around(self, points: np.ndarray) -> np.ndarray:
-        """Velocity of places (..., 3) [m] at 1 rad/s, m/s."""
+        """Velocity (..., 3) [m/s] of points (..., 3) [m] at 1 rad/s."""
         return np.cross(self.direction, points - self.point)
 
 
@@ -61,13 +63,13 @@ def convective_elements(
     ----------
     rotors : Rotors
     N : ndarray (q, k)
-        Functions at integration points.
+        Shape functions at the integration points.
     slopes : ndarray (e, q, k, 3)
-        Their gradients, 1/m.
+        Gradients of the shape functions, 1/m.
     points : ndarray (e, q, 3)
-        The points, m.
+        Coordinates of the integration points, m.
     mass : ndarray (e, q)
-        Density times weight, kg.
+        Density times integration weight, kg.
     """
     along = np.matmul(slopes, rotors.around(points)[..., None])[..., 0]  # dN/dtheta (e, q, k)
     elements: np.ndarray = np.matmul(N.T, mass[..., None] * along)
@@ -75,21 +77,21 @@ def convective_elements(
 
 
 def gyroscopic(convective: sp.csr_matrix, points: np.ndarray, name: str) -> sp.csr_matrix:
-    """Gyroscopic matrix A - A^T (n, n) of 1 rad/s, kg.
+    """Gyroscopic matrix A - A^T (n, n) [kg] at 1 rad/s.
 
     Parameters
     ----------
     convective : csr_matrix (n, n)
         A, the sum of `convective_elements` over nodes, or over degrees of freedom.
     points : ndarray (n, 3)
-        Where these are, m, for messages.
+        Coordinates of these nodes or degrees of freedom, m, for messages.
     name : str
-        Of the component.
+        Name of the component.
 
     Raises
     ------
     ModelError
-        A body that is not symmetric about the axis.
+        The body is not symmetric about the axis.
     """
     skew = (convective - convective.T).tocsr()
     symmetric = abs(convective + convective.T).max(axis=1).toarray().ravel()

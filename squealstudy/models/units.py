@@ -1,8 +1,8 @@
 """Values with units, as study files give them: "12 bar", "-3 mm", "2 GPa", "30 deg".
 
-A text is turned into the number that the parameter's own unit asks for, before a file is checked
-further: what is computed, named and hashed knows numbers alone. Conversion is in exact fractions,
-rounded once, so that "9.1 mm" is 0.0091 to the last bit.
+A text is converted into a number in the parameter's own unit before a file is checked further, so
+that computations, names and hashes use numbers only. Conversion is in exact fractions, rounded
+once: "9.1 mm" is 0.0091 to the last bit.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from squealstudy.wording import did_you_mean, shown
 if TYPE_CHECKING:
     from squealstudy.parameter import Parameter
 
-# what units are products of: kilogram, metre, second, kelvin, radian
+# exponents of kilogram, metre, second, kelvin, radian
 Powers = tuple[int, int, int, int, int]
 PURE: Powers = (0, 0, 0, 0, 0)
 MASS, LENGTH, TIME, KELVIN, ANGLE = (
@@ -62,10 +62,10 @@ UNITS: dict[str, tuple[Fraction, Powers]] = {
 }
 UNITS["deg"] = UNITS["°"] = (TURN / 360, ANGLE)
 UNITS["rpm"] = (TURN / 60, (0, 0, -1, 0, 1))
-CELSIUS = ("degC", "°C")  # of a temperature itself; a difference of such is one of kelvins
+CELSIUS = ("degC", "°C")  # of temperatures; a difference of two is in kelvins
 UNITS |= dict.fromkeys(CELSIUS, (Fraction(1), KELVIN))
 ZERO_CELSIUS = Fraction("273.15")
-# written together though they are quotients
+# abbreviations of quotients
 SHORT = {"kph": "km/h", "kmh": "km/h", "mps": "m/s"}
 
 QUANTITY = re.compile(
@@ -83,11 +83,11 @@ class Unit:
     Attributes
     ----------
     name : str
-        As it was written.
+        Name as written.
     size : Fraction
-        In SI units.
+        Size in SI units.
     powers : tuple of int
-        Of kilogram, metre, second, kelvin, radian.
+        Exponents of kilogram, metre, second, kelvin, radian.
     """
 
     name: str
@@ -96,9 +96,9 @@ class Unit:
 
     @classmethod
     def named(cls, text: str) -> Unit:
-        """The unit of a text such as ``N s/m3``; KeyError with the part that is not known.
+        """The unit of a text such as ``N s/m3``; KeyError with the part that is no unit.
 
-        Factors stand side by side, each behind a bar of its own where it divides.
+        Factors are separated by blanks or *; every divisor has its own slash, as in ``m/s/s``.
         """
         plain = text
         for character, written in SIGNS.items():
@@ -130,16 +130,17 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
     Parameters
     ----------
     text : str
-        A number, and its unit.
+        A number and its unit.
     unit : str
-        Of the parameter; empty for a pure number.
+        Unit of the parameter; empty for a pure number.
     difference : bool
-        Whether it is a difference, as a standard deviation is: of temperatures without their zero.
+        Whether the number is a difference, such as a standard deviation: of temperatures it is then
+        converted without the offset of the zero.
 
     Raises
     ------
     ValueError
-        What is wrong with it, to go behind the parameter's name.
+        The text is wrong; the message continues a sentence that begins with the parameter's name.
     """
     expectation = f"is in {unit}" if unit else "is a pure number"
     match = QUANTITY.fullmatch(text)
@@ -147,13 +148,13 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
         raise ValueError(f"{expectation}: expected a number and its unit, got {shown(text)}")
     try:
         target = Unit.named(unit)
-    except KeyError:  # such as Pa/m^n, of an exponent that is a parameter itself
+    except KeyError:  # such as Pa/m^n, where the exponent n is a parameter
         raise ValueError(f"{expectation}: expected a number, got {shown(text)}") from None
     try:
         written = Unit.named(match["unit"])
     except KeyError as error:
         word = str(error.args[0])
-        fitting = UNITS  # of a product or a quotient any unit may be meant
+        fitting = UNITS  # in a product or quotient any unit may be meant
         if word == match["unit"]:
             fitting = {k: v for k, v in UNITS.items() if v[1] == target.powers} or UNITS
         hint = did_you_mean(word, fitting) if word.isalpha() else ""
@@ -177,9 +178,9 @@ def _unit_of(text: str) -> str:
 
 
 def unit_as_written(texts: Sequence[str], unit: str) -> str:
-    """`unit` of a parameter, with the one in which texts such as ``12 bar`` give its values.
+    """`unit` of a parameter, with the unit in which texts such as ``12 bar`` give its values.
 
-    The first text decides. Pure numbers and temperatures are shown as tables have them.
+    The first text decides. Pure numbers and temperatures keep the unit of tables.
     """
     try:
         target, written = Unit.named(unit), Unit.named(_unit_of(texts[0]))
@@ -191,15 +192,15 @@ def unit_as_written(texts: Sequence[str], unit: str) -> str:
 
 
 def with_bare_unit(value: Any, parameter: Parameter) -> Any:
-    """A value as a text with its unit where a bare number is not in the parameter's own."""
+    """A bare number as a text with its unit, where such numbers are not in the parameter's unit."""
     bare = isinstance(value, int | float) and not isinstance(value, bool)
     return f"{value!r} {parameter.bare}" if bare and parameter.bare else value
 
 
 def quantity(value: Any, parameter: StudyParameter) -> Any:
-    """A value of a parameter, its text with a unit as a number; ParameterError about the unit.
+    """A value of a parameter; a text with a unit is made a number, or ParameterError is raised.
 
-    What is neither stays as it is: the parameter's own check says what is wrong with it.
+    Other values are returned unchanged, for the parameter's own check.
     """
     if not isinstance(value, str):
         return value

@@ -1,7 +1,7 @@
 """Rows of contact pairs over the degrees of freedom of a whole assembly.
 
-A pair slides on the rotor, or is stuck or frictionless elsewhere: the piston on its plate, an ear
-on its abutment. Such a pair may slip along a direction of its own.
+A pair slides on the rotor, or is stuck or frictionless elsewhere, as the piston on its plate or an
+ear on its abutment. A frictionless pair may be given friction along a direction of slip.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from squealstudy.models.linear_interfaces import SpringInterface
 
 KINDS = ("sliding", "stuck", "frictionless")
 SIDES = ("master", "slave")
-STEEP = 1e-6  # share of the circumferential direction that must lie in the contact plane
+STEEP = 1e-6  # least part of a direction in the contact plane, over its length, to slide along it
 
 
 @dataclass(frozen=True)
 class Rotation:
-    """Axis about which the rotor turns, by the right hand.
+    """Axis about which the rotor turns, by the right-hand rule.
 
     Attributes
     ----------
     point : ndarray (3,)
-        Of the axis, m.
+        A point on the axis, m.
     axis : ndarray (3,)
-        Its direction, of any length but zero.
+        Direction of the axis, of any length but zero.
     """
 
     point: np.ndarray
@@ -52,7 +52,7 @@ class Rotation:
         return axis / np.linalg.norm(axis)
 
     def around(self, points: np.ndarray) -> np.ndarray:
-        """Velocity of points (n, 3) [m] at 1 rad/s, m/s."""
+        """Velocity (n, 3) [m/s] of points (n, 3) [m] at 1 rad/s."""
         return np.cross(self.direction, points - np.asarray(self.point, dtype=float))
 
 
@@ -63,12 +63,12 @@ class ContactRows:
     Attributes
     ----------
     N, T, T_perp : csr_matrix (n, n_dof)
-        Where nothing slides T and T_perp are two directions of the contact plane, of the master
-        under the slave, square to each other; T is that of slip where there is one.
+        Where nothing slides, T and T_perp are the motion of the master under the slave along two
+        perpendicular directions of the contact plane; T is along the slip if one is given.
     area, gap0, radius, frictional : ndarray (n,)
-        0 where nothing slides; frictional is 1 where it may slip.
+        `radius` and `frictional` are 0 where nothing slides, but `frictional` is 1 with slip.
     points : ndarray (n, 3)
-        m.
+        Coordinates of the points, m.
     """
 
     N: sp.csr_matrix
@@ -81,7 +81,7 @@ class ContactRows:
     points: np.ndarray
 
     def ties(self, name: str, stiffness: float, in_static: bool = True) -> SpringInterface:
-        """Springs that hold both tangential directions of stuck points; `stiffness` in N/m3."""
+        """Springs of `stiffness` [N/m3] that hold stuck points along T and T_perp."""
         k = stiffness * self.area
         B = sp.vstack([self.T, self.T_perp]).tocsr()
         return SpringInterface(name, B, np.concatenate([k, k]), in_static)
@@ -101,33 +101,32 @@ def contact_rows(
 ) -> ContactRows:
     """Rows of a pair between the components `slave` and `master`.
 
-    The sliding direction is that in which the rotor moves, its part in the contact plane. `radius`
-    is the arm of a force in that direction about the axis; it is as well the speed of sliding at
-    1 rad/s.
+    The sliding direction is the part of the rotor's velocity in the contact plane. `radius` is the
+    arm of a force in that direction about the axis, and also the sliding speed at 1 rad/s.
 
     Parameters
     ----------
     pair : Pair
         Contact points.
     slave, master : str
-        Names in `spans`.
+        Names of the two components, keys of `spans`.
     spans, n_dof : dict of slice, int
-        Degrees of freedom of each component and their number (`component_slices`).
+        Degrees of freedom of each component, and the number of all (`component_slices`).
     kind : str
         ``sliding``, ``stuck`` (with `ContactRows.ties`) or ``frictionless``.
     rotation : Rotation, optional
-        Needed where it slides.
+        Needed for ``sliding``.
     rotor : str
-        Which side turns: ``master`` or ``slave``.
+        The side that turns: ``master`` or ``slave``.
     slip : ndarray (3,), optional
-        Of a frictionless pair that has friction after all: the direction in which the master slips
-        past the slave.
+        Direction in which the master slips past the slave. It gives friction to a pair that does
+        not slide on the rotor.
 
     Raises
     ------
     ModelError
-        An unknown kind, side or component; no rotation; points on the axis, or where the rotor
-        moves into the other body; points that the slip leaves.
+        An unknown kind, side or component; no rotation; points that do not slide, as they are on
+        the axis or the rotor moves along the normal; normals along the slip.
     """
     if kind not in KINDS:
         raise ModelError(f"contact kind '{kind}' is not known; there are {', '.join(KINDS)}")
@@ -175,7 +174,7 @@ def contact_rows(
 
 
 def contact_interface(parts: Sequence[ContactRows], law: ContactLaw) -> ContactInterface:
-    """All contact points of an assembly under one law."""
+    """The contact interface of an assembly: the points of all pairs, under one law."""
     N, T, T_perp = (
         sp.vstack([getattr(p, rows) for p in parts]).tocsr() for rows in ("N", "T", "T_perp")
     )
@@ -190,9 +189,9 @@ def contact_interface(parts: Sequence[ContactRows], law: ContactLaw) -> ContactI
 def sliding(
     pair: Pair, rotation: Rotation, where: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors along and across sliding (n, 3), and the arm (n,) [m].
+    """Unit vectors along and across sliding (n, 3), and the arm (n,) [m] about the axis.
 
-    Raises ModelError where points do not slide.
+    Raises ModelError where points do not slide; `where` begins its message.
     """
     n = pair.slave.normal
     velocity = rotation.around(pair.slave.points)
@@ -200,29 +199,29 @@ def sliding(
     size = np.linalg.norm(along, axis=1)
     speed = np.linalg.norm(velocity, axis=1)
     max_distance = np.linalg.norm(pair.slave.points - rotation.point, axis=1).max()
-    still = (speed <= STEEP * max_distance) | (size <= STEEP * speed)
-    if still.any():
+    at_rest = (speed <= STEEP * max_distance) | (size <= STEEP * speed)
+    if at_rest.any():
         raise ModelError(
-            f"{where}: {still.sum()} of {len(n)} points do not slide: they lie on the axis of "
+            f"{where}: {at_rest.sum()} of {len(n)} points do not slide: they lie on the axis of "
             "rotation, or the rotor moves along the normal there"
         )
     along /= size[:, None]
-    # to the outside wherever the contact plane is not parallel to the axis
-    turned = np.where(n @ rotation.direction > STEEP, -1.0, 1.0)[:, None]
-    return along, turned * np.cross(n, along), size
+    # across points outwards wherever the contact plane is not parallel to the axis
+    outward_sign = np.where(n @ rotation.direction > STEEP, -1.0, 1.0)[:, None]
+    return along, outward_sign * np.cross(n, along), size
 
 
 def slipping(n: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors along and across slip (n, 3) in the planes of unit normals n (n, 3).
 
-    Raises ModelError where the direction is that of a normal.
+    Raises ModelError where `direction` (3,) is along a normal.
     """
     unit = direction / np.linalg.norm(direction)
     along = unit - (n @ unit)[:, None] * n
     size = np.linalg.norm(along, axis=1)
-    if (leaves := size <= STEEP).any():
+    if (along_normal := size <= STEEP).any():
         raise ModelError(
-            f"{leaves.sum()} of {len(n)} points have normals along its direction 'sliding': "
+            f"{along_normal.sum()} of {len(n)} points have normals along its direction 'sliding': "
             "expected one in the contact plane"
         )
     along /= size[:, None]
@@ -230,8 +229,8 @@ def slipping(n: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors (n, 3) square to the unit vectors n (n, 3) and to each other."""
+    """Two unit vectors (n, 3) perpendicular to the unit vectors n (n, 3) and to each other."""
     e = np.eye(3)[np.abs(n).argmin(axis=1)]
-    along_sliding = e - np.sum(e * n, axis=1, keepdims=True) * n
-    along_sliding /= np.linalg.norm(along_sliding, axis=1, keepdims=True)
-    return along_sliding, np.cross(n, along_sliding)
+    first_tangent = e - np.sum(e * n, axis=1, keepdims=True) * n
+    first_tangent /= np.linalg.norm(first_tangent, axis=1, keepdims=True)
+    return first_tangent, np.cross(n, first_tangent)

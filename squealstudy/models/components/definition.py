@@ -14,16 +14,16 @@ DESCRIPTION = (
 
 @dataclass(frozen=True)
 class FileDefinition(ModelDefinition):
-    """A model file, read, with all that it names checked.
+    """A model file that was read and checked, with all files that it names.
 
     Attributes
     ----------
     path : str
-        Of the model file.
+        Path of the model file.
     files : tuple of str
-        Hashes of the model file and of every file that it reads, included ones too.
+        Hashes of the model file and of every file that it reads, included files too.
     own_of_law : frozenset of str
-        Parameters of the friction law that contacts have own values of.
+        Parameters of the friction law for which contacts have values of their own.
     """
 
     path: str = ""

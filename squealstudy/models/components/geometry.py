@@ -1,4 +1,4 @@
-"""Parts of a model file that no stiffness changes: bodies, faces, and where these meet."""
+"""Geometry of a model file, which no stiffness changes: bodies, faces and pairs of faces."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.turning import Rotors
 
-SEARCH_OVER_FACET = 0.5  # largest distance of a layer's faces over the size of a facet
-LAYER_POINTS = 3  # a side of a facet
-# of a facet: a gap over which a tie strains next to nothing in rigid turns
-MAX_TIE_GAP_OVER_FACET = 1e-4
-STIFFER = 1000.0  # stiffness of a tie over a layer of elements: a thousandth of its compliance
+SEARCH_OVER_FACET = 0.5  # default search distance over the radius of a facet
+LAYER_POINTS = 3  # points along a side of a facet
+MAX_TIE_GAP_OVER_FACET = 1e-4  # gap over facet size up to which a tie hardly strains in rigid turns
+STIFFER = 1000.0  # stiffness of a tie over that of one layer of elements beside it
 
 
 class Geometry:
@@ -49,26 +48,27 @@ class Geometry:
     ----------
     brake : Brake
     angle : float
-        By which what turns stands turned from its meshes, deg.
+        Angle by which turning components are turned from their meshes, deg.
 
     Attributes
     ----------
     bodies : dict of str -> Body
-        In the order of the file, turned.
+        Bodies in the order of the file, turned by the angle.
     spans : dict of str -> slice
-        Of each body among the displacements 3 * node + axis of all nodes.
+        Range of each body among the displacements 3 * node + axis of all nodes.
     n_dof : int
-        Number of these.
+        Number of these displacements.
     kept : dict of str -> ndarray of int
         Degrees of freedom of each body that the model file does not hold.
     rotation : Rotation or None
     contacts : list of Pair
-        Of each contact of the file.
+        Contact points of each contact of the file.
     ties : list of Pair
-        Of each tie of the file.
+        Points of each tie of the file.
     layers : list of Surface or Pair
-        Of each layer of the file; Surface where it is to ground.
+        Points of each layer of the file; a Surface for a layer to ground.
     loads : list of (Surface, Surface or None)
+        Points on which each load presses, and those of its reaction.
     """
 
     def __init__(self, brake: Brake, angle: float = 0.0) -> None:
@@ -88,24 +88,24 @@ class Geometry:
         self.kept = self._kept()
 
     def _body(self, name: str) -> Body:
-        """A component where it stands."""
+        """A component, turned by the angle if it turns."""
         body = body_of(self.brake, name)
         return turned_body(body, *self._turn()) if name in self.turned else body
 
     @property
     def turned(self) -> tuple[str, ...]:
-        """Components that stand turned from their meshes."""
+        """Names of the components that are turned from their meshes."""
         return self.file.turning if self.angle else ()
 
     def _turn(self) -> tuple[np.ndarray, np.ndarray]:
-        """Turn (3, 3) and shift (3,) [m] of what turns."""
+        """Rotation (3, 3) and shift (3,) [m] of the turning components by the angle."""
         assert self.rotation is not None
         turn, point = turn_about(self.rotation.direction, self.angle), self.rotation.point
         return turn, point - turn @ point
 
     # -- names of the file -----------------------------------------------------------------------
     def split(self, reference: str, keys: KeyPath) -> tuple[str, str]:
-        """Component and set of ``COMPONENT.SET``; PlacedError where there is no such thing."""
+        """Component and set of ``COMPONENT.SET``; PlacedError where one of them does not exist."""
         name, dot, label = reference.partition(".")
         if not dot or not label:
             raise PlacedError(keys, f"expected COMPONENT.SET, got '{reference}'")
@@ -128,7 +128,7 @@ class Geometry:
         return name, label
 
     def face(self, reference: str, keys: KeyPath) -> tuple[str, Facets]:
-        """Component and facets of a face."""
+        """Component and facets of a face ``COMPONENT.SET``."""
         name, label = self.split(reference, keys)
         body = self.bodies[name]
         try:
@@ -142,25 +142,25 @@ class Geometry:
         return name, face_facets
 
     def _check_rows(self, name: str, nodes: np.ndarray, reference: str, keys: KeyPath) -> None:
-        """Raise PlacedError where a component's matrices know nothing of some nodes of a set."""
+        """Raise PlacedError where a component's matrices have no rows for some nodes of a set."""
         body = self.bodies[name]
-        lost = nodes[body.expansion.lacking.reshape(-1, 3)[nodes].all(axis=1)]
-        if len(lost):
+        without_rows = nodes[body.expansion.lacking.reshape(-1, 3)[nodes].all(axis=1)]
+        if len(without_rows):
             map_file = self.file.components[name].dof
             question = f"is {map_file} their DOF map?" if map_file else "is this their mesh?"
             raise PlacedError(
                 keys,
-                f"the matrices of {name} have no rows for {body.mesh.nodes_named(lost)} of "
+                f"the matrices of {name} have no rows for {body.mesh.nodes_named(without_rows)} of "
                 f"{reference}: {question}",
             )
 
     def nodes(self, reference: str, keys: KeyPath) -> tuple[str, np.ndarray]:
-        """Component and nodes of a set."""
+        """Component and places of the nodes of a set ``COMPONENT.SET``."""
         name, label = self.split(reference, keys)
         return name, self.bodies[name].mesh.node_set(label)
 
     def points(self, reference: str, keys: KeyPath) -> tuple[str, Surface]:
-        """Component and points of a set: of a face, or all nodes of a set that is no face."""
+        """Component and points of a set: points of a face, or all nodes if the set is no face."""
         name, nodes = self.nodes(reference, keys)
         body, label = self.bodies[name], reference.partition(".")[2]
         if not has_name(body.mesh.surfaces, label):
@@ -171,7 +171,7 @@ class Geometry:
         return name, self.face(reference, keys)[1].gauss_points(LAYER_POINTS)[0]
 
     def _alike(self, name: str, nodes: np.ndarray, reference: str, keys: KeyPath) -> Surface:
-        """Nodes as points of one size."""
+        """Nodes as points of equal weight 1."""
         self._check_rows(name, nodes, reference, keys)
         x, ones = self.bodies[name].nodes, np.ones(len(nodes))
         rows = (np.arange(len(nodes)), nodes)
@@ -240,15 +240,15 @@ class Geometry:
         return replace(facing, gap0=self.measured(number, facing, "initial_gap", measured.file))
 
     def measured(self, number: int, pair: Pair, key: str, file_name: str) -> np.ndarray:
-        """Values (n,) of a file, SI units, at contact points where the slave's file has them.
+        """Values (n,) [SI] at contact points, of a file in coordinates of the slave's file.
 
-        `key` of the contact names the file: `initial_gap` or `friction_factor`.
+        `key` is the key of the contact that names the file: `initial_gap` or `friction_factor`.
         """
         name = self.file.sides(number)[0]
         turn, shift = placement(name, self.file.components[name], self.file.units)
         if name in self.turned:
-            also, further = self._turn()
-            turn, shift = also @ turn, also @ shift + further
+            rotor_turn, rotor_shift = self._turn()
+            turn, shift = rotor_turn @ turn, rotor_turn @ shift + rotor_shift
         try:
             column = GAP if key == "initial_gap" else FACTOR
             size = LENGTH.factor(self.file.units)
@@ -270,7 +270,7 @@ class Geometry:
     def _opposite(
         self, slave: Facets, master: Facets, keys: KeyPath, distance: float | None, quadrature: str
     ) -> Pair:
-        """Two faces within a distance, or within half the size of a facet."""
+        """The pair of two faces within a distance, or within half the radius of a facet."""
         size = LENGTH.factor(self.file.units)
         default = SEARCH_OVER_FACET * float(slave.radii.mean())
         search = default if distance is None else distance * size
@@ -305,8 +305,8 @@ class Geometry:
     def bedding(self, sides: Sequence[str], keys: KeyPath) -> float:
         """Stiffness per area [N/m3] of a tie or a coupling for which the file states none.
 
-        `sides` are keys of faces, the facets of the first count. Raises PlacedError where no
-        component beside it has materials.
+        `sides` are keys of its faces; the facets of the first give the size of elements. Raises
+        PlacedError where no component beside it has materials.
         """
         table = self.file.at(keys)
         stiffest = 0.0
@@ -343,13 +343,13 @@ class Geometry:
 
     @cached_property
     def effective_radius(self) -> float | None:
-        """Radius [m] that the imposed speed is of; None where all points slide at one speed."""
+        """Radius [m] of the imposed sliding speed; None where all points slide at one speed."""
         table = self.file.rotation
         return None if table is None or table.uniform else self.mean_radius
 
     @cached_property
     def mean_radius(self) -> float | None:
-        """Radius [m] of the sliding speed: the file's, or the mean arm of friction over the area.
+        """Radius [m] of the sliding speed: the file's, or the arm of friction averaged by area.
 
         None where nothing slides.
         """
@@ -374,7 +374,7 @@ class Geometry:
 
     @property
     def rotors(self) -> Rotors | None:
-        """The turning components."""
+        """The turning components and their axis; None where nothing turns."""
         if self.rotation is None:
             return None
         point = np.asarray(self.rotation.point)
@@ -385,9 +385,9 @@ class Geometry:
 
 @lru_cache(maxsize=4)
 def geometry_of(brake: Brake, angle: float = 0.0) -> Geometry:
-    """The geometry of a model file at an angle [deg] of what turns; a process makes it once.
+    """The geometry of a model file with its turning components at an angle [deg], cached.
 
-    Raises PlacedError about what of the file cannot be used, or does not fit to an angle.
+    Raises PlacedError where the file cannot be used, or not at an angle.
     """
     if angle:
         expect_rotor(brake.file)

@@ -1,8 +1,8 @@
-"""Gaps that heat opens: free expansion of components as they are held (THEORY.md eq. (118)).
+"""Changes of gaps by heat: components as held expand without contact (THEORY.md eq. (118)).
 
-Temperatures above those of the mesh strain each element by alpha dT. What the contact sees of it is
-the normal displacement of its points when everything expands without contact: the steady contact
-then adds what contact forces move, so the sum is the equilibrium of hot parts that touch.
+Temperatures above those of the mesh strain each element by alpha dT. The contact gets the normal
+displacement of its points as all parts expand without contact, as a change of its initial gaps.
+Steady sliding adds the displacements by contact forces; the sum is the equilibrium of hot parts.
 """
 
 from __future__ import annotations
@@ -43,24 +43,28 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.number_table import read_columns
 
 COLUMNS = ("x", "y", "z", "temperature")
-SAME_PLACE = 1e-6  # distance over that of neighbours at which points coincide
-BEYOND_SPACINGS = 2.0  # distances of neighbours by which a node may miss the outermost places
-FLAT = 1e-6  # extent of places across a plane over that along it, below which they span no body
-SHIFT = 1e-9  # of stiffness over mass of single coordinates: what the preconditioner holds all by
-RESIDUAL = 1e-11  # residual over the thermal forces
-MAX_STEPS = 500
-CACHE_SIZE = 8  # structures whose gaps a process keeps
-RIGHT_ANGLES = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])  # strains of expansion, 11 22 33 23 13 12
+SAME_PLACE = 1e-6  # distance of points that coincide, over the spacing of the file's points
+BEYOND_SPACINGS = 2.0  # largest distance of a node from the file's points, over their spacing
+FLAT = (
+    1e-6  # smallest extent of the file's points over the largest, below which they are in a plane
+)
+# shift of the preconditioner K + s M, over the median of K_ii / M_ii: it holds free motions
+SHIFT = 1e-9
+RESIDUAL = 1e-11  # largest residual over the thermal forces
+MAX_STEPS = 500  # steps of conjugate gradients
+CACHE_SIZE = 8  # structures whose gaps a process caches
+# strain of an isotropic expansion of 1, in the order 11 22 33 23 13 12
+RIGHT_ANGLES = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
 # -- temperatures ----------------------------------------------------------------------------------
 def temperature_rise(brake: Brake, body: Body) -> np.ndarray:
-    """Kelvins (n,) of all nodes of a hot component above its mesh, at a scale of 1.
+    """Temperature rise (n,) [K] of the nodes of a hot component above its mesh, at a scale of 1.
 
     Raises
     ------
     PlacedError
-        A file that is no such table, or that is not all over the component.
+        The file is no table of temperatures, or does not cover the component.
     """
     table = brake.file.components[body.name]
     heat, size = table.heat, LENGTH.factor(brake.file.units)
@@ -78,7 +82,7 @@ def temperature_rise(brake: Brake, body: Body) -> np.ndarray:
 
 
 def _from_file(path: Path, heat: HeatTable, nodes: np.ndarray) -> np.ndarray:
-    """Kelvins at nodes (n, 3), linear between places of the file; ModelError as `read_columns`."""
+    """Temperature rise (n,) [K] at nodes (n, 3), interpolated from a file; ModelError about it."""
     rows = np.unique(np.array(read_columns(path, COLUMNS)[1]).reshape(-1, 4), axis=0)
     points, warm = rows[:, :3], rows[:, 3] - heat.reference
     twice = np.flatnonzero((np.diff(points, axis=0) == 0).all(axis=1))
@@ -95,7 +99,7 @@ def _from_file(path: Path, heat: HeatTable, nodes: np.ndarray) -> np.ndarray:
 
 
 def _between(name: str, points: np.ndarray, warm: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Values (n,) at nodes (n, 3) of values (m,) at places (m, 3), linear between these."""
+    """Interpolate values `warm` (m,) at points (m, 3) linearly to nodes (n, 3): (n,)."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import cKDTree
 
@@ -122,20 +126,20 @@ def _between(name: str, points: np.ndarray, warm: np.ndarray, nodes: np.ndarray)
 
 # -- forces ----------------------------------------------------------------------------------------
 def thermal_forces(mesh: SolidMesh, rise: np.ndarray, expansion: Mapping[str, float]) -> np.ndarray:
-    """Forces (3 n,) [N] of held nodes that expand: the integral of B^T C alpha dT.
+    """Nodal forces (3 n,) [N] by thermal expansion: the integral of B^T C alpha dT.
 
     Parameters
     ----------
     mesh : SolidMesh
     rise : ndarray (n,)
-        Of its nodes, K.
+        Temperature rise of the nodes, K.
     expansion : mapping of material -> float
-        1/K, of all materials of elements.
+        Thermal expansion [1/K] of each material of the elements.
 
     Raises
     ------
     ModelError
-        Elements without material; a negative Jacobian.
+        Elements without material, or with a negative Jacobian.
     """
     forces = np.zeros((len(mesh.nodes), 3))
     parts = [p for name in used_materials(mesh) for p in parts_of(mesh, name)]
@@ -157,7 +161,7 @@ def thermal_forces(mesh: SolidMesh, rise: np.ndarray, expansion: Mapping[str, fl
 
 
 def _expansions(brake: Brake, name: str, mesh: SolidMesh, numbers: Numbers) -> dict[str, float]:
-    """Thermal expansions of the materials of a hot component, 1/K; PlacedError if missing."""
+    """Thermal expansion [1/K] of each material of a hot component; PlacedError if missing."""
     strains = {}
     for label in used_materials(mesh):
         keys: KeyPath = ("components", name, "materials", label, THERMAL)
@@ -181,16 +185,16 @@ def hot_gaps(
     ----------
     assembly : Assembly
     geometry : Geometry
-        Of its model file.
+        Geometry of the assembly's model file.
     overrides : mapping of key -> float
-        Numbers of the file that have other values in the assembly, SI.
+        Numbers of the file that have other values in the assembly, in SI units.
 
     Raises
     ------
     PlacedError
-        What is wrong with temperatures, or a material that does not say how it expands.
+        Temperatures are wrong, or a material does not say how it expands.
     ModelError
-        Where the expansion cannot be solved for.
+        The equations of the expansion are too nearly singular.
     """
     numbers = Numbers(geometry.file, overrides)
     gaps = np.zeros(assembly.contact.n_points)
@@ -201,8 +205,8 @@ def hot_gaps(
     }
     if not any(scales.values()):
         return gaps
-    of_numbers = sorted(((k, v) for k, v in overrides.items() if k[2:] != HEAT), key=str)
-    key = (geometry.brake, tuple(of_numbers))
+    sorted_overrides = sorted(((k, v) for k, v in overrides.items() if k[2:] != HEAT), key=str)
+    key = (geometry.brake, tuple(sorted_overrides))
     if key not in _opened:
         while len(_opened) >= CACHE_SIZE:
             _opened.pop(next(iter(_opened)))
@@ -218,13 +222,13 @@ _opened: dict[tuple[Any, ...], dict[str, np.ndarray]] = {}
 def _opened_by(
     assembly: Assembly, geometry: Geometry, overrides: Mapping[KeyPath, float]
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Hot components, and gaps (nc,) by each at a scale of 1 and with the others cold."""
+    """Name of each hot component, and gaps (nc,) [m] by it alone at a scale of 1."""
     numbers = Numbers(geometry.file, overrides)
     solve = Statics((assembly.K_el + assembly.K_springs(static=True)).tocsr(), assembly.M)
     for name, table in geometry.file.components.items():
         if table.heat is None:
             continue
-        body = body_of(geometry.brake, name)  # as meshed: its freedoms turn with it
+        body = body_of(geometry.brake, name)  # as meshed, as its degrees of freedom turn with it
         mesh = changed_mesh(body, own_numbers(name, overrides))
         strains = _expansions(geometry.brake, name, mesh, numbers)
         forces = thermal_forces(mesh, temperature_rise(geometry.brake, body), strains)
@@ -234,10 +238,10 @@ def _opened_by(
 
 
 class Statics:
-    """Solves K u = f of loads that are in balance where motions of K are free.
+    """Solves K u = f, where K may have free motions and loads f do no work in them.
 
-    By conjugate gradients with the factor of K + s M: a few steps, one a direction that is hardly
-    held. Free motions in u are of no size in particular: contact decides on them.
+    Conjugate gradients are preconditioned by a factor of K + s M. They take a few steps, about one
+    for each direction that is hardly held. Free motions in u are arbitrary: contact fixes them.
     """
 
     def __init__(self, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
@@ -247,7 +251,7 @@ class Statics:
         self._inverse = LinearOperator(K.shape, matvec=factor.solve)
 
     def __call__(self, load: np.ndarray) -> np.ndarray:
-        """The displacement (n,); ModelError where none is found."""
+        """The displacement (n,) under a load (n,); ModelError where the steps do not converge."""
         u, failed = cg(self._K, load, rtol=RESIDUAL, maxiter=MAX_STEPS, M=self._inverse)
         if failed:
             raise ModelError(

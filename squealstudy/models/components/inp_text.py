@@ -1,4 +1,4 @@
-"""The cards of one component, and the report of those that are passed over."""
+"""The cards of one component of an .inp file, and the report of cards that are passed over."""
 
 from __future__ import annotations
 
@@ -20,29 +20,31 @@ class Text:
     Attributes
     ----------
     path : Path
-        The file asked for.
+        The file that the user named.
     part : list of Card
-        Of the part and its instance, or of a file without parts.
+        Cards of the part and its instance, or of a file without parts.
     assembly : list of Card
-        Sets and surfaces of the assembly.
+        Cards of the assembly with sets and surfaces.
     instance : str
-        In capitals; empty without parts.
+        Name of the instance in capitals; empty in a file without parts.
     materials : dict of str -> MaterialText
-        By their names in capitals.
+        Materials by their names in capitals.
     turn, shift : ndarray
-        Placement of the instance: x goes to turn x + shift.
+        Placement of the instance: a point x is moved to turn x + shift.
     elements : dict of str -> str
-        Types of elements of the file, in capitals, and their formulation here.
+        Formulation used here for each element type of the file, in capitals.
     temperature : float or None
-        At which materials are taken.
+        Temperature at which material constants are read.
     abaqus : bool
-        Whether Abaqus is meant, and not CalculiX.
+        Whether the file is read as one of Abaqus; else of CalculiX.
     non_solids : list of (Card, list of int)
-        Elements that are no solids, and their numbers.
+        Cards of elements that are no solids, with the numbers of the elements.
     points : list of Card
-        Of these the springs, masses and older couplings, whose keywords are read.
+        Those of these cards that are read: springs, masses and older couplings.
     points_alone : bool
-        The component needs no elements, and all its nodes are kept.
+        Whether the component needs no elements, and all its nodes are kept.
+    passed_over : list of PassedOver
+        Cards that are passed over, with the reasons.
     """
 
     path: Path
@@ -66,11 +68,11 @@ class Text:
 
 
 def unused(card: Card) -> PassedOver:
-    """The report of parameters of a card that are passed over."""
+    """The report of a card's parameters that are passed over."""
     many = "s" if len(card.unused) > 1 else ""
     return passed(card, f"the parameter{many} {', '.join(card.unused)}, not used here")
 
 
 def passed(card: Card, why: str) -> PassedOver:
-    """A card for the report of what is passed over."""
+    """The report of a card that is passed over, with the reason."""
     return PassedOver(card.shown, card.line.file.path, card.line.place + 1, why)

@@ -25,11 +25,11 @@ from squealstudy.models.components.materials import Elastic, Orientation, Unfini
 from squealstudy.models.components.set_names import found_name, has_name
 
 N_NAMED_IN_MESSAGE = 5  # elements or nodes that a message names
-OF_CONTACT = "contact is stated in the model file"  # why keywords of contact are passed over
+OF_CONTACT = "contact is stated in the model file"  # reason why contact keywords are passed over
 
 
 class PassedOver(NamedTuple):
-    """A part of the file that the model leaves out: keyword, file, line from 1 (0: none), why."""
+    """A part of a file that the model leaves out: keyword, file, line from 1 (0: none), reason."""
 
     keyword: str
     path: Path
@@ -83,29 +83,29 @@ class SolidMesh:
     numbers : ndarray (n,) of int
         Numbers of the nodes in the file.
     blocks : tuple of ElementBlock
-        None of the nodes of matrices that have no solids.
+        Empty for the nodes of matrices without solids.
     node_sets, element_sets : dict of str -> ndarray of int
-        Nodes, elements by their places here, ascending.
+        Places of nodes and elements here, ascending.
     surfaces : dict of str -> ndarray (p, 2) of int
-        Places of elements and numbers of their faces from 1, as S1 to S6 of files.
+        Places of elements, and numbers of their faces from 1, as S1 to S6 in files.
     materials : dict of str -> Isotropic or Orthotropic
     unfinished : dict of str -> Unfinished
-        Materials that the file does not state whole; the model file may.
+        Materials that the file states in part only; the model file may state the rest.
     material : ndarray (n_elements,) of str
         Name of each element's material; empty where it has none.
     orientations : dict of str -> Orientation
     orientation : ndarray (n_elements,) of str
         Name of each element's material axes; empty where they are the global ones.
     constraints : tuple of Tie or Coupling
-        Nodes that follow others.
+        Constraints by which nodes follow others.
     passed_over : tuple of PassedOver
-        What the file says and the mesh does not.
+        Parts of the file that are left out of the mesh.
     lumped : bool
         Whether the program of the file lumps the mass at the nodes.
     discrete : tuple of Discrete
-        Springs and masses that are of no solid.
+        Springs and masses beside the solids.
     added_density : ndarray (n_elements,)
-        Of mass that is no material's, such as paint; beside that of the material.
+        Density of mass beside the material's, such as paint.
     """
 
     origin: Path
@@ -142,14 +142,14 @@ class SolidMesh:
 
     @cached_property
     def starts(self) -> np.ndarray:
-        """Place of the first element of each block, and the number of elements at the end."""
+        """Place of each block's first element, then the number of elements (n_blocks + 1,)."""
         return np.cumsum([0, *(len(b.labels) for b in self.blocks)])
 
     @cached_property
     def body_of(self) -> np.ndarray:
-        """Which body each element (n_elements,) belongs to, from 0 in the order of the elements.
+        """Number of each element's body (n_elements,), from 0 in the order of the elements.
 
-        Elements are of one body where nodes that they share, or couplings, join them.
+        Elements belong to one body where shared nodes, constraints, springs or masses join them.
         """
         from scipy.sparse.csgraph import connected_components
 
@@ -173,7 +173,7 @@ class SolidMesh:
         return np.argsort(np.argsort(first))[number]
 
     def node_of_face(self, faces: np.ndarray) -> np.ndarray:
-        """A node of each of some faces (p, 2)."""
+        """One node (p,) of the element of each face (p, 2)."""
         block = np.searchsorted(self.starts, faces[:, 0], side="right") - 1
         blocks, starts = self.blocks, self.starts
         return np.array(
@@ -183,7 +183,7 @@ class SolidMesh:
 
     @property
     def references(self) -> np.ndarray:
-        """Reference nodes of couplings, nodes of relations and masses: of no element, perhaps."""
+        """Reference nodes of couplings, nodes of relations and masses; some have no element."""
         node_lists = [np.array([c.reference]) for c in self.constraints if isinstance(c, Coupling)]
         node_lists += [c.nodes for c in self.constraints if isinstance(c, Relation)]
         return np.concatenate([np.zeros(0, dtype=np.int64), *node_lists, self.weighed])
@@ -196,7 +196,7 @@ class SolidMesh:
 
     @property
     def bare(self) -> np.ndarray:
-        """Which nodes (n,) belong to no element."""
+        """Whether each node (n,) belongs to no element."""
         is_bare = np.ones(len(self.nodes), dtype=bool)
         for block in self.blocks:
             is_bare[block.nodes] = False
@@ -204,7 +204,7 @@ class SolidMesh:
 
     @property
     def tied(self) -> np.ndarray:
-        """Slave nodes of ties, nodes of relations: they may lie where others do."""
+        """Slave nodes of ties and nodes of relations, which may coincide with other nodes."""
         parts = [c.nodes for c in self.constraints if isinstance(c, Tie | Relation)]
         return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
@@ -215,7 +215,7 @@ class SolidMesh:
 
     @cached_property
     def labels(self) -> np.ndarray:
-        """Numbers of all elements in the file (n_elements,)."""
+        """Numbers (n_elements,) of all elements in the file."""
         return np.concatenate([np.zeros(0, dtype=np.int64), *(b.labels for b in self.blocks)])
 
     def error(self, message: str) -> ModelError:
@@ -245,7 +245,7 @@ class SolidMesh:
         Raises
         ------
         ModelError
-            There is none; the message lists what there is.
+            There is none of this name; the message lists those that exist.
         """
         return found_name(
             getattr(self, collection), name, collection.replace("_", " ")[:-1], self.origin
@@ -280,12 +280,12 @@ class SolidMesh:
         Parameters
         ----------
         name : str
-            Of the material.
+            Name of the material.
         material : Isotropic, Orthotropic or Unfinished
         elements : str or None
-            An element set.
+            Name of an element set; None for all elements.
         orientation : tuple (str, Orientation) or None
-            Name and axes of the material; None leaves them as they are.
+            Name and material axes; None leaves the axes unchanged.
         """
         if not name:
             raise self.error("a material needs a name")
@@ -313,9 +313,9 @@ class SolidMesh:
         )
 
     def used_nodes(self) -> np.ndarray:
-        """Which nodes (n,) are of elements, or references of couplings.
+        """Whether each node (n,) belongs to an element or to `references`.
 
-        Raises ModelError about a constraint on other nodes.
+        Raises ModelError where a constraint is on other nodes.
         """
         used = np.zeros(len(self.nodes), dtype=bool)
         for block in self.blocks:
@@ -328,10 +328,10 @@ class SolidMesh:
         return used
 
     def part(self, elements: np.ndarray, nodes: np.ndarray | None = None) -> SolidMesh:
-        """Only these elements (places), and the nodes, sets, faces, couplings that belong to them.
+        """The mesh of only these elements (places), with their nodes, sets, faces and constraints.
 
-        And other `nodes` (n,) of bool. Raises ModelError about a coupling of them and others; where
-        there is nothing.
+        `nodes` (n,) of bool adds nodes. Raises ModelError where a constraint couples the part with
+        other nodes, or where there is no element and no `nodes` are given.
         """
         keep = np.zeros(self.n_elements, dtype=bool)
         keep[elements] = True
