@@ -184,7 +184,7 @@ def _facts(
 
 
 def _by_size(plan: Plan, cost: Estimate, size: SizeForecast, missing: int, jobs: int) -> str:
-    """Time of a study without a reduction in the cache, between two bounds."""
+    """Text with bounds on the time of a study that has no reduction in the cache yet."""
     count = cost.n_missing_structures
     ends = [
         run_seconds(plan, replace(cost, structure_s=r, point_s=p), missing, jobs)
@@ -204,13 +204,13 @@ def _by_size(plan: Plan, cost: Estimate, size: SizeForecast, missing: int, jobs:
 
 
 def _from_to(least: float, longest: float) -> str:
-    """Two times, or one where both are said alike."""
+    """Text of two times [s], or of one where both read the same."""
     ends = dict.fromkeys(map(duration, (least, longest)))
     return " to ".join(ends) if len(ends) > 1 else f"about {next(iter(ends))}"
 
 
 def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
-    """Cost of refining tracks and onsets, in words; empty where nothing is refined."""
+    """Row on the cost of refining tracks and onsets; none where nothing is refined."""
     max_solves = as_model_kind(plan.kind).solves(plan).between
     if not max_solves:
         return []
@@ -220,7 +220,7 @@ def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
 
 
 def _memory(each: float, workers: int, members: Sequence[Worker]) -> str:
-    """Memory that a process needs [GB], and whether it is available."""
+    """Text on the memory `each` [GB] that a process needs, and whether so much is free."""
     if members:
         limits = [m.limit_mb / 1024 for m in members if m.limit_mb]
         few = sum(limit < each for limit in limits)
@@ -236,7 +236,7 @@ def _memory(each: float, workers: int, members: Sequence[Worker]) -> str:
 
 
 def _members(scheduler: str | None) -> Sequence[Worker]:
-    """The workers of a scheduler that is named; MachineError where they are of no use."""
+    """The workers of a scheduler, () without one; MachineError where they cannot be used."""
     if scheduler is None:
         return ()
     from squealstudy.engine.cluster import connected
@@ -246,7 +246,7 @@ def _members(scheduler: str | None) -> Sequence[Worker]:
 
 
 def _cluster(members: Sequence[Worker]) -> Rows:
-    """How many workers a cluster has, their memory, and that their versions are those here."""
+    """Row on a cluster's workers: number, memory, versions; none without a cluster."""
     if not members:
         return []
     limits = sorted(m.limit_mb / 1024 for m in members)
@@ -256,7 +256,7 @@ def _cluster(members: Sequence[Worker]) -> Rows:
 
 
 def _validity(plan: Plan) -> Rows:
-    """Design points whose parameters break an assumption; what only their results tell is open."""
+    """Row on design points whose parameters break assumptions; results may break others later."""
     broken_by_rule = parameter_reasons(plan)
     if not broken_by_rule:
         return []
@@ -266,7 +266,7 @@ def _validity(plan: Plan) -> Rows:
 
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:
-    """Change of results on the next finer mesh, which is solved for this."""
+    """Solve the next finer mesh, too: a row on how results change."""
     from squealstudy.engine.forecast import mesh_error
 
     difference = mesh_error(plan, jobs)
@@ -289,7 +289,7 @@ def _mesh_error(plan: Plan, jobs: int) -> Rows:
 
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:
-    """Number of points; of a design that grows also what it may come to."""
+    """Text on the number of design points, and on how many a growing design may have."""
     text = f"{plural(len(plan.tasks), 'point')}, {missing} of them not yet in {directory}"
     if len(plan.swept) > plan.study.definition.design.limit:
         text += _refused(plan.study)
@@ -299,18 +299,18 @@ def _design(plan: Plan, missing: int, directory: Path) -> str:
 
 
 def _refused(study: ResolvedStudy) -> str:
-    """Message that there are too many points."""
+    """Text that the study has too many points to run without --yes."""
     limit = study.definition.design.limit
     return f"; `run` refuses more than design.limit = {limit:,} without --yes"
 
 
 def _ranges(study: ResolvedStudy) -> Rows:
-    """The swept ranges, a row a sweep."""
+    """The swept ranges, one row for each sweep."""
     return [(f"  {sweep.name}", _range(study, sweep)) for sweep in study.sweeps]
 
 
 def _constant(study: ResolvedStudy) -> Rows:
-    """The operating point as far as it is not swept, defaults too, what is given, and the laws."""
+    """Rows on constant parameters (operating point, and those given), on laws and on tables."""
     constant = study.constant
     operating = [p for p in (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING) if p.name in study.values]
     set_there = [parse_parameter(name, study.model) for name in study.definition.parameters]

@@ -1,4 +1,4 @@
-"""What `squealstudy inspect` prints and draws: a model file, or measured modes beside its own."""
+"""Texts and pictures of `squealstudy inspect`: a model file, or measured beside computed modes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def part_tables(model: FileDefinition, inspection: Inspection) -> tuple[Rows, Rows]:
-    """Facts, and the parameters that the file declares."""
+    """Rows of facts on a model file, and rows of the structural parameters that it declares."""
     rows = [
         (p.name, f"{p.default:g} {p.unit}".rstrip() + f"  {p.description}")
         for p in model.parameters
@@ -46,7 +46,7 @@ def part_tables(model: FileDefinition, inspection: Inspection) -> tuple[Rows, Ro
 
 
 def draw(geometry: Geometry, path: Path) -> None:
-    """Draw the assembly, contact faces coloured."""
+    """Draw the assembly with coloured contact faces."""
     faces: dict[str, list[str]] = {}
     for contact in geometry.file.contact:
         for reference in (contact.slave, contact.master):
@@ -78,13 +78,13 @@ def draw(geometry: Geometry, path: Path) -> None:
 
 
 def _outer(mesh: SolidMesh) -> np.ndarray:
-    """Facets (m, 8) of the boundary."""
+    """Facets (m, 8) of a mesh's boundary, each with eight nodes."""
     groups = facet_groups(mesh, boundary(mesh))
     return np.vstack([np.zeros((0, 8), dtype=np.int64), *(eight(g.nodes) for g in groups)])
 
 
 def draw_modes(geometry: Geometry, path: Path) -> list[Path]:
-    """Draw the first free modes of each component with solids; the files, beside `path`."""
+    """Draw the first free modes of each component with solids, in files beside `path`."""
     written = []
     for name, body in geometry.bodies.items():
         outer = _outer(body.mesh)
@@ -107,11 +107,11 @@ def draw_modes(geometry: Geometry, path: Path) -> list[Path]:
 
 MAX_DRAWN_MODES = 6  # free modes of a part that are drawn
 MAX_DRAWN_SURFACES = 8  # surfaces of a part alone that are drawn
-# of the part's largest side: distance of a measured point and its node
+# largest distance of a measured point from its node, over the largest side of the part
 MAX_POINT_DISTANCE_RATIO = 0.02
-N_RIGID_MODES = 6  # rigid modes of a free part
-N_COLUMNS_TO_DAMPING = 3  # columns of the table up to the measured damping
-MAX_MODES_WITH_FIGURES = 12  # modes up to which a picture has room for figures
+N_RIGID_MODES = 6  # number of rigid modes of a free part
+N_COLUMNS_TO_DAMPING = 3  # number of the table's columns up to the measured damping
+MAX_MODES_WITH_FIGURES = 12  # number of modes up to which a picture has room for figures
 
 
 def inspected(
@@ -122,7 +122,7 @@ def inspected(
     tolerance: str | None,
     picture: Path | None,
 ) -> bool:
-    """Show measured modes beside computed ones, and draw them; whether something is in doubt."""
+    """Show measured beside computed modes, and draw them if asked; whether there are doubts."""
     measured_and_correlation = compared(read_model(model), component, path, unit, tolerance)
     show(*correlation_lines(*measured_and_correlation))
     if picture is not None:
@@ -139,23 +139,25 @@ def inspected(
 def compared(
     model: FileDefinition, component: str, path: Path, unit: str, tolerance: str | None
 ) -> tuple[Measured, Correlation]:
-    """Measured modes of a file beside those of a free component at its defaults.
+    """Measured modes of a file, and their correlation with those of a free component.
 
     Parameters
     ----------
     model : FileDefinition
     component : str
     path : Path
-        Universal file.
+        Universal file with the measured modes.
     unit : str
-        Of its lengths, where it does not say.
+        Unit of its lengths, where the file has none.
     tolerance : str or None
-        Distance with its unit; by default MAX_POINT_DISTANCE_RATIO of the largest side.
+        Largest distance of a point from its node, with its unit; None: MAX_POINT_DISTANCE_RATIO of
+        the component's largest side.
 
     Raises
     ------
     StudyFileError, ModelError
-        As `free_component`, `read_measured` and `correlated`; a unit of another kind.
+        For the reasons of `free_component`, `read_measured` and `correlated`, or where a unit is
+        not one of length.
     """
     body, (K, M), placement = free_component(model, component)
     measured = read_measured(path, _length(f"1 {unit}", "--unit"))
@@ -168,7 +170,7 @@ def compared(
 
 
 def _length(text: str, option: str) -> float:
-    """A length in m."""
+    """The length [m] that a text with a unit gives; ModelError where it is no positive length."""
     try:
         length_m = in_unit_of(text, "m")
     except ValueError as error:
@@ -179,7 +181,7 @@ def _length(text: str, option: str) -> float:
 
 
 def correlation_lines(measured: Measured, correlation: Correlation) -> list[RenderableType]:
-    """The table of pairs, and what was compared."""
+    """The table of pairs, and lines on the points and modes that were compared."""
     partner = dict(correlation.pairs)
     rows = [
         _row(measured, correlation, k, partner.get(k)) for k in range(len(measured.frequency_hz))
@@ -239,7 +241,7 @@ def _name(correlation: Correlation, group: int) -> str:
 
 
 def _unpaired(correlation: Correlation) -> list[str]:
-    """Computed modes without a measured partner, in words."""
+    """Texts on computed modes without a measured partner."""
     taken = [sum(j == g for _, j in correlation.pairs) for g in range(len(correlation.groups))]
     return [
         f"{_name(correlation, g)} at {correlation.frequency_hz[g]:.1f} Hz"
@@ -250,7 +252,7 @@ def _unpaired(correlation: Correlation) -> list[str]:
 
 
 def doubts(measured: Measured, correlation: Correlation) -> list[str]:
-    """What should be looked at before the numbers are trusted."""
+    """Texts on doubts about the comparison, to be looked at before its numbers are trusted."""
     partner = dict(correlation.pairs)
     lost = [str(k + 1) for k in range(len(measured.frequency_hz)) if k not in partner]
     texts = []
@@ -278,7 +280,7 @@ def doubts(measured: Measured, correlation: Correlation) -> list[str]:
 
 
 def correlation_figure(measured: Measured, correlation: Correlation, title: str) -> Figure:
-    """The matrix of MAC, a row a measured mode; pairs are framed."""
+    """Picture of the MAC matrix, with a row for each measured mode; pairs are framed."""
     m, g = correlation.mac.shape
     figure = new_figure(min(2.6 + 0.55 * g, 14.0), min(2.0 + 0.42 * m, 10.0))
     axes = figure.add_subplot()

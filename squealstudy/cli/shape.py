@@ -1,4 +1,4 @@
-"""What `squealstudy shape` writes and prints."""
+"""Files and texts of `squealstudy shape`."""
 
 from __future__ import annotations
 
@@ -47,24 +47,25 @@ def shapes(
     output: Path | None,
     kinds: tuple[bool, bool, bool, bool],
 ) -> Rows:
-    """Write shapes of a design point; what they are, and the files.
+    """Write shapes of a design point to files; rows that describe shapes and files.
 
     Parameters
     ----------
     point : str or None
         Row of the points table, or a point_id.
     modes : str or None
-        Numbers with commas, ``unstable`` or ``all``; None is the one that grows fastest.
+        Numbers with commas, ``unstable`` or ``all``; None: the mode that grows fastest.
     track : int or None
+        Number of a mode in `rank`, in place of `modes`.
     output : Path or None
-        Folder; by default ``shapes`` in the results directory.
+        Folder of the files; None: ``shapes`` in the results directory.
     kinds : (picture, page, vtu, uff)
-        What is written.
+        Whether each of these kinds of file is written.
 
     Raises
     ------
     ResultsError
-        As `Results.shape`.
+        For the reasons of `Results.shape` or `Results.end_motion`, or for two choices of modes.
     """
     signals: list[Signal] = []
     if results.kind == "transient":
@@ -97,7 +98,7 @@ def shapes(
 
 
 def _signals(results: Results, point_id: str) -> list[Signal]:
-    """What was kept over time of a run but the energies and amplitudes of modes; or nothing."""
+    """Signals over time in a run's history, without those of single modes; [] without one."""
     try:
         history = results.history(point_id)
     except ResultsError:
@@ -110,7 +111,7 @@ def _signals(results: Results, point_id: str) -> list[Signal]:
 def _shapes(
     results: Results, point: str | None, modes: str | None, track: int | None
 ) -> list[Shape]:
-    """The shapes asked for, of one design point."""
+    """The shapes of the chosen modes at one design point."""
     point_row = _row_or_id(results, point)
     if modes is not None and track is not None:
         raise ResultsError("expected --mode or --track, got both")
@@ -141,14 +142,14 @@ def _shapes(
 
 
 def _row_or_id(results: Results, point: str | None) -> str | int | None:
-    """A design point as `Results.row_of` takes it."""
+    """A design point for `Results.row_of`: its id, or its row as a number."""
     if point is None or not point.lstrip("-").isdigit():
         return point
     return point if point in set(results.points["point_id"]) else int(point)
 
 
 def _told_motion(shape: Shape) -> Rows:
-    """The motion at the end of a run in words."""
+    """Rows that describe the motion at the end of a run."""
     first, *values = title(shape)
     (energy,) = (text.split(": ", 1) for text in sources(shape))
     return [
@@ -161,7 +162,7 @@ def _told_motion(shape: Shape) -> Rows:
 
 
 def _mode_rows(motion: EndMotion) -> Rows:
-    """The complex modes that have most of the motion's energy, and what none of them has."""
+    """Rows on the complex modes with most of the motion's energy, and on the energy in none."""
     order = np.argsort(-motion.share)[:LISTED_MODES]
     rows = [
         (
@@ -177,7 +178,7 @@ def _mode_rows(motion: EndMotion) -> Rows:
 
 
 def _shape_rows(shape: Shape) -> Rows:
-    """A mode in words."""
+    """Rows that describe a mode."""
     first, *values = title(shape)
     energy, growth = (text.split(": ", 1) for text in sources(shape))
     return [
@@ -193,13 +194,13 @@ def _shape_rows(shape: Shape) -> Rows:
 
 
 def _shares(shape: Shape) -> str:
-    """Elastic energy of layers and contacts, the largest first."""
+    """Text on the shares of layers and contacts in the elastic energy, the largest first."""
     ordered = sorted(shape.interfaces.items(), key=lambda item: -item[1])
     return ", ".join(f"{_source_text(*key)} {100 * share:.1f} %" for key, share in ordered if share)
 
 
 def _why(shape: Shape) -> Rows:
-    """Friction by kind and pair, what damps, and the power of both."""
+    """Rows on growth by friction (by kind and pair), on damping, and on the power of both."""
     friction = [s for s in shape.sources if s.of_friction]
     damping = sorted((s for s in shape.sources if not s.of_friction), key=lambda s: s.growth_rate)
     by_kind = ", ".join(f"{s.growth_rate:+.4g} {s.kind} at {words(s.where)}" for s in friction)
@@ -215,7 +216,7 @@ def _why(shape: Shape) -> Rows:
 
 
 def _pair(shape: Shape) -> Rows:
-    """The real modes that friction couples, where there are two."""
+    """Row on the two real modes that friction couples; none where there are not two."""
     if len(shape.pair) < 2:
         return []
     (hz, share), (other_hz, other) = shape.pair
@@ -227,19 +228,19 @@ def _pair(shape: Shape) -> Rows:
 
 
 def _source_text(kind: str, where: str) -> str:
-    """Where damping or energy is, in words; components and layers by their names alone."""
+    """Text of a place of damping or energy; for components and layers just the name."""
     if kind == ASSEMBLY:
         return "all modes of the assembly"
     return f"contact of {words(where)}" if kind == CONTACT else words(where)
 
 
 def reasons(results: Results, tracks: Iterable[int]) -> Rows:
-    """Why ranked modes grow, each at the design point where it grows fastest of all.
+    """Rows on why ranked modes grow, each at the design point where it grows fastest.
 
     Raises
     ------
     ResultsError
-        As `Results.shape`.
+        For the reasons of `Results.shape`.
     """
     rows: Rows = []
     if not has_mesh(plan_of(results).study):
@@ -254,7 +255,7 @@ def reasons(results: Results, tracks: Iterable[int]) -> Rows:
 
 
 def _location(results: Results, row: int) -> str:
-    """Where a design point is, by its number and the parameters that vary."""
+    """Text that places a design point, by its number and (if few) the parameters that vary."""
     points, units = results.points, results.units
     varied = [name for name in results.parameters if points[name].nunique() > 1]
     texts = [f"{name} {amount(points[name].iloc[row], units.get(name, ''))}" for name in varied]
@@ -263,7 +264,7 @@ def _location(results: Results, row: int) -> str:
 
 
 def _of_vectors(results: Results, track: int) -> Rows:
-    """Why a mode of a model without a mesh grows, and its vectors, a row a coordinate."""
+    """Rows on why a mode of a model without a mesh grows, and on its vectors by coordinate."""
     mode = mode_vectors(results, track)
     hz, growth = abs(mode.lam) / (2 * np.pi), mode.lam.real
     of_contact = results.manifest["model"] != OWN_MATRICES
@@ -288,7 +289,7 @@ def _of_vectors(results: Results, track: int) -> Rows:
 
 
 def _pair_text(mode: ModeVectors, of_contact: bool) -> str:
-    """The real modes of a mode, and in words what that means for its growth."""
+    """Text on the real modes that a mode is made of, and on what they mean for its growth."""
     # of shares that print the same the lower frequency comes first, whatever round-off says
     ordered = sorted(zip(mode.pair_share, mode.pair_hz, strict=True), key=_by_printed_share)
     (share, other), (first, second) = (x for x, _ in ordered), (_held_at(hz) for _, hz in ordered)
@@ -313,20 +314,20 @@ def _by_printed_share(share_and_hz: tuple[float, float]) -> tuple[float, float]:
 
 
 def _held_at(hz: float) -> str:
-    """Frequency of a real mode; what stiffness drives away, or does not hold, has none."""
+    """Text of a real mode's frequency; it has none where stiffness does not hold it."""
     return f"at {in_digits(hz, 1)} Hz" if hz > 0 else "that no stiffness holds,"
 
 
 def names(results: Results, tracks: Iterable[int]) -> Rows:
-    """Names of ranked modes: the most frequent one, and what they rest on where growth is fastest.
+    """Rows on names of ranked modes: the most frequent one, and its grounds at the fastest growth.
 
-    What follows no track (real roots, modes without a track) has no name. The names are kept
-    beside the tables, for the legends of pictures.
+    Real roots and modes without a track have no name. The names are stored beside the tables, for
+    the legends of pictures.
 
     Raises
     ------
     ResultsError
-        As `Results.shape`.
+        For the reasons of `Results.shape`.
     """
     tracked = [int(track) for track in tracks if track >= 0]
     table = track_names(results.names(tracked), results.modes)

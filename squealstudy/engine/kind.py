@@ -1,4 +1,4 @@
-"""What differs between kinds of study; the runner, the store and the screens know only this."""
+"""All that differs between kinds of study, as the runner, the store and the screens use it."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Planned(Protocol):
 
     @property
     def owner(self) -> tuple[str, str, str]:
-        """Name, kind and model of the study: whose results directory it is."""
+        """Name, kind and model of the study, by which its results directory is recognised."""
         ...
 
     @property
@@ -89,28 +89,30 @@ class Planned(Protocol):
 
 
 class Kind:
-    """A kind of study; methods that it does not define do nothing.
+    """A kind of study, with defaults for all methods but those it must define.
 
     Attributes
     ----------
     name : str
-        As study files and manifests spell it.
+        Name of the kind in study files and manifests.
     description : str
+        Description for people.
     section : str
-        Its own table of the study file; empty where it has none.
+        Name of its own section in the study file; empty where it has none.
     definition : type
         Pydantic model of the whole file.
     tables : tuple of str
-        Files of a complete results directory; the first has a row a design point, with its status.
+        Files of a complete results directory; the first has a row for each design point, with its
+        status.
     schema : pyarrow.Schema
-        Of its chunk files.
+        Columns of its chunk files.
     columns : mapping of str -> sequence of Column
-        What the numbers of its tables mean, by their files' names without ending; of the package's
-        own kinds they stand in `squealstudy.columns`.
+        Meaning of its tables' columns, by the files' names without suffix; for the kinds of this
+        package they are in `squealstudy.columns`.
     row_word : str
-        What a row is, in the singular.
+        Word for what a row stands for, in the singular.
     of_methods : bool
-        It measures methods, and has no design points of a model of its own.
+        Whether it measures methods, and has no design points of a model of its own.
     """
 
     name: str
@@ -124,7 +126,7 @@ class Kind:
     of_methods: bool = False
 
     def __init_subclass__(cls) -> None:
-        """Methods under old names serve under the new ones as well, and the other way round."""
+        """Make methods with former names available under today's names, and the other way round."""
         super().__init_subclass__()
         for old, new in RENAMED_HOOKS.items():
             if old in vars(cls):
@@ -136,7 +138,7 @@ class Kind:
 
     @property
     def rows_word(self) -> str:
-        """Word for its rows, for progress."""
+        """Word for its rows in the plural, for progress."""
         return f"{self.row_word}s"
 
     # -- the study file --------------------------------------------------------------------------
@@ -149,23 +151,23 @@ class Kind:
         raise NotImplementedError
 
     def owner(self, study: Any) -> tuple[str, str, str]:
-        """Name, kind and model of a study: whose results directory it is."""
+        """Name, kind and model of a study, by which its results directory is recognised."""
         owner: tuple[str, str, str] = self.plan(study).owner
         return owner
 
     def n_points(self, study: Any) -> int:
-        """Number of design points that a study begins with, without making them; 0 of methods."""
+        """Number of design points that a study begins with, without making them; by default 0."""
         return 0
 
     def check_count(self, study: Any, yes: bool) -> None:
-        """As `check_limit`, of the points that a study begins with, before they are made."""
+        """Do `check_limit` for the points that a study begins with, before they are made."""
 
     def check_limit(self, plan: Any, yes: bool) -> None:
         """Raise StudyFileError where there are more design points than the file allows."""
 
     # -- a run -----------------------------------------------------------------------------------
     def seconds_without_workers(self, plan: Any) -> float:
-        """How long tasks are done in this process [s]: worker processes take longer to start."""
+        """Seconds for which tasks are done in this process, before worker processes are started."""
         return 0.0
 
     def make_models(self, plan: Any, workers: Workers, warn: Warn) -> tuple[Any, dict[str, str]]:
@@ -174,26 +176,26 @@ class Kind:
         Returns
         -------
         plan
-            Perhaps with better models than before.
+            The plan, or one with better models.
         failures : dict of str -> str
-            Keys of models that could not be made, with the reasons.
+            Reasons why models could not be made, by their keys.
 
         Raises
         ------
         StudyFileError, SquealstudyError
-            For mistakes in the file that only its models show; where no model can be made.
+            Where the models show a mistake in the file, or no model can be made.
         """
         return plan, {}
 
     def side_studies(self, plan: Any) -> Mapping[str, Planned]:
-        """Studies that a run solves before its own, by the folders of their results in its own.
+        """Studies that a run solves before its own, by folders of their results below its own.
 
-        A folder ``variants/a`` is that of the study of its name, ``_`` and ``a``.
+        The study in the folder ``variants/a`` is named by this study's name, ``_`` and ``a``.
         """
         return {}
 
     def extended_plan(self, plan: Any, store: Store) -> Any:
-        """The plan with the further design points that finished rows call for, or the same plan."""
+        """The plan with further design points that finished rows ask for, or the same plan."""
         return plan
 
     def make_missing_models(self, plan: Any, workers: Workers) -> dict[str, str]:

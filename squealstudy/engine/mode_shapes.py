@@ -1,8 +1,8 @@
 """Shapes of the modes in a results directory, expanded to all nodes of the model.
 
 The design point is solved again by the exact method, which gives the vector and the working point;
-its root must be that of the table. The basis that leads back to all nodes is made again the first
-time, for it is in no reduced model, and kept in the cache beside it.
+the root must be that of the table. The basis that leads back to all nodes is not part of a reduced
+model: it is made again the first time, and then kept in the cache beside that model.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ from squealstudy.study.source import SourceText, changed
 from squealstudy.system.linearise import linearise
 from squealstudy.tables.other_codes import roots_of
 
-# relative distance of two solutions of one root, whatever the version of LAPACK
+# largest relative distance of two solutions of one root by different versions of LAPACK
 SAME_ROOT_REL_DISTANCE = 1e-6
-ERROR_ALLOWANCE = 3.0  # and in estimated errors of the table's root
-# relative distance of a root of full order and its reduced one, at most
+ERROR_ALLOWANCE = 3.0  # further distance allowed, in estimated errors of the table's root
+# largest relative distance of a root of full order from its reduced one
 FULL_ORDER_REL_DISTANCE = 2e-3
 EXPANSION = "expansion"  # folder beside a prepared model
 
@@ -56,7 +56,7 @@ EXPANSION = "expansion"  # folder beside a prepared model
 def shape(
     results: ResultTables, point: str | int | None, mode: int | None, track: int | None
 ) -> Shape:
-    """The shape, as `Results.shape` gives it."""
+    """The shape of a mode (`Results.shape`)."""
     row, numbers = chosen_modes(results, point, mode, track)
     return point_shapes(results, row).shape(numbers[0])
 
@@ -72,16 +72,17 @@ def chosen_modes(
     Parameters
     ----------
     point : str, int or None
-        As of `Results.row_of`; None is that at which the mode asked for, or any, grows fastest.
+        Point as in `Results.row_of`; None: the one at which the mode of `track`, or any mode, grows
+        fastest.
     mode : int or None
-        Number at the point, which must be given.
+        Number of the mode at `point`, which must then be given.
     track : int or None
         Number of the mode in rankings.
 
     Raises
     ------
     ResultsError
-        No such point or mode, or a point that failed.
+        Where there is no such point or mode, or the point failed.
     """
     expect_complex_modes(results)
     points, modes = results.points, results.modes
@@ -129,7 +130,7 @@ def expect_complex_modes(results: ResultTables) -> None:
 def _no_mode(
     point_modes: pd.DataFrame, row: int, mode: int | None, track: int | None
 ) -> ResultsError:
-    """Why a point, whose modes are `point_modes`, has not the one asked for."""
+    """Error that explains why a point with these modes does not have the one asked for."""
     if mode in set(point_modes["mode"]):
         return ResultsError(f"mode {mode} of design point {row} is overdamped: it has no shape")
     if mode is None:
@@ -141,7 +142,7 @@ _last: dict[tuple[str, str, int], PointShapes] = {}
 
 
 def point_shapes(results: ResultTables, row: int) -> PointShapes:
-    """The shapes of a design point by its row; those of the last call are kept."""
+    """The shapes of the design point in this row; those of the last call stay in memory."""
     key = str(results.directory.resolve()), str(results.manifest.get("study_hash", "")), row
     if key not in _last:
         _last.clear()  # an assembly is large
@@ -155,14 +156,14 @@ class PointShapes:
     Attributes
     ----------
     system : LinearisedModel
-        About its steady sliding.
+        The model linearised about the point's steady sliding.
     lam, psi : ndarray (m,), (n, m) complex
-        Complex modes of the band, rad/s.
+        Roots [rad/s] of the complex modes in the band, and their vectors.
 
     Raises
     ------
     ResultsError
-        A model without a mesh, or results that this version cannot make again.
+        Where the model has no mesh, or this version cannot make the results again.
     """
 
     def __init__(self, results: ResultTables, row: int) -> None:
@@ -187,7 +188,7 @@ class PointShapes:
 
     @property
     def model(self) -> ReducedModel:
-        """Whose coordinates `psi` has."""
+        """The reduced model, in whose coordinates `psi` is given."""
         return self._expansion.model
 
     @cached_property
@@ -212,13 +213,13 @@ class PointShapes:
         )
 
     def motion(self, u: np.ndarray, lam: complex, motion_name: str) -> Shape:
-        """A harmonic motion u (n,) exp(lam t) that is no mode."""
+        """The shape of a harmonic motion u (n,) exp(lam t) that is no mode."""
         label = replace(self._label(0, None), motion=motion_name)
         system = self.system
         return shape_of(self._assembly, self._expansion, self._point, system, lam, u, label)
 
     def has_model(self, prepared_key: str, n: int) -> bool:
-        """Whether coordinates of a run are those in which shapes are found: of the same basis."""
+        """Whether a run has the coordinates of these shapes: the same structure and basis."""
         own_model = self._expansion.model
         if prepared_key != self._design.structure or own_model.n != n:
             return False
@@ -239,7 +240,7 @@ class PointShapes:
         )
 
     def _fastest_hz(self, track: int) -> float:
-        """Frequency of a followed mode at the design point where it grows fastest."""
+        """Frequency [Hz] of a tracked mode at the design point where it grows fastest."""
         modes = self._results.modes
         of_track = modes[(modes["track"] == track).to_numpy() & ~modes["overdamped"].to_numpy(bool)]
         return float(
@@ -247,7 +248,7 @@ class PointShapes:
         )
 
     def _partner(self, mode: int) -> int:
-        """Which of the roots found now is that of the table."""
+        """Index in `lam` of the root of a mode in the table; ResultsError where there is none."""
         table = self._modes
         roots = roots_of(table)
         i = int(np.flatnonzero(table["mode"] == mode)[0])
@@ -268,12 +269,12 @@ class PointShapes:
         return partner
 
     def _other(self, roots: np.ndarray, number: int) -> int:
-        """Which root of the table is nearest to one found now."""
+        """Index of the table's root that is nearest to the root `number` of `lam`."""
         return int(np.abs(roots - self.lam[number]).argmin())
 
 
 def same_coordinates(rebuilt: ReducedModel, stored: ReducedModel) -> bool:
-    """Whether a model that was made again has the coordinates of the one that is kept."""
+    """Whether a model that was made again has the coordinates of the stored one."""
     return rebuilt.n == stored.n and all(
         np.allclose(
             getattr(rebuilt, name),
@@ -287,13 +288,13 @@ def same_coordinates(rebuilt: ReducedModel, stored: ReducedModel) -> bool:
 
 
 def plan_of(results: ResultTables) -> Plan:
-    """The design points of results, as their run had them.
+    """The plan of results, with the design points that their run had.
 
     Raises
     ------
     ResultsError
-        Code of the study that this user has not run (`recorded_code.execute_recorded`), or a model
-        that has changed since.
+        Where the study has code that this user has not run (`recorded_code.execute_recorded`), or
+        its model file has changed since.
     """
     source = SourceText(results.directory / MANIFEST, str(results.fact("study")))
     tables = source.tables
@@ -326,7 +327,7 @@ def plan_of(results: ResultTables) -> Plan:
 
 
 def expansion(plan: Plan, row: int, tell: Progress) -> Expansion:
-    """The way from the reduced model of a design point to all nodes, from the cache or made now.
+    """The basis from a design point's reduced model to all nodes, from the cache or made now.
 
     Raises
     ------
@@ -343,7 +344,7 @@ def expansion(plan: Plan, row: int, tell: Progress) -> Expansion:
     assert isinstance(task, BuildTask)
     if is_cached := is_prepared(key):
         stage, space = "basis of shapes, once for each structure", load_prepared(key).space
-        if not task.enriching:  # no finer model has a part in the basis
+        if not task.enriching:  # then the basis needs no finer model
             task = replace(task, top_hz=None)
     else:
         stage, space = "reduction for shapes: the cache holds none of this version", None

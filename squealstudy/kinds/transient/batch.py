@@ -1,4 +1,4 @@
-"""A batch of design points as a worker gets it, and the modes that its points share."""
+"""A batch of design points as a worker receives it, and the modes that its points share."""
 
 from __future__ import annotations
 
@@ -31,22 +31,24 @@ from squealstudy.motion.shared_modes import (
 )
 from squealstudy.study.design import DesignPoint
 
-MOST_OF_BATCH = 64  # design points of models without a mesh
-MAX_ROWS_OF_BATCH = 100_000  # rows of a batch's histories together: some 50 MB
+MOST_OF_BATCH = 64  # most design points in a batch of a model without a mesh
+MAX_ROWS_OF_BATCH = 100_000  # rows of all histories of a batch: some 50 MB
 TRAINING_KEYS = {"step", "duration", "friction"}
 
 
 @dataclass(frozen=True)
 class MotionBasis:
-    """Which of the reference's modes are kept, and what repairs them.
+    """Which of the reference's modes a basis has, and which vectors complete them.
 
     Attributes
     ----------
     modes_below : float or None
-        Hz; None keeps all.
+        Frequency below which modes are kept, Hz; None keeps all.
     pod_vectors : int
+        Number of further vectors, from proper orthogonal decomposition (POD).
     training : Path or None
-        Snapshots and growing modes of a run with all modes, of which `pod_vectors` are taken.
+        Folder of the snapshots and growing modes of a run with all modes, from which these vectors
+        are made; None: no such vectors.
     """
 
     modes_below: float | None = None
@@ -58,7 +60,7 @@ ALL_MODES = MotionBasis()
 
 
 def mode_keys(plan: Plan) -> tuple[ModeKey, ...]:
-    """Component modes that the study names, in order."""
+    """Component modes that the study names, sorted."""
     keys = {(p.component, m) for p in plan.first.mode_parameters() for m in p.modes}
     return tuple(sorted(keys))
 
@@ -71,12 +73,12 @@ def full_choice(plan: Plan, prepared_key: str) -> MotionBasis:
 
 
 def truncated_choice(plan: Plan) -> MotionBasis:
-    """The basis of the study without POD vectors, which would need a training run."""
+    """The basis that the study asks for but without POD vectors, which need a training run."""
     return MotionBasis(plan.study.section.modes_below)
 
 
 def training_path(plan: Plan, prepared_key: str) -> Path:
-    """Folder of the cache for the study's training run, there or not."""
+    """Folder of the cache for the study's training run, whether it exists or not."""
     section = plan.study.section.training
     settings = section.model_dump(mode="json", include=TRAINING_KEYS)
     values = [sorted(d.values.items()) for d in training_designs(plan)]
@@ -95,18 +97,20 @@ class BatchTask:
     section : TransientSection
     integrator : Integrator
     operating : OperatingPoint
-        Of the study's [parameters]: where the shared reference modes are made.
+        Operating point of the study's [parameters], at which the shared reference modes are made.
     component_modes : tuple of (component, mode)
-        All that any design point of the study changes.
+        All component modes that any design point of the study changes.
     basis : MotionBasis
     band_hz : (low, high)
-        Where growing modes are followed.
+        Band in which growing modes are followed, Hz.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     start : StartState or None
+        State that all runs begin with; None: they begin as `section` says.
     schedules : Schedules or None
+        Speed and pressure over time; None where both are constant.
     cutoff_hz : float
-        Assembly modes up to here are in the basis, exact.
+        Frequency up to which assembly modes are exact in the basis, Hz.
     """
 
     points: tuple[DesignPoint, ...]
@@ -123,7 +127,7 @@ class BatchTask:
 
     @property
     def hybrid(self) -> bool:
-        """Whether contact layers are finite elements."""
+        """Whether contact layers are modelled by finite elements (the hybrid representation)."""
         return self.section.representation == "hybrid"
 
     @property
@@ -134,14 +138,14 @@ class BatchTask:
 
     @property
     def perturbation(self) -> float:
-        """Initial velocity [m/s]; none at a continued or stuck state unless the study gives one."""
+        """Initial velocity [m/s]; 0 for a continued or stuck start unless the study gives one."""
         starts_elsewhere = self.start is not None or self.section.start == STUCK
         if starts_elsewhere and "perturbation" not in self.section.model_fields_set:
             return 0.0
         return self.section.perturbation
 
     def settings(self) -> MotionSettings:
-        """How the points are integrated; rows are kept as summaries need them."""
+        """Settings of the integration, with as many rows as summaries need."""
         return self._settings
 
     @cached_property
@@ -157,7 +161,7 @@ def batch_task(
     basis: MotionBasis | None = None,
     integrator: Integrator | None = None,
 ) -> BatchTask:
-    """Task of a batch for a worker; basis and integrator of the study by default."""
+    """The task of a batch for a worker; without others, basis and integrator are the study's."""
     section = plan.study.section
     return BatchTask(
         points=points,
@@ -175,7 +179,7 @@ def batch_task(
 
 
 def batch_size(plan: Plan) -> int:
-    """Design points of a batch: more where a point costs little beside what its batch costs."""
+    """Number of design points in a batch: as the study says, or more for models without a mesh."""
     section = plan.study.section
     if has_mesh(plan.study) or "batch" in section.model_fields_set:
         return int(section.batch)
@@ -196,7 +200,7 @@ def shared_reference(
     Raises
     ------
     ParameterError
-        A truncation below the first mode.
+        Where the truncation keeps no mode.
     """
     if basis.modes_below is not None:
         all_modes = shared_reference(prepared_key, operating, component_modes, ALL_MODES)
@@ -209,7 +213,7 @@ def shared_reference(
 
 
 def settings_of(section: TransientSection, every: int) -> MotionSettings:
-    """Settings of runs as a section has them, with a row every `every` steps."""
+    """Settings of runs as a section gives them, with one row for each `every` steps."""
     return MotionSettings(
         duration=section.duration,
         step=section.step,
@@ -222,12 +226,12 @@ def settings_of(section: TransientSection, every: int) -> MotionSettings:
 def sensed_modes(
     section: TransientSection, omega2: np.ndarray, band_hz: tuple[float, float]
 ) -> np.ndarray:
-    """Numbers (from 1) of the assembly modes under modal sensors (THEORY.md eq. (85)).
+    """Numbers (from 1) of the assembly modes that have modal sensors (THEORY.md eq. (85)).
 
     Raises
     ------
     ValueError
-        A band without modes, or a mode that is not there; the message says which.
+        Where a band has no modes, or a mode does not exist; the message says which.
     """
     sensors = band_hz if section.sensors is None else section.sensors
     n = len(omega2)

@@ -1,4 +1,4 @@
-"""Errors of the runs of a batch by the step, from other runs that are made together if possible."""
+"""Errors of a batch's runs due to the time step, from runs with other steps."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from squealstudy.motion.system import ModalSystem
 
 
 class BatchSteps:
-    """Errors of the levels of a batch's runs by the step.
+    """Errors that the time step makes in the levels of a batch's runs.
 
-    Of few contact points each run is made again, those of one length together; of many, one of the
-    batch is gone on with, the first that lasts, and the others err by the same shares of their
-    levels.
+    With few contact points each run is made again with other steps, runs of one length together.
+    With many, only the first lasting run of the batch is continued with other steps, and all others
+    are taken to err by the same shares of their levels.
     """
 
     def __init__(self, task: BatchTask, motions: Sequence[Motion]) -> None:
@@ -34,7 +34,7 @@ class BatchSteps:
         self._again: dict[int, RunsAgain] = {}  # by the identity of the run
 
     def of(self, motion: Motion, lasts: bool) -> StepParts:
-        """Error of the step in a run that lasts, or in one that passes."""
+        """Error due to the step in a run whose vibration lasts, or does not."""
         task = self._task
         if task.hybrid:
             if not lasts:
@@ -51,7 +51,7 @@ class BatchSteps:
         return self._known
 
     def again(self, motion: Motion) -> tuple[Motion, ...]:
-        """A run whose speed or pressure changes with other steps; none of many contact points."""
+        """Other steps' runs of one whose speed or pressure changes; () with many contact points."""
         system = replace(self._task.reference.system, sensed=motion.sensed)
         settings = self._task.settings()
         kernel = isinstance(settings.integrator, KernelIntegrator)
@@ -62,7 +62,7 @@ class BatchSteps:
         return tuple(others[factor] for factor in (HALF, TWICE) if factor in others)
 
     def _others(self, system: ModalSystem, motion: Motion) -> RunsAgain:
-        """The run with other steps, made with all runs of its length and outcome."""
+        """A run with other steps, made together with all runs of its length and outcome."""
         if id(motion) not in self._again:
             kind = motion.outcome, motion.time
             alike = [m for m in self._motions if (m.outcome, m.time) == kind]

@@ -1,4 +1,4 @@
-"""The history of a run as results keep it, and its file."""
+"""The history of a run as it is in results, and its file."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from squealstudy.motion.kept_rows import SUMMED, joined, row_variances
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import energy_outside, mode_energies
 
-NOTICEABLE_SHARE = 0.01  # share of the energy from which on a sensed mode has columns
+NOTICEABLE_SHARE = 0.01  # least share of the energy, at some row, of a sensed mode with columns
 
 
 def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
-    """History of a run: torque, contact shares, energies and amplitudes of the modes noticeable.
+    """History of a run: torque, contact shares, energies and amplitudes of noticeable modes.
 
-    Of every so many rows one is kept; what is summed or extreme is that since the one before.
+    One of `every` rows is kept; its sums and extremes include all rows since the one kept before.
     """
     history = run.history
     energies = mode_energies(run.sensed_q, run.sensed_v, run.omega)
@@ -49,7 +49,7 @@ def history_frame(run: Motion, every: int = 1) -> pd.DataFrame:
 
 
 def history_file(point_id: str, frame: pd.DataFrame) -> dict[str, pa.Table]:
-    """A history by its path in the results; time in double precision, the rest in single."""
+    """A history as a table, by its path in the results; all but time is in single precision."""
     single_precision = frame.astype({name: "float32" for name in frame.columns if name != "time"})
     table = pa.Table.from_pandas(single_precision, preserve_index=False)
     return {f"{HISTORIES}/{point_id}.parquet": table}

@@ -1,4 +1,4 @@
-"""How an integrator or a basis of transient studies is timed, and what it finds."""
+"""Times and findings of transient runs with some integrator or basis, to compare methods."""
 
 from __future__ import annotations
 
@@ -37,25 +37,25 @@ WITH_BOUNDS = {
     "torque_mean": ("torque_mean_low", "torque_mean_high"),
     "torque_rms": ("torque_rms_low", "torque_rms_high"),
 }
-START_RATIO = 0.7  # size of the perturbation of each start over that of the one before
+START_RATIO = 0.7  # size of the perturbation of a start over that of the start before it
 WITHOUT_BOUNDS = {"dominant_frequency": "torque_line_hz"}
 
 
 def measure_runs(plan: Plan, measured: Sequence[int], request: MeasurementRequest) -> Measurement:
-    """Run chosen points of a transient study; only the integration is timed as theirs.
+    """Run chosen points of a transient study; only their integration is timed.
 
     Working points, forecasts and summaries are the same for all methods of a basis.
 
     Parameters
     ----------
     plan : Plan
-        The structures of those points are in the cache.
+        A plan whose chosen points have their structures in the cache.
     measured : sequence of int
-        Positions of the points among the plan's.
+        Rows of the chosen points in the plan.
     request : MeasurementRequest
-        An integrator in place of the study's own (modal representation only). Starts: runs of each
-        point from perturbations of other sizes, for the levels of an irregular cycle depend on its
-        start, and bounds are to hold that; seconds are those of one.
+        Its `integrator` replaces the study's own (modal representation only). Each point runs
+        `starts` times, from perturbations of different sizes, because levels of an irregular cycle
+        depend on its start, and bounds must include that; seconds are those of one run.
     """
     return measure_points(plan, [plan.tasks[i] for i in measured], request)
 
@@ -63,7 +63,7 @@ def measure_runs(plan: Plan, measured: Sequence[int], request: MeasurementReques
 def measure_points(
     plan: Plan, chosen: Sequence[DesignPoint], request: MeasurementRequest
 ) -> Measurement:
-    """Findings at design points that need not be in the plan (as `measure_runs`)."""
+    """Do `measure_runs` for design points that need not be in the plan."""
     section = plan.study.section
     if section.changes:
         raise plan.study.error(
@@ -105,10 +105,11 @@ class MeasuredBatch(NamedTuple):
     Attributes
     ----------
     findings : list of dict
-        One a design point, failed ones too.
+        Findings of each design point, failed ones included.
     seconds, memory_mb : float
-        Of the integration.
+        CPU time [s] and memory [MB] of the integration.
     finished : list of Motion
+        Runs that were integrated.
     """
 
     findings: list[dict[str, Any]]
@@ -120,7 +121,7 @@ class MeasuredBatch(NamedTuple):
 def _measured_batch(
     plan: Plan, part: tuple[DesignPoint, ...], integrator: Integrator | None, start: float
 ) -> MeasuredBatch:
-    """Run some points from a perturbation of `start` times its size."""
+    """Run some points from their perturbations multiplied by `start`."""
     task = batch_task(plan, part, integrator=integrator)
     try:
         _ = task.reference
@@ -158,14 +159,17 @@ def _measured_batch(
 
 
 def _scaled(point: MotionPoint, start: float) -> MotionPoint:
-    """The point with a smaller perturbation."""
+    """The point with its initial state multiplied by `start`."""
     assert point.q0 is not None
     q0, v0 = point.start(len(point.q0))
     return replace(point, q0=start * q0, v0=start * v0)
 
 
 def pooled_findings(findings: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Findings of several starts of one point as one: means with bounds, the class of most."""
+    """One finding from several starts of a point: means with bounds, and the commonest class.
+
+    Without a class that more than half have, it is irregular if all last, else undecided.
+    """
     first = findings[0]
     failed = [finding for finding in findings if finding["status"] != "ok"]
     if failed or len(findings) == 1:
@@ -179,13 +183,13 @@ def pooled_findings(findings: Sequence[dict[str, Any]]) -> dict[str, Any]:
         for mode in sorted(modes, key=int)
     }
     name, count = Counter(finding["class"] for finding in findings).most_common(1)[0]
-    if 2 * count <= len(findings):  # starts that all last differ as an irregular motion does
+    if 2 * count <= len(findings):  # all last, in different ways: an irregular motion
         name = IRREGULAR if {finding["class"] for finding in findings} <= {*LASTING} else UNDECIDED
     return {**first, "class": name, "values": values, "energy_share": shares}
 
 
 def _pooled(numbers: Sequence[Sequence[float | None]]) -> list[float | None]:
-    """Value with bounds of all starts; None where that of one start is."""
+    """Value with bounds over all starts; None for all three where one start lacks a number."""
     columns = [[n for n in column if n is not None] for column in zip(*numbers, strict=True)]
     if any(len(column) < len(numbers) for column in columns):
         return [None, None, None]
@@ -204,14 +208,14 @@ def _motion_finding(motion: Motion) -> dict[str, Any]:
 
 
 def run_finding(row: dict[str, Any]) -> dict[str, Any]:
-    """Finding on which errors are measured, from a chunk row of a transient study."""
+    """The finding that errors are measured on, from a chunk row of a transient study."""
     if row["status"] != "ok":
         return _failed(row["status"], row["message"])
     return _finding(row, row["modes"])
 
 
 def _finding(point: Mapping[str, Any], modes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Values with bounds where there are some."""
+    """The finding of a run: its values, with bounds where there are some."""
     values: dict[str, list[float | None]] = {}
     for name, (low, high) in WITH_BOUNDS.items():
         values[name] = _numbers(point, name, low, high)

@@ -1,6 +1,6 @@
-"""Preparation of a transient study: kernels, warnings, seconds a step, training runs.
+"""Preparation of a transient study: kernels, warnings, timed steps, training runs.
 
-Training runs have all modes; POD vectors of their motion complete a truncated basis.
+A training run has all modes. POD vectors of its motion complete a truncated basis.
 """
 
 from __future__ import annotations
@@ -52,25 +52,25 @@ from squealstudy.motion.system import (
 from squealstudy.motion.warmup import warm_kernels
 from squealstudy.wording import in_digits
 
-TIMED_STEPS = 300
-MAX_END_POINTS = 6  # design points that are checked for warnings
+TIMED_STEPS = 300  # most steps of a point that are timed
+MAX_END_POINTS = 6  # most design points that are checked for warnings
 # regularisation speed over decay speed: slow stick-slip of a mass on a belt, RMS 4.86 N for small
 # ratios, is 2 % less at 1/50, and 0.74 N or none at 2
 MAX_DECAY_SHARE = 0.2
-SNAPSHOTS_PER_POINT = 1500  # of a training run
+SNAPSHOTS_PER_POINT = 1500  # about so many snapshots of each point of a training run
 # start velocity of a training run over the sliding speed, so that the limit cycle is reached soon
 TRAINING_VELOCITY_RATIO = 0.1
 
 
 def warm(section: TransientSection) -> float:
-    """Compile the kernels here, before workers ask for them; seconds."""
+    """Compile the kernels in this process, before workers need them; seconds that it took."""
     return warm_kernels(section.storage == "single")
 
 
 def warnings(plan: Plan) -> list[str]:
-    """Growth outside the band, friction and contact too stiff for the step, at ends of the sweeps.
+    """Warnings on settings, and on growth outside the band, stiff friction and stiff contact.
 
-    Only settings are checked where the first structure is not in the cache yet.
+    All but settings are checked at ends of the sweeps, if the first structure is in the cache.
     """
     if not is_prepared(plan.tasks[0].structure):
         return [*_standstill_warnings(plan), *_rounded_away(plan)]
@@ -97,7 +97,10 @@ def warnings(plan: Plan) -> list[str]:
 
 
 def _ends(plan: Plan) -> list[BatchTask]:
-    """Design points where a sweep is at its first or last value, one each."""
+    """Tasks of single design points: the last, the first, and one for each end of a sweep.
+
+    They are those with the first point's structure, at most MAX_END_POINTS.
+    """
     chosen = [len(plan.tasks) - 1, 0]
     for column in plan.coordinates.T:
         chosen += [int(np.argmax(column)), int(np.argmin(column))]
@@ -134,7 +137,7 @@ def _rounded_away(plan: Plan) -> list[str]:
     names = (REGULARISATION_SPEED.name, SLOPE.name, STATIC_RATIO.name, DECAY_SPEED.name)
     given_names = {*plan.study.values}
     if not set(names) <= given_names:
-        return []  # of another curve of friction
+        return []  # the study has another curve of friction
     speed, slope, ratio, decay = (points.column(name) for name in names)
     lost = (slope == 0) & (ratio > 1) & (speed > MAX_DECAY_SHARE * decay)
     if not lost.any():
@@ -149,7 +152,7 @@ def _rounded_away(plan: Plan) -> list[str]:
 
 
 def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
-    """Warning by `stiff`: stick numbers, slopes, and regularisation speeds of these or 0."""
+    """Warning about the largest stick number in `stiff`: (number, slope, regularisation speed)."""
     number, slope, speed = max(stiff, default=(0.0, 0.0, 0.0))
     if number <= MAX_STICK_NUMBER:
         return []
@@ -188,10 +191,11 @@ class TimedSteps(NamedTuple):
     Attributes
     ----------
     seconds : float
+        Time of the steps that were timed, s.
     steps, total : int
-        So many of them, of how many of the whole run.
+        Number of these steps, and of the steps of the whole run.
     loading_s : float
-        Before them, once a process: kernels were compiled or loaded.
+        Time before them, s, which a process takes once, to compile or load kernels.
     """
 
     seconds: float
@@ -201,7 +205,7 @@ class TimedSteps(NamedTuple):
 
 
 def time_steps(task: BatchTask) -> TimedSteps:
-    """Seconds of the first steps of a point; SquealstudyError of one that cannot be run."""
+    """Time the first steps of a point; SquealstudyError where it cannot be run."""
     design = set_up(task, task.points[0], NewGaps())
     if not isinstance(design, MotionPoint):
         raise SquealstudyError(design[1])
@@ -222,7 +226,7 @@ def make_training_runs(
 ) -> None:
     """Make the training runs that the study's basis needs and the cache does not hold.
 
-    `structures` are keys of the structures to make them for; all by default.
+    `structures` are the keys of structures that need one; None: those of all structures.
 
     Raises
     ------
@@ -238,14 +242,14 @@ def make_training_runs(
         started = time.process_time()
         with threadpool_limits(1):
             training = training_run(plan, key)
-        discard(training_path(plan, key))  # a damaged file
+        discard(training_path(plan, key))  # a damaged one may be there
         save_value(training_path(plan, key), (training, time.process_time() - started))
     if missing:
         report("training run", len(missing), len(missing))
 
 
 def training_seconds(plan: Plan) -> float:
-    """Seconds of training for all structures, estimated from finished ones; 0 without POD."""
+    """Seconds of training for all structures, estimated from those in the cache; 0 without POD."""
     if not plan.study.section.pod_vectors:
         return 0.0
     seconds_of = (_seconds(plan, key) for key in plan.structures)
@@ -254,7 +258,7 @@ def training_seconds(plan: Plan) -> float:
 
 
 def _seconds(plan: Plan, key: str) -> float | None:
-    """Seconds that the training of a structure took; None where the cache holds no valid one."""
+    """Seconds that a structure's training run took; None where the cache has no valid one."""
     folder = training_path(plan, key)
     stored = load_value(folder) if is_whole(folder) else None
     if not (isinstance(stored, tuple) and len(stored) == 2):
@@ -265,7 +269,7 @@ def _seconds(plan: Plan, key: str) -> float | None:
 
 
 def training_run(plan: Plan, prepared_key: str) -> Training:
-    """Displacements and growing modes of the training designs, with all modes."""
+    """Run the training designs with all modes: their displacements and growing modes."""
     points = tuple(
         replace(d, point_id="training", structure=prepared_key) for d in training_designs(plan)
     )

@@ -1,4 +1,4 @@
-"""Speed and pressure over time as a study file gives them: points, or a table in a text file."""
+"""Speed and pressure over time, which a study file gives as points or as a text file."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from squealstudy.parameter import Parameter
 from squealstudy.study.toml_text import KeyPath
 
 SCHEDULED = (SLIDING_SPEED, PRESSURE)
-BEGINS_STEADY = {  # starts at which a run begins with the design point's own speed, or pressure
+BEGINS_STEADY = {  # values of `start` with which speed, or pressure, must begin at the point's own
     SLIDING_SPEED.name: (WORKING_POINT,),
     PRESSURE.name: (WORKING_POINT, STUCK),
 }
 TIME = "time"
-SAME_SHARE = 1e-9  # relative: of the first share, and 1
-PLAN_CACHE_SIZE = 4  # plans
+SAME_SHARE = 1e-9  # largest difference of the first share from 1
+PLAN_CACHE_SIZE = 4  # number of plans whose schedules stay in memory
 Points = tuple[tuple[float, float], ...]
 
 
@@ -35,22 +35,22 @@ class ParameterSchedule:
     Attributes
     ----------
     points : tuple of (time s, level)
-        Levels in the unit of the parameter, or shares of that of each design point.
+        Times with levels in the unit of the parameter, or as shares of each design point's value.
     relative : bool
-        Whether they are shares.
+        Whether levels are such shares.
     """
 
     points: Points
     relative: bool
 
     def ratios(self, nominal: float, times: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Levels (n,) at times [s] over that of a design point."""
+        """Levels (n,) at times [s] over the value `nominal` of a design point."""
         knots, levels = np.array(self.points).T
         ratios: np.ndarray = np.interp(times, knots, levels if self.relative else levels / nominal)
         return ratios
 
     def highest(self, nominal: float) -> float:
-        """The largest ratio of all."""
+        """The largest level over the value `nominal` of a design point."""
         return float(self.ratios(nominal, [time for time, _ in self.points]).max())
 
 
@@ -66,7 +66,7 @@ class Schedules:
     ) -> Schedule:
         """The schedule of a design point.
 
-        `load` (n,) is the modal one of a unit of pressure, `turning` (n, n) gyroscopic terms.
+        `load` (n,) is the modal load of a unit of pressure, `turning` (n, n) are gyroscopic terms.
         """
         knots = (t for s in (self.speed, self.pressure) if s for t, _ in s.points)
         times = np.unique([0.0, *knots])
@@ -92,7 +92,7 @@ class Schedules:
 
     @property
     def text(self) -> str:
-        """For people: which parameter goes from what over what to what, and until when."""
+        """First, least, largest and last level of each parameter, and its last time, for people."""
         said = []
         for parameter, schedule in self._pairs:
             if schedule is None:
@@ -105,10 +105,10 @@ class Schedules:
         return "; ".join(said)
 
     def with_slope(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Values of a design point whose friction saturates at its regularisation speed throughout.
+        """Values of a design point with its regularisation speed lowered for a rising pressure.
 
-        The slope follows from the pressure of the working point: under a higher one a point would
-        stick up to a higher speed.
+        The slope of friction follows from the pressure of the working point. Under a higher
+        pressure friction would then saturate at a higher speed than the one given.
         """
         if self.pressure is None:
             return dict(values)
@@ -117,7 +117,7 @@ class Schedules:
         return {**values, name: values[name] / highest}
 
     def check(self, values: Mapping[str, float], start: str) -> None:
-        """ParameterError where a run would begin with a jump."""
+        """Raise ParameterError where a run would begin with a jump."""
         for parameter, schedule in self._pairs:
             if schedule is None or start not in BEGINS_STEADY[parameter.name]:
                 continue
@@ -141,9 +141,9 @@ def schedules_of(plan: Plan) -> Schedules | None:
     Raises
     ------
     StudyFileError
-        A file that cannot be read, times that do not rise, a pressure below zero or of a model
-        without one, a run that would begin with a jump, a parameter that follows by a table what
-        changes.
+        Where a file cannot be read, times do not rise, pressure is below zero or the model has
+        none, a run would begin with a jump, there is a [fidelity] section, or a parameter follows
+        speed or pressure by a table.
     """
     study, section = plan.study, plan.study.section
     if not section.changes:
@@ -198,7 +198,7 @@ def _read(
 
 
 def _refusal(parameter: Parameter, points: Points, labels: Sequence[str]) -> str:
-    """Fault of points over time, which stand at `labels`; empty where there is none."""
+    """The fault of points over time, which messages call `labels`; empty where there is none."""
     if len(points) < 2:
         return f"expected two points or more, got {len(points)}"
     before = -np.inf

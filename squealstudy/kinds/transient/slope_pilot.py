@@ -1,7 +1,7 @@
-"""Error by the slope of friction at zero sliding: a design point is run again at twice the slope.
+"""Error due to the slope of friction at zero sliding: a point runs again at twice the slope.
 
-The friction law has a corner that the slope k_t rounds off; what that changes is of the order of
-1/k_t. The study's own run of the point and one at 2 k_t show how much.
+The friction law has a corner, which the finite slope k_t rounds off; this changes results by the
+order of 1/k_t. The study's own run of a point and one at 2 k_t show by how much.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.tables.method_quality import run_errors
 
-FIRST_ORDER_FACTOR = 2.0  # error at k_t over the difference to 2 k_t, where it falls as 1 / k_t
+FIRST_ORDER_FACTOR = 2.0  # error at k_t over the difference to 2 k_t, if it falls as 1 / k_t
 CYCLE = "limit_cycle"
 DECIDED = ("stable", CYCLE, "growing")  # classes whose levels two runs can compare
-WHY_NOT_COMPARABLE = {  # by class of both runs
+WHY_NOT_COMPARABLE = {  # by the class that both runs have
     "irregular": ": levels differ by chance too",
     "undecided": ": neither is known to have reached its level",
 }
@@ -37,26 +37,27 @@ OK, UNDECIDED, FAILED, SKIPPED = "ok", "undecided", "failed", "skipped"
 
 
 def slope_pilot(plan: Plan, store: Store, points: pd.DataFrame, report: Progress) -> dict[str, Any]:
-    """Run a design point at 2 k_t, and compare.
+    """Run a design point at 2 k_t, and compare it with the study's own run.
 
     Parameters
     ----------
     plan : Plan
-        With design points whose slope follows from a regularisation speed.
+        A plan with design points whose slope follows from a regularisation speed.
     store : Store
-        Of the finished study.
+        Files of the finished study.
     points : DataFrame
-        Its points, in the order of the plan.
+        Its points table, in the order of the plan.
     report : callable
+        Called with (stage, done, total).
 
     Returns
     -------
     dict
-        ``status``: ``ok``; ``undecided`` where the two runs cannot tell, ``message`` says why, and
-        errors are those of the two runs all the same; ``failed`` or ``skipped`` without errors.
-        ``point_id``; ``class``, ``class_at_double``. ``errors``: of each quantity that both runs
-        have ``value``, ``at_double``, ``error`` (twice their difference, relative) and ``chance``
-        (twice what the 95 % bounds of both explain of it, relative).
+        ``status``: ``ok``; ``undecided`` where the two runs cannot be compared, as ``message``
+        explains, though ``errors`` has their differences; ``failed`` or ``skipped``, without
+        errors. ``point_id``. ``class`` and ``class_at_double``, of both runs. ``errors``: for each
+        quantity that both runs have, ``value``, ``at_double``, ``error`` (twice their relative
+        difference) and ``chance`` (twice the part of it that the 95 % bounds of both explain).
     """
     if not _needs_pilot(plan):
         return {"status": SKIPPED, "message": _why_skipped(plan)}
@@ -94,7 +95,10 @@ def _why_skipped(plan: Plan) -> str:
 
 
 def _representative(plan: Plan, points: pd.DataFrame) -> int | None:
-    """Row of the design point whose slope matters most: the limit cycle that sticks most."""
+    """Row of the design point whose slope matters most: the limit cycle that sticks most.
+
+    Only points whose slope follows from a regularisation speed count; None where all failed.
+    """
     automatic = plan.tasks.column(SLOPE.name) == 0
     usable = points[automatic & (points["status"] == "ok").to_numpy()]
     if not len(usable):
@@ -106,7 +110,7 @@ def _representative(plan: Plan, points: pd.DataFrame) -> int | None:
 
 
 def _verdict(at_k_t: Mapping[str, Any], at_double: Mapping[str, Any]) -> dict[str, Any]:
-    """Errors of a run from one at twice the slope, and whether the two can be compared."""
+    """Facts on a run and one at twice the slope: differences, and whether they can be compared."""
     if at_double["status"] != "ok":
         why = f"at 2 k_t: {at_double['status']}: {at_double['message']}"
         return {"status": FAILED, "message": why}
@@ -125,7 +129,7 @@ def _verdict(at_k_t: Mapping[str, Any], at_double: Mapping[str, Any]) -> dict[st
 
 
 def _doubt(classes: Mapping[str, str], errors: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
-    """Status and message where the two runs cannot tell; empty where they can."""
+    """Status and message where two runs cannot be compared; empty where they can."""
     class_at_k_t, class_at_double = classes.values()
     if class_at_k_t != class_at_double:
         why = f"{class_at_k_t} at k_t, {class_at_double} at 2 k_t"
