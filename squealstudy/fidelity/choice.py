@@ -1,4 +1,4 @@
-"""The cheapest combination of tried settings that meets a tolerance; kept for the next run."""
+"""The cheapest combination of tried settings that meets a tolerance, stored for the next run."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ from squealstudy.files import OF_JSON, read_whole, sealed, unsealed, write_text
 from squealstudy.paths import cache_directory
 
 CODE = (*NUMERIC_PACKAGES, "study", "engine", "kinds", "fidelity")
-MIN_GAIN_OVER_COST = 2.0  # saving that a try must promise, over its own cost
-NEXT_RUNG_MAX_SAVING = 0.5  # largest saving by one rung down, over the cost of the points
+MIN_GAIN_OVER_COST = 2.0  # largest possible saving by a trial over its cost, from which it is made
+NEXT_RUNG_MAX_SAVING = (
+    0.5  # largest possible saving by the next cheaper rung, over the points' cost
+)
 
 
 class TriedSetting(NamedTuple):
-    """A rung as it did at the pilots.
+    """A rung with its error and cost, as measured at the pilots.
 
     Attributes
     ----------
@@ -31,9 +33,10 @@ class TriedSetting(NamedTuple):
     changes : mapping
         Dotted key -> value.
     error : float
-        Estimated, what it adds to the error.
+        Estimated error that the rung adds, relative.
     cost : float
-        Seconds of the whole study, with the other ladders' rungs as they were.
+        Seconds of a point or of the whole study, with the other ladders' rungs at the time; ratios
+        within a ladder count.
     """
 
     label: str
@@ -44,7 +47,7 @@ class TriedSetting(NamedTuple):
 
 @dataclass(frozen=True)
 class Combination:
-    """A rung of every ladder."""
+    """One rung of every ladder, with their added errors and the seconds of the whole study."""
 
     labels: tuple[str, ...]
     changes: Mapping[str, Any]
@@ -64,7 +67,7 @@ class UntriedSetting:
     Attributes
     ----------
     text : str
-        Of the setting; empty where there is no other setting.
+        Label of the setting; empty where there is no other setting.
     """
 
     text: str = ""
@@ -82,7 +85,7 @@ class Choice:
     chosen : Combination
     cheaper, dearer : Combination or UntriedSetting
     reason : str
-        Of the choice: the tolerance is met, or what stands against it.
+        Reason of the choice: the tolerance is met, or what prevents it.
     """
 
     chosen: Combination
@@ -91,11 +94,11 @@ class Choice:
     reason: str
 
     def with_changes(self, always: Mapping[str, Any]) -> Choice:
-        """The choice with settings added that all combinations have."""
+        """The choice with settings added that all combinations share."""
         return replace(self, chosen=replace(self.chosen, changes={**always, **self.chosen.changes}))
 
     def with_untried(self, ladder: Sequence[Setting], tried: Collection[str]) -> Choice:
-        """The choice with untried rungs of a ladder as neighbours, where no neighbour was tried."""
+        """The choice with untried rungs of a ladder in place of missing neighbours."""
         labels = [rung.label for rung in ladder]
         positions = [labels.index(label) for label in tried]
         below, above = min(positions) - 1, max(positions) + 1
@@ -107,7 +110,7 @@ class Choice:
         return replace(self, cheaper=cheaper, dearer=dearer)
 
     def with_failures(self, failed: Collection[int]) -> Choice:
-        """The same, saying how many design points could be no pilots."""
+        """The choice with a reason that also says how many design points could be no pilots."""
         if not failed:
             return self
         words = "a design point" if len(failed) == 1 else f"{len(failed)} design points"
@@ -122,25 +125,28 @@ def choose(
     budget: float | None,
     fixed: float = 0.0,
 ) -> Choice:
-    """Errors of ladders add up, costs multiply.
+    """Choose the cheapest combination of rungs that meets the tolerance within the budget.
+
+    Errors of rungs add up, and costs multiply. If no combination does, the most accurate within the
+    budget is chosen, or the cheapest one.
 
     Parameters
     ----------
     tried : mapping of ladder -> rungs tried
-        Costs of each ladder relative to its first entry.
+        The costs in a ladder count relative to that of its first rung.
     base_error, base_cost : float
-        What all combinations have besides; cost of the first entries together.
+        Error that all combinations have in addition; seconds of the study with the first rungs.
     tolerance : float
     budget : float or None
         Seconds.
     fixed : float
-        Seconds that no rung changes, beside `base_cost`.
+        Seconds that no rung changes, in addition to `base_cost`.
     """
     front = _front(_combinations(tried, base_error, base_cost, fixed))
     affordable = [c for c in front if budget is None or c.cost <= budget]
-    good = [c for c in affordable if c.error <= tolerance]
-    if good:
-        chosen, reason = min(good, key=lambda c: c.cost), "meets the tolerance"
+    within_tolerance = [c for c in affordable if c.error <= tolerance]
+    if within_tolerance:
+        chosen, reason = min(within_tolerance, key=lambda c: c.cost), "meets the tolerance"
     elif affordable:
         chosen = min(affordable, key=lambda c: c.error)
         if any(c.error <= tolerance for c in front):
@@ -158,14 +164,14 @@ def choose(
 
 
 def pays(points: float, trial: float) -> bool:
-    """Whether a cheaper setting is worth a try.
+    """Whether a cheaper setting is worth a trial.
 
     Parameters
     ----------
     points : float
-        Seconds of the study's points as they are, of which it may save a share.
+        Seconds of the study's points with the present setting, of which it may save a share.
     trial : float
-        Seconds that trying takes.
+        Seconds that the trial takes.
     """
     return NEXT_RUNG_MAX_SAVING * points > MIN_GAIN_OVER_COST * trial
 
@@ -200,10 +206,10 @@ _CHOICE = TypeAdapter(Choice)
 
 
 def kept_choice(fidelity: FidelityStudy, make: Callable[[], Choice]) -> Choice:
-    """The choice of a study, read where an earlier run made it, made and kept where not."""
+    """The choice of a study, read if an earlier run stored it, else made and stored."""
     path = _path(fidelity)
     if path.is_file():
-        with contextlib.suppress(ValueError):  # damaged: it is made again
+        with contextlib.suppress(ValueError):  # damaged: the choice is made again
             return _CHOICE.validate_python(unsealed(read_whole(path, OF_JSON)))
     choice = make()
     write_text(path, sealed(_CHOICE.dump_python(choice, mode="json")))
@@ -211,7 +217,9 @@ def kept_choice(fidelity: FidelityStudy, make: Callable[[], Choice]) -> Choice:
 
 
 def _path(fidelity: FidelityStudy) -> Path:
-    ids = [task.point_id for task in fidelity.plan.tasks]  # which know files and start states
+    ids = [
+        task.point_id for task in fidelity.plan.tasks
+    ]  # ids depend on files and start states too
     content = [
         source_hash(CODE),
         fidelity.study.source.tables,

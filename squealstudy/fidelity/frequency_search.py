@@ -1,7 +1,7 @@
-"""Which reduction a complex-mode study needs: tried at pilots against a better model of them.
+"""Choice of the reduction of a complex-mode study, by trials at pilots against a better model.
 
-That is the finer model of a component-mode reduction, or the full-order one. The audit of the
-finished study (fidelity/run.py) is at full order in any case.
+The better model is the finer one of a component-mode reduction, or the full-order one. The audit of
+the finished study (fidelity/run.py) always uses exact solves, of a meshed brake at full order.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from squealstudy.modes.rung import Scope
 from squealstudy.modes.rungs import all_rungs, exact_rung, full_order_rung, rung_named
 from squealstudy.study.definition import ResolvedStudy, given_keys
 
-# shares of the tolerance: of reanalysis, and of the reduction
+# parts of the tolerance that the error of reanalysis and that of the reduction may take
 REANALYSIS_TOLERANCE_SHARE, REDUCTION_TOLERANCE_SHARE = 0.2, 0.6
-SMALL_MODEL_SHARE = 0.5  # points for which windows pay, over those on a meshed model
+SMALL_MODEL_SHARE = 0.5  # number of points from which windows pay, over that on a meshed model
 
 
 def search_modes(fidelity: FidelityStudy) -> Choice:
-    """The cheapest reduction within its share of the tolerance; the method follows its own.
+    """Choose the cheapest reduction within its share of the tolerance, and the method's tolerance.
 
-    A smaller reduction is tried where the points that it would serve pay for its making.
+    A smaller reduction is tried where it may save more at the points than it takes to make.
     """
     search = ModeSearch(fidelity)
     ladder = free_ladders(fidelity.study).get(REDUCTION)
@@ -54,12 +54,12 @@ def search_modes(fidelity: FidelityStudy) -> Choice:
 
 
 class ModeSearch:
-    """Reductions tried at the pilots of a study, by rung."""
+    """Reductions tried at the pilots of a study, by the number of their rung."""
 
     def __init__(self, fidelity: FidelityStudy) -> None:
         self.fidelity = fidelity
         self.common = _method_changes(fidelity)
-        self.points: list[int] = []  # the pilots, known from the first attempt on
+        self.points: list[int] = []  # the pilots, chosen by the first attempt
         self.tried: dict[int, TriedSetting] = {}
         self.making = 0.0  # seconds of the last reduction
         self.exact = exact_method(fidelity.study)
@@ -68,23 +68,23 @@ class ModeSearch:
 
     @property
     def method_error(self) -> float:
-        """Relative error that the rung of reanalysis may add to that of the reduction."""
+        """Relative error that reanalysis may add to that of the reduction."""
         if not self.method.rung.over_a_basis:
             return 0.0
         explicit = float(self.fidelity.study.definition.modes.tolerance)
         return REANALYSIS_TOLERANCE_SHARE * self.fidelity.tolerance if self.common else explicit
 
     def attempt(self, rung: Setting) -> TriedSetting:
-        """Solve the pilots without reanalysis; the error is that against full order."""
+        """Solve the pilots without reanalysis; the error is against a better model (`_truth`)."""
         fidelity, changes = self.fidelity, {**self.common, **rung.changes}
         method = self.method.name
-        if self.method.rung.over_a_basis:  # whose own error is another share
+        if self.method.rung.over_a_basis:  # the error of reanalysis has its own share
             method = self.method.exact
         solved = {**changes, "modes.method": method}
         if not self.points:
             candidates = reference_choice(fidelity.plan, fidelity.section.pilots + N_RESERVE_PILOTS)
             self.points = fidelity.pilots(solved, candidates)
-            # whose reduction is there: the working points that it gives are those of any other
+            # this reduction is made already, and its working points are those of any other
             self.truth = {**changes, "modes.method": self.exact}
         measurement = fidelity.measure(solved, self.points)
         self.making = measurement.reduction_seconds
@@ -93,9 +93,9 @@ class ModeSearch:
 
     @property
     def small_rungs(self) -> tuple[Setting, ...]:
-        """Methods of a minimal model, cheapest first, where the file leaves the choice.
+        """Methods of a minimal model, cheapest first, where the file leaves the choice open.
 
-        Beside the exact one those whose points are cheaper together.
+        They are those that share work between points, and the exact one.
         """
         free = "modes.method" not in given_keys(self.fidelity.study)
         if not free or self.method.name != self.exact or self.method.rung.unreduced:
@@ -107,9 +107,9 @@ class ModeSearch:
         )
 
     def small_windows(self) -> list[TriedSetting]:
-        """Such methods over a sweep of a minimal model, where there are points enough to try them.
+        """Trials of `small_rungs` on a sweep of a minimal model with enough points for them.
 
-        Trying them is solving the study: of a few degrees of freedom that takes a moment.
+        The trial solves the whole study, which takes a moment for a few degrees of freedom.
         """
         fidelity, points = self.fidelity, len(self.fidelity.plan.tasks)
         sweeps = fidelity.study.sweeps
@@ -122,7 +122,7 @@ class ModeSearch:
                 continue
             try:
                 measurement = fidelity.measure({**self.common, **rung.changes}, self.points)
-            except FAILURES:  # no basis over this box, or damping that they do not know
+            except FAILURES:  # no basis over this box, or damping without a form in this method
                 continue
             exact = fidelity.measure({**self.common, "modes.method": self.exact}, self.points)
             error = REANALYSIS_TOLERANCE_SHARE * fidelity.tolerance + fidelity.error(
@@ -134,9 +134,9 @@ class ModeSearch:
         return settings
 
     def _error(self, measurement: Measurement, changes: Mapping[str, Any]) -> float:
-        """Largest at the pilots, one by one until one is beyond the whole tolerance.
+        """Largest error at the pilots, compared until one exceeds the whole tolerance.
 
-        What is found so far is then enough to refuse the reduction, whatever the others say.
+        The reduction is then refused whatever the errors at the others are.
         """
         worst, failure = None, ""
         plan = self.fidelity.variant(changes, self.fidelity.plan.swept)
@@ -158,9 +158,9 @@ class ModeSearch:
     def _truth(
         self, finding: Mapping[str, Any], plan: Plan, point: int
     ) -> tuple[Mapping[str, Any], float]:
-        """Reference of a pilot, and the safety factor on the distance to it.
+        """Reference result of a pilot, and the safety factor on the distance to it.
 
-        The finer model where the structure could be made and has one.
+        It is that of the finer model where there is one, else that of the exact method.
         """
         finer = finer_finding(plan, point) if finding["status"] == "ok" else None
         if finer is not None:
@@ -173,7 +173,7 @@ class ModeSearch:
         return REDUCTION_TOLERANCE_SHARE * self.fidelity.tolerance
 
     def climb(self, rungs: tuple[Setting, ...]) -> None:
-        """From the first rung up until one is good enough, or down while that pays."""
+        """Try rungs from FIRST_CANDIDATE up to one within its share, or down while that pays."""
         number = FIRST_CANDIDATE
         self.tried[number] = self.attempt(rungs[number])
         while self.tried[number].error > self.share and number + 1 < len(rungs):
@@ -189,7 +189,7 @@ class ModeSearch:
         return pays(self.tried[number].cost - self.making, self.making)
 
     def study_seconds(self, measurement: Measurement) -> float:
-        """Seconds of the whole study, from exact solves at the pilots."""
+        """Estimated seconds of the whole study, from exact solves at the pilots."""
         solves = float(len(self.fidelity.plan.tasks))
         rung = self.method.rung
         if rung.over_a_basis:
@@ -199,13 +199,13 @@ class ModeSearch:
 
 
 def exact_method(study: ResolvedStudy) -> str:
-    """Exact method as the reference: full order, or the modes of a model without a reduction."""
+    """Name of the exact method: full order, or the modes of a model without a reduction."""
     small = not has_mesh(study) and not isinstance(study.model, FamilyDefinition)
     return (exact_rung(reduced=True) if small else full_order_rung()).name
 
 
 def _method_changes(fidelity: FidelityStudy) -> Mapping[str, Any]:
-    """The tolerance of methods that have one; an explicit one stays."""
+    """The tolerance of reanalysis as a share of the study's; nothing where the file gives one."""
     if "modes.tolerance" in given_keys(fidelity.study):
         return {}
     return {"modes.tolerance": min(REANALYSIS_TOLERANCE_SHARE * fidelity.tolerance, 0.1)}

@@ -1,4 +1,4 @@
-"""Ladders of settings to choose from, from the cheapest rung to the dearest."""
+"""Ladders of settings to choose from, each from the cheapest rung to the dearest."""
 
 from __future__ import annotations
 
@@ -17,26 +17,28 @@ from squealstudy.study.definition import ResolvedStudy, given_keys
 
 REDUCTION, BASIS, STEP, CONTACT = "reduction", "basis", "step", "contact points"
 SLOPE = "slope of friction"
-# cut-offs over the top of the band, and the singular value below which enrichment is left out
+# cutoffs over the top of the band, and relative singular value below which enrichment is left out
 REDUCTION_CANDIDATES = ((1.1, 1e-3), (1.1, 1e-4), (1.5, 3e-5), (2.0, 1e-5))
-FIRST_CANDIDATE = 1  # the rung tried first: of the studies in studies/fidelity it serves all
-# of a period of the band's top over STEPS_A_PERIOD
+FIRST_CANDIDATE = (
+    1  # number of the rung tried first; it suffices for all studies in studies/fidelity
+)
+# steps, in periods of the band's top over STEPS_A_PERIOD
 STEP_CANDIDATES = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
 STEPS_A_PERIOD = 62.5
-CONTACT_POINTS_OPTION = "contact_points"  # of [model]
+CONTACT_POINTS_OPTION = "contact_points"  # key of [model]
 # index of the step at which bases and contact points are compared, and bases trained
 TRIAL_STEP = 2
-LEAST_STEPS = 100  # of a run
-# modes up to so many tops of the band, POD vectors (studies/reduction.toml charts them)
+LEAST_STEPS = 100  # smallest number of steps in a run
+# top frequency of modes over that of the band, and number of POD vectors (studies/reduction.toml)
 BASIS_CANDIDATES = ((1.0, 50), (2.0, 20), (1.0, 80), (2.0, 50), (1.0, 120))
-CONTACT_POINTS = (2, 3, 4)
-# regularisation speeds over that of a study without [fidelity]; a softer friction saves nothing
+CONTACT_POINTS = (2, 3, 4)  # points along a side of a facet
+# regularisation speeds over that of a study without [fidelity]; softer friction saves no time
 SATURATION_CANDIDATES = (1.0, 0.5, 0.25, 0.125)
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting: values of dotted keys of the study file, and a few words."""
+    """One setting: a label in words, and values of dotted keys of the study file."""
 
     label: str
     changes: Mapping[str, Any]
@@ -46,7 +48,7 @@ Ladder = tuple[Setting, ...]  # settings of one kind, cheapest first
 
 
 def free_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
-    """The ladders of a study whose keys the file leaves out; explicit settings always win."""
+    """The ladders of a study; those with a key that the file sets are left out."""
     if not study.kind.chooses_rung:
         ladders = _time_ladders(study)
     else:
@@ -75,7 +77,10 @@ def _reductions() -> Ladder:
 
 
 def _time_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
-    """Ladders of step and slope for a minimal model; a continued run keeps its contact points."""
+    """Ladders of step and slope; also of basis and contact points for modal runs of a meshed model.
+
+    A continued run keeps its contact points.
+    """
     section = study.section
     steps = tuple(Setting(f"step {h:.3g} s", {"transient.step": h}) for h in _usable_steps(study))
     ladders = {STEP: steps} if len(steps) > 1 else {}
@@ -89,16 +94,17 @@ def _time_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
 
 
 def _usable_steps(study: ResolvedStudy) -> list[float]:
-    """Steps of which the duration has enough, s."""
+    """Steps [s] of which the duration has at least LEAST_STEPS."""
     unit = 1.0 / (STEPS_A_PERIOD * float(study.definition.modes.band[1]))
     duration = study.section.duration
     return [n * unit for n in STEP_CANDIDATES if LEAST_STEPS * n * unit <= duration]
 
 
 def training_step(study: ResolvedStudy) -> dict[str, float]:
-    """One step [s] for all training runs, so that runs of other steps share a basis.
+    """One step [s] for all training runs, so that runs with different steps share a basis.
 
-    The file's own where it gives one; nothing where it says how to train.
+    It is the step of the file if that sets one. Nothing is returned if the file sets the step of
+    training.
     """
     keys, usable = given_keys(study), _usable_steps(study)
     if "transient.pod_step" in keys:
@@ -121,7 +127,7 @@ def _bases(study: ResolvedStudy) -> Ladder:
 
 
 def _saturations(study: ResolvedStudy) -> Ladder:
-    """Sliding speeds below which points stick, of all design points, softest friction first."""
+    """Speeds below which points stick, the same at all design points, softest friction first."""
     stick_speed = REGULARISATION_SHARE * slowest_speed(study)
     speeds = [factor * stick_speed for factor in SATURATION_CANDIDATES]
     key = f"parameters.{REGULARISATION_SPEED.name}"

@@ -1,4 +1,4 @@
-"""A study as fidelity sees it: variants of its settings, measured at pilot design points."""
+"""Variants of a study's settings, measured at pilot design points."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from squealstudy.tables.method_quality import (
 if TYPE_CHECKING:
     from squealstudy.engine.cluster import Cluster
 
+# quantities whose errors are compared with the tolerance
 IN_FREQUENCY = ("frequency", "damping_ratio")
 IN_TIME = ("growth_rate", "torque_rms", "torque_mean", "dominant_frequency")
 MISCOUNT_ERROR = 1.0  # error of a setting that misses an instability, sees one too many, or fails
@@ -42,17 +43,17 @@ class FidelityStudy:
     ----------
     study : ResolvedStudy
     jobs : int
-        Workers of the run that is prepared.
+        Number of workers of the run that is prepared.
     report : callable
-        Told (stage, done, total).
+        Called with (stage, done, total).
     measured : dict
-        Measurements so far, by settings and points.
+        Measurements so far, by a hash of settings and points.
     failed : set of int
-        Design points that could be no pilots.
+        Design points that failed and could be no pilots.
     asked : float or None
         A stricter tolerance than the section's, after a failed audit.
     cluster : Cluster or None
-        Whose workers these are; None for processes of this machine.
+        The cluster of these workers; None for processes of this machine.
     """
 
     study: ResolvedStudy
@@ -77,7 +78,7 @@ class FidelityStudy:
 
     @cached_property
     def plan(self) -> Plan:
-        """The plan of the study with the settings that its file has."""
+        """The plan of the study with the settings of its file."""
         return Plan(self.study, point_by_point=True)
 
     @property
@@ -101,9 +102,9 @@ class FidelityStudy:
         return Plan(self.study.variant(changes), swept, point_by_point=True)
 
     def measure(self, changes: Mapping[str, Any], points: Sequence[int]) -> Measurement:
-        """Measure settings at some of the study's design points, once.
+        """Measure settings at some of the study's design points; each measurement is made once.
 
-        Structures are made of those points alone, unless the method needs all of the study's.
+        Only the structures of these points are built, unless the method needs those of all points.
         """
         name = content_hash([sorted(changes.items(), key=str), list(points)])
         if name not in self.measured:
@@ -118,7 +119,7 @@ class FidelityStudy:
     def _measured(
         self, plan: Plan, points: Sequence[int], failures: Mapping[str, str]
     ) -> Measurement:
-        """Pilots whose structure could be made; the others have failed."""
+        """Measurement of the points whose structure could be built; the others count as failed."""
         reasons = [failures.get(plan.tasks[i].structure, "") for i in points]
         built = [i for i, reason in zip(points, reasons, strict=True) if not reason]
         if not built:
@@ -127,7 +128,7 @@ class FidelityStudy:
             measurement = self.measuring.measure(plan, built, MeasurementRequest())
         except SquealstudyError:
             raise
-        except FAILURES as error:  # nobody foresaw it: the settings do not work
+        except FAILURES as error:  # an unforeseen failure: the settings do not work
             raise SquealstudyError(
                 f"{self.study.source.path}: settings cannot be tried: {unforeseen(error)[1]}"
             ) from error
@@ -141,14 +142,15 @@ class FidelityStudy:
         return replace(measurement, findings=findings)
 
     def pilots(self, changes: Mapping[str, Any], candidates: Sequence[int]) -> list[int]:
-        """The first design points, as many as the section asks for, at which settings work.
+        """The first candidates at which settings work, as many as the section asks for.
 
-        A candidate that fails gives way to the next; `failed` tells how many did.
+        A candidate that fails is added to `failed`, and the next one takes its place; there are
+        fewer pilots if no candidates are left.
 
         Raises
         ------
         SquealstudyError
-            Where none of the candidates works: nothing can be chosen by them.
+            The settings fail at all candidates.
         """
         count = self.section.pilots
         chosen, waiting = list(candidates[:count]), list(candidates[count:])
@@ -174,11 +176,11 @@ class FidelityStudy:
         )
 
     def error(self, measurement: Measurement, truth: Measurement) -> float:
-        """Largest error of the judged quantities; MISCOUNT_ERROR where instabilities differ."""
+        """Largest `point_error` of a measurement against a better one."""
         return max(self.point_error(f, truth.findings[p]) for p, f in measurement.findings.items())
 
     def point_error(self, finding: Mapping[str, Any], truth: Mapping[str, Any]) -> float:
-        """Error at one design point; MISCOUNT_ERROR too where either result has failed."""
+        """`largest_error` at one design point; MISCOUNT_ERROR where either result has failed."""
         if finding["status"] != "ok" or truth["status"] != "ok":
             return MISCOUNT_ERROR
         judged = IN_TIME if self.in_time else IN_FREQUENCY
@@ -187,6 +189,6 @@ class FidelityStudy:
 
 
 def largest_error(errors: Sequence[FoundError], count: Miscount, judged: Sequence[str]) -> float:
-    """Largest of some errors, of averages where values have intervals."""
+    """Largest error of `judged` quantities; at least MISCOUNT_ERROR where instabilities differ."""
     worst = MISCOUNT_ERROR if count.missed or count.spurious else 0.0
     return max([worst, *(error.error for error in errors if error.quantity in judged)])

@@ -1,6 +1,6 @@
-"""Running a study with a [fidelity] section: choose, run, audit, again where the audit fails.
+"""Run a study with a [fidelity] section: choose settings, run, audit, and repeat if that fails.
 
-The audit solves random points of the finished study once more, by the next better settings.
+The audit solves random points of the finished study once more, with better settings.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from squealstudy.study.definition import ResolvedStudy
 if TYPE_CHECKING:
     from squealstudy.engine.cluster import Cluster
 
-MOST_ROUNDS = 3
-AUDIT_SEED = 5  # of the points that are audited
-FOLLOWING = ("transient.settle_tolerance",)
+MOST_ROUNDS = 3  # runs with their audits
+AUDIT_SEED = 5  # random seed of the points that are audited
+FOLLOWING = ("transient.settle_tolerance",)  # keys whose values are shares of the tolerance
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Resolved:
     fidelity : FidelityStudy
     choice : Choice
     plan : Plan
-        With the chosen settings.
+        Plan of the study with the chosen settings.
     """
 
     fidelity: FidelityStudy
@@ -51,7 +51,7 @@ class Resolved:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """For the manifest and the screens."""
+        """The choice in plain values, for the manifest and the screens."""
         section = self.fidelity.section
         return {
             "tolerance": section.tolerance,
@@ -83,12 +83,12 @@ def resolve(
     tolerance: float | None = None,
     cluster: Cluster | None = None,
 ) -> Resolved:
-    """Choose the settings of a study, by pilot runs or as an earlier call chose them.
+    """Choose the settings of a study by pilot runs, or read those that an earlier call chose.
 
     Raises
     ------
     SquealstudyError
-        Where every pilot design point fails.
+        Every pilot design point fails.
     """
     fidelity = FidelityStudy(study, jobs, report, asked=tolerance, cluster=cluster)
     search = search_runs if fidelity.in_time else search_modes
@@ -104,10 +104,10 @@ def run_resolved(
     warn: Callable[[str], None],
     fresh: bool = False,
 ) -> RunReport:
-    """Run the study with its chosen settings and audit it, more strictly where that fails.
+    """Run the study with its chosen settings and audit it; where that fails, choose more strictly.
 
-    The manifest says what was chosen and what the audit found; a tolerance that is missed after
-    the last round is said there and in a warning.
+    The manifest has the choice and the result of the audit. If the tolerance is still missed after
+    the last round, the manifest and a warning say so.
     """
     fidelity = resolved.fidelity
     tolerance = fidelity.section.tolerance
@@ -128,7 +128,9 @@ def run_resolved(
         points = sorted(doubtful | set(drawn_points(fidelity, number)))
         outcome = audit(fidelity, resolved.plan, directory, changes, points)
         errors.append(outcome.error)
-        doubtful |= set(outcome.points)  # always audited from now on: no draw hides an error
+        doubtful |= set(
+            outcome.points
+        )  # audited in all further rounds too, so that no draw hides an error
         passed = outcome.error is None or outcome.error <= tolerance
         audited = _audited(outcome, passed) | {"errors_of_rounds": errors}
         facts = resolved.facts | {"audit": audited, "rounds": number + 1}
@@ -152,7 +154,7 @@ def run_resolved(
 
 
 def _deciding(choice: Choice) -> dict[str, Any]:
-    """Settings without the tolerances that follow the one asked for."""
+    """The chosen settings without those that are shares of the tolerance."""
     return {k: v for k, v in choice.chosen.changes.items() if k not in FOLLOWING}
 
 
@@ -172,11 +174,11 @@ class Audit:
     Attributes
     ----------
     error : float or None
-        Largest, None where no point could be audited.
+        Largest error; None where no point could be audited.
     points : tuple of int
-        Which, among the study's design points.
+        Numbers of the audited points among the study's design points.
     against : str
-        What they were solved by.
+        Better settings of the audit, in words.
     """
 
     error: float | None
@@ -185,7 +187,7 @@ class Audit:
 
 
 def drawn_points(fidelity: FidelityStudy, round_: int) -> tuple[int, ...]:
-    """Random design points, others in each round."""
+    """Numbers of random design points, different ones in each round."""
     count = min(fidelity.section.audit, len(fidelity.plan.tasks))
     rng = np.random.default_rng([AUDIT_SEED, round_])
     return tuple(int(i) for i in rng.permutation(len(fidelity.plan.tasks))[:count])
@@ -198,10 +200,11 @@ def audit(
     changes: Mapping[str, Any],
     points: Sequence[int],
 ) -> Audit:
-    """Hold the study's own rows of some points against better settings.
+    """Compare the study's own rows at some points with results of better settings.
 
-    Complex modes against exact solves, of the brake at full order; runs against half the step,
-    more contact points and all modes. Points that failed are left out.
+    Complex modes are compared with exact solves, of a meshed brake at full order. Runs are compared
+    with those of half the step, the next rungs of contact points and slope, and all modes. Points
+    that failed are left out.
     """
     better, against = _better(fidelity, changes)
     own_findings = _own_findings(fidelity, plan, directory, points)
@@ -230,7 +233,7 @@ def _own_findings(
 
 
 def _better(fidelity: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
-    """Settings one rung up from the chosen ones, and in words."""
+    """Settings that are better than the chosen ones, as changes and in words."""
     if not fidelity.in_time:
         exact = exact_method(fidelity.study)
         words = "the full-order model" if rung_named(exact).unreduced else "exact solves"
@@ -248,7 +251,7 @@ def _better(fidelity: FidelityStudy, changes: Mapping[str, Any]) -> tuple[dict[s
         if position + 1 < len(ladder):
             better |= ladder[position + 1].changes
             words_of.append(ladder[position + 1].label)
-    if "transient.step" not in better:  # explicit, or the last rung
+    if "transient.step" not in better:  # given by the file, or the last rung
         step = 0.5 * float(changes.get("transient.step", fidelity.study.section.step))
         better["transient.step"] = step
         words_of.append(f"step {step:.3g} s")

@@ -1,4 +1,4 @@
-"""Which basis, contact points and step a transient study needs: tried at pilots, rung by rung."""
+"""Choice of basis, contact points, slope and step of a transient study, by trials at pilots."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ from squealstudy.study.definition import given_keys
 
 SETTING_TOLERANCE_SHARE = 0.4  # share of the tolerance that one ladder may take
 RICHARDSON_FACTOR = 4.0 / 3.0  # error of a step from the difference to half of it, order 2
-# half-width of a level at which runs end; of the tolerance
+# relative half-width of a level's interval at which runs end: at most, and over the tolerance
 SETTLED_LEVEL_HALF_WIDTH, SETTLED_SHARE = 0.01, 0.2
+# settings of a run without a reduced basis
 ALL_MODES = {
     "transient.modes_below": None,
     "transient.pod_vectors": 0,
     "transient.pod_step": None,
 }
-QUIET = {"transient.save_every": 0}  # pilots keep no histories
+QUIET = {"transient.save_every": 0}  # pilots store no histories
 
 
 def search_runs(fidelity: FidelityStudy) -> Choice:
@@ -58,9 +59,9 @@ def search_runs(fidelity: FidelityStudy) -> Choice:
 
 
 class RunSearch:
-    """Settings tried at the pilots of a study, ladder by ladder, each from the cheapest up.
+    """Settings tried at the pilots of a study, ladder by ladder, each from the cheapest rung up.
 
-    Ladders are tried with the best of the others so far; their errors add up.
+    A ladder is tried with the rungs chosen of the others so far. Errors of ladders add up.
     """
 
     def __init__(self, fidelity: FidelityStudy) -> None:
@@ -83,11 +84,11 @@ class RunSearch:
         self.points = fidelity.pilots(self.now, candidates)
 
     def measure(self, changes: Mapping[str, Any]) -> Measurement:
-        """The pilots with some settings other than those so far."""
+        """Measure the pilots with `changes` to the present settings."""
         return self.fidelity.measure({**self.now, **changes}, self.points)
 
     def try_bases(self, ladder: Ladder) -> None:
-        """Smaller bases against all modes, until one is within its share."""
+        """Try smaller bases against all modes, until one is within its share of the tolerance."""
         *smaller_bases, full_basis = ladder
         truth = self.measure({})
         settings = []
@@ -101,20 +102,20 @@ class RunSearch:
         self._keep(BASIS, settings)
 
     def try_contact_points(self, ladder: Ladder) -> None:
-        """More points against fewer: the error of a rung is the change to the next."""
+        """Try more and more contact points; the error of a rung is the change to the next."""
         self._keep(CONTACT, self._refined(ladder, 1.0))
 
     def try_slopes(self, ladder: Ladder) -> None:
-        """Stiffer friction until the change to twice the slope is within its share.
+        """Try stiffer friction until the change to twice the slope is within its share.
 
-        What sticks rings at a step that is too long for its slope: that is part of the change.
+        Where the step is too long for the slope, sticking points ring; the change includes that.
         """
         self._keep(SLOPE, self._refined(ladder, FIRST_ORDER_FACTOR))
 
     def try_steps(self, ladder: Ladder) -> None:
-        """Halved steps until the change to the next, extrapolated, is within its share.
+        """Halve the step until the extrapolated change to the next is within its share.
 
-        From twice the step of the trials on; longer ones are tried where that pays.
+        It begins with twice the step of the trials; longer ones are tried where that pays.
         """
         position = max(0, min(TRIAL_STEP, len(ladder) - 1) - 1)
         settings = self._refined(ladder[position:], RICHARDSON_FACTOR)
@@ -135,7 +136,7 @@ class RunSearch:
         self._keep(STEP, settings)
 
     def _pays(self, changes: Mapping[str, Any]) -> bool:
-        """Whether a try of twice the step may save the study more than the try takes."""
+        """Whether a trial of twice the step may save the study enough for its own cost."""
         measurement = self.measure(changes)
         study = measurement.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
         trial = measurement.seconds * len(self.points) + measurement.setup_seconds
@@ -144,7 +145,7 @@ class RunSearch:
     def _refined(self, ladder: Ladder, factor: float) -> list[TriedSetting]:
         """Rungs up to the first whose change to the next is within its share, and that next one.
 
-        What is left after the last one tried is taken for a quarter of the change that led to it.
+        The error of the last rung tried is estimated as a quarter of that of the rung before it.
         """
         settings: list[TriedSetting] = []
         coarse = self.measure(ladder[0].changes)
@@ -158,10 +159,9 @@ class RunSearch:
         return [*settings, TriedSetting(finer.label, finer.changes, error / 4, coarse.seconds)]
 
     def _keep(self, name: str, tried_settings: list[TriedSetting]) -> None:
-        """Go on with the cheapest of a ladder that is good enough, else with its best."""
-        tried_settings = [
-            t for t in tried_settings if np.isfinite(t.cost)
-        ]  # where no pilot ran there is none
+        """Continue with the cheapest rung of a ladder within its share, else with the best."""
+        # costs are not finite where no pilot ran
+        tried_settings = [t for t in tried_settings if np.isfinite(t.cost)]
         self.tried[name] = tried_settings
         good = [t for t in tried_settings if t.error <= self.share]
         best = (
@@ -171,10 +171,10 @@ class RunSearch:
         self.now |= best.changes
 
     def given_error(self) -> float:
-        """Error of explicit settings: of a step against half of it, of a basis against all modes.
+        """Error of given settings: a step against half of it, a basis against all modes.
 
-        And how well levels are known where runs end. Contact points and mesh that the file gives
-        are the model, not an approximation of one.
+        The error of levels where runs end early is added. Contact points and mesh of the file are
+        taken as the model itself, without an error.
         """
         section, error = self.fidelity.study.section, self.settled_error()
         if STEP not in self.ladders:
@@ -185,14 +185,14 @@ class RunSearch:
         return error
 
     def settled_error(self) -> float:
-        """How well levels are known where runs end, relative; 0 where they do not end early."""
+        """Relative error of levels where runs end once settled; 0 where they do not end early."""
         section = self.fidelity.study.section
         if self.always.get("transient.stop", section.stop) != "settled":
             return 0.0
         return float(self.always.get("transient.settle_tolerance", section.settle_tolerance))
 
     def study_seconds(self) -> tuple[float, float]:
-        """Seconds of all points with the first rung of every ladder, and of what they share."""
+        """Seconds of all points with the first rung of each ladder, and seconds they share."""
         measurement = self.measure({})
         cost = measurement.seconds * len(self.fidelity.plan.tasks) / self.fidelity.jobs
         for name, best in self.kept.items():
@@ -201,9 +201,9 @@ class RunSearch:
 
 
 def interior_pilots(plan: Plan, count: int) -> list[int]:
-    """Design points nearest to places inside the swept box: no training run is made there.
+    """Numbers of the design points nearest to places inside the swept box, at no training runs.
 
-    The first is in the upper half of the box, where more squeals.
+    The first is in the upper half of the box, where more modes squeal.
     """
     X = plan.coordinates
     if not X.shape[1]:
@@ -219,7 +219,7 @@ def interior_pilots(plan: Plan, count: int) -> list[int]:
 
 
 def _settled(fidelity: FidelityStudy) -> dict[str, Any]:
-    """Runs end once their outcome is known, where the file does not say when they end."""
+    """Settings by which modal runs end once settled, where the file does not say when they end."""
     modal = fidelity.study.section.representation == "modal"
     if not modal or "transient.stop" in given_keys(fidelity.study):
         return {}

@@ -1,7 +1,8 @@
-"""A function of a law from outside the package, tried at a point before it is used.
+"""Trial of the functions of a law from outside the package, before they are used.
 
-A slope that contradicts its law enters every eigenvalue, and a full-order check shares it. Laws are
-tried when they are registered, at the values of a study's parameters, and at each working point.
+A slope that contradicts its law makes every eigenvalue wrong, and a full-order check as well. Laws
+are tried when they are registered, at the values of a study's parameters, and at each working
+point.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from squealstudy.errors import ModelError, ParameterError
 from squealstudy.parameter import Parameter
 
 DIFFERENCE_REL_STEP = 1e-5  # relative step of difference quotients
-SLOPE_REL_TOLERANCE = 1e-3  # relative error of differences at which a slope fits
+SLOPE_REL_TOLERANCE = 1e-3  # relative difference of a slope and a difference quotient that agree
 EQUAL_REL_TOLERANCE = 1e-6  # relative difference of two functions that compute the same
 SLOPE_ROUND_OFF = 1e-9  # slope times argument over the function, below which it is round-off
 
@@ -29,24 +30,24 @@ class NotComputedError(ModelError):
 
 
 class Tried:
-    """A function of a law, whose results are looked at.
+    """A function of a law, whose calls and slopes are checked.
 
     Parameters
     ----------
     law : str
-        Its name.
+        Name of the law.
     function : callable
     names : sequence of str
-        Of its arguments.
+        Names of the function's arguments.
     results : sequence of str
-        Of what it returns.
+        Names of its results.
 
     Raises
     ------
     ModelError
-        A function that does not take as many arguments.
+        The function does not take this number of arguments.
     NotComputedError
-        By a call: it fails, or returns something else than as many finite numbers.
+        Raised by a call: the function fails, or returns anything but this number of finite numbers.
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Tried:
             raise self.error(f"expected to take ({', '.join(names)})") from None
 
     def error(self, text: str, of: type[ModelError] = ModelError) -> ModelError:
-        """Error with file, function and law."""
+        """The error of this class, whose message begins with file, function and law."""
         path = Path(inspect.getfile(inspect.unwrap(self._function))).name
         return of(f"{path}: {self._function.__name__} of law '{self._law}': {text}")
 
@@ -83,9 +84,9 @@ class Tried:
     def expect_slope(
         self, slope_name: str, slope: float, arguments: Sequence[float], k: int, size: float = 1.0
     ) -> None:
-        """Compare a slope of the first result by argument k with differences to both sides.
+        """ModelError where a slope of the first result by argument k contradicts differences.
 
-        `size` is that of an argument which is 0.
+        `size` takes the place of the argument's modulus where that is 0.
         """
         if (other := self._misfit(slope, arguments, k, size)) is not None:
             raise self.error(f"{slope_name} is {slope:g}, differences give {other:g}")
@@ -93,7 +94,7 @@ class Tried:
     def _misfit(
         self, slope: float, arguments: Sequence[float], k: int, size: float, result: int = 0
     ) -> float | None:
-        """The slope by differences where another one does not fit it; None where it does."""
+        """The slope by differences where `slope` contradicts it; None where they agree."""
         x = arguments[k]
         size = abs(x) or size
         h = DIFFERENCE_REL_STEP * size
@@ -101,7 +102,11 @@ class Tried:
             self(*arguments[:k], shifted, *arguments[k + 1 :])[result]
             for shifted in (x - h, x, x + h)
         )
-        differences = (high - low) / (2 * h), (high - middle) / h, (middle - low) / h  # a kink
+        differences = (
+            (high - low) / (2 * h),
+            (high - middle) / h,
+            (middle - low) / h,
+        )  # one-sided at a kink
         noise = SLOPE_ROUND_OFF * abs(middle) / size
         if any(
             abs(slope - d) <= SLOPE_REL_TOLERANCE * max(abs(slope), abs(d)) + noise
@@ -117,10 +122,10 @@ class Tried:
         parameters: Sequence[Parameter],
         size: float,
     ) -> None:
-        """Compare what a function gives as slopes of all results by each argument in turn.
+        """ModelError where a function's slopes by its arguments contradict differences.
 
-        `parameters` are the last arguments: slopes by one at its bound are not compared. `size` is
-        that of other arguments which are 0.
+        `parameters` are the last arguments: slopes by one at its bound are not compared. `size`
+        takes the place of the modulus of other arguments that are 0.
         """
         names = [f"d {result} / d {name}" for name in self._names for result in self._results]
         slopes = Tried(self._law, flat(function), self._names, names)
@@ -135,13 +140,13 @@ class Tried:
                 raise slopes.error(f"{text}, with {self._given(arguments)}")
 
     def expect_same(self, computed: float, expected: float, within: float, text: str) -> None:
-        """Compare two numbers; `text` says which they are."""
+        """ModelError with `text` where two numbers differ by more than `within`, relative."""
         if abs(computed - expected) > within * max(abs(computed), abs(expected)):
             raise self.error(text)
 
 
 def flat(function: Callable[..., Any]) -> Callable[..., tuple[float, ...]]:
-    """A function whose results are rows of numbers, or of arrays of one, as one of floats."""
+    """Flatten the results of a function, rows of numbers or of arrays of one, to floats."""
 
     @wraps(function)
     def flattened(*arguments: Any) -> tuple[float, ...]:
@@ -151,7 +156,7 @@ def flat(function: Callable[..., Any]) -> Callable[..., tuple[float, ...]]:
 
 
 def _varies(parameter: Parameter, value: float) -> bool:
-    """Whether a parameter may be a step less and a step more."""
+    """Whether a parameter may be smaller and larger by a difference step."""
     h = DIFFERENCE_REL_STEP * (abs(value) or 1.0)
     try:
         return bool(parameter.check(value - h) < parameter.check(value + h))

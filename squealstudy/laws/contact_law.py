@@ -1,4 +1,4 @@
-"""Contact laws: the pressure over the gap; a file of `laws/contact` each."""
+"""Contact laws, the pressure over the gap; each law is a file of `laws/contact`."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from squealstudy.laws.consistency import EQUAL_REL_TOLERANCE, SLOPE_REL_TOLERANC
 from squealstudy.laws.registry import Law, LawDefinition, Registry, at_points, central_slope
 
 MAX_EXPONENT = 200.0  # exp(200) = 7e86 stays finite in every product that follows
-MAX_BISECTIONS = 200
+MAX_BISECTIONS = 200  # of a gap interval
 TEST_GAPS_M = (-4.3e-6, -1.1e-6, -2.3e-7, 3.1e-7, 2.2e-6)  # m: where laws are tried
-TEST_INTERVAL_M = 7.3e-7  # m: of the interval of a mean pressure that is tried there
-MAX_GAP_M = 1e3  # m: a gap beyond which no contact is looked for
+TEST_INTERVAL_M = 7.3e-7  # m: interval over which a mean pressure is tried there
+MAX_GAP_M = 1e3  # m: modulus of a gap up to which a pressure is searched
 
 Scalar = Callable[..., float]
 Pair = Callable[..., tuple[float, float]]
@@ -27,31 +27,33 @@ class ContactLawDefinition(LawDefinition):
     """A contact law p(g) of the gap g [m], positive when open, as functions of one point.
 
     Every function takes the law's parameters behind its other arguments, in their order, as
-    floats. Kernels compile those of a point: plain arithmetic, branches and functions of `math`
-    imported by name (``from math import exp``; kernels then have one that loops over points
-    vectorise). What is None follows from the others, slower or less exactly.
-    Laws share parameters of equal names, which must be equal definitions.
+    floats. Kernels compile the functions of one point (`pressure`, `potential`, `mean_pressure`):
+    they may have plain arithmetic, branches and functions of `math` imported by name (``from math
+    import exp``; kernels replace these by versions with which loops over points vectorise).
+    Functions that are None are computed from the others, slower or less exactly. Parameters of the
+    same name are shared by laws, and must be defined equally.
 
     Attributes
     ----------
     pressure : (g, ..) -> p [Pa], -dp/dg [Pa/m]
-        NaN for a NaN.
+        Pressure and tangent; NaN for a NaN.
     potential : (g, ..) -> U [J/m2]
         Stored energy per area: the integral of p from g to an open gap.
     mean_pressure : (g, d, ..) -> [Pa]
-        Mean over the gaps from g - d/2 to g + d/2: what d p makes U lose over a step.
+        Mean pressure over the gaps from g - d/2 to g + d/2: the loss of U over this interval is d
+        times the mean pressure.
     gap_at : (p, ..) -> g
-        Gap of a pressure p > 0: where a static solution starts.
+        Gap at a pressure p > 0, from which static solutions start.
     gap_scale : (p, ..) -> [m]
-        Change of gap over which the law at pressure p changes by its own size.
+        Change of gap that changes the pressure p by about its own size.
     closing_rate : (..) -> [1/m]
-        Rate with closing at which the tangent grows by e; laws without one have 0.
+        Inverse of the closing over which the tangent grows by a factor e; None for laws without.
     evaluate : (g, ..) -> p, -dp/dg
         `pressure` for an array of gaps.
-    slopes : (g, ..) -> sequence of (of pressure, of tangent)
+    slopes : (g, ..) -> sequence of (slope of pressure, slope of tangent)
         Derivatives at an array of gaps: by the gap, then by every parameter.
     pulls : bool
-        Whether an open gap pulls: for contact that is meant to stay closed.
+        Whether an open gap pulls, as of contact that is meant to stay closed.
     """
 
     registry: ClassVar[Registry[Any]] = Registry("contact law")
@@ -84,11 +86,10 @@ class ContactLawDefinition(LawDefinition):
     def expect_consistent_at(
         self, g: float, values: Sequence[float], width: float | None = None
     ) -> None:
-        """Compare tangent, potential and all that may be given beside them with each other.
+        """ModelError where the law's functions contradict each other at a gap g [m].
 
-        At a gap g [m], with values of the parameters. The mean pressure is one over a `width` [m],
-        by default half of the gap over which the pressure changes by its size. ModelError where
-        they contradict.
+        `values` are those of the parameters. The mean pressure is tried over an interval of `width`
+        [m], by default half of |p| over the tangent.
         """
         (pressure, potential), where = self._tried, f"at g = {g:g} m"
         p, tangent = pressure(g, *values)
@@ -122,7 +123,7 @@ class ContactLawDefinition(LawDefinition):
 
 
 def _of_one(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of an array of gaps as one of a gap."""
+    """Make of a function of an array of gaps one of a single gap."""
 
     @wraps(function)
     def of_one(g: float, *values: float) -> Any:
@@ -151,7 +152,7 @@ class ContactLaw(Law[ContactLawDefinition]):
     def slopes(self, g: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Derivatives of pressure and tangent at gaps g (n,): by the gap, then by each parameter.
 
-        By central differences, to some 1e-9 of their size, for a law that does not give them.
+        If the law does not give them, they are central differences, exact to about 1e-9.
         """
         law, values = self.definition, self.parameters
         if law.slopes is not None:
@@ -172,14 +173,14 @@ class ContactLaw(Law[ContactLawDefinition]):
             self.definition.expect_consistent_at(g, self.parameters)
 
     def gap_at(self, p: float) -> float:
-        """The gap [m] at which the pressure is p > 0 [Pa]: where a static solution starts."""
+        """The gap [m] at which the pressure is p > 0 [Pa], from which static solutions start."""
         law = self.definition
         if law.gap_at is not None:
             return float(law.gap_at(p, *self.parameters))
         return self.searched_gap(p)
 
     def gap_scale(self, p: float) -> float:
-        """Change of gap [m] over which the law at pressure p changes by its own size."""
+        """Change of gap [m] that changes the pressure p [Pa] by about its own size."""
         law = self.definition
         if law.gap_scale is not None:
             return max(float(law.gap_scale(p, *self.parameters)), 1e-300)
@@ -188,12 +189,12 @@ class ContactLaw(Law[ContactLawDefinition]):
 
     @property
     def closing_rate(self) -> float:
-        """Rate with closing at which the tangent grows by e, 1/m; 0 for a law without one."""
+        """Inverse [1/m] of the closing over which the tangent grows e-fold; 0 if there is none."""
         rate = self.definition.closing_rate
         return 0.0 if rate is None else float(rate(*self.parameters))
 
     def searched_gap(self, p: float) -> float:
-        """`gap_at` by bisection, for a pressure that falls as the gap opens."""
+        """`gap_at` by bisection; the pressure must fall as the gap opens."""
 
         def presses(g: float) -> bool:
             return bool(self.evaluate(np.array([g]))[0][0] >= p)
@@ -210,5 +211,5 @@ class ContactLaw(Law[ContactLawDefinition]):
 
 
 def contact_law(kind: str = "exponential", **parameters: float) -> ContactLaw:
-    """`ContactLaw.named`, of the exponential law by default."""
+    """`ContactLaw.named`; the exponential law by default."""
     return ContactLaw.named(kind, **parameters)

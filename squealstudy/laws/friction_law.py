@@ -31,7 +31,7 @@ OF_FRICTION = Parameter("friction", TEST_FRICTION, "", "", minimum=0.0)
 
 
 class Friction(NamedTuple):
-    """A friction coefficient and its derivatives, floats or one a contact point."""
+    """A friction coefficient and its derivatives: floats, or arrays with one for each point."""
 
     mu: Number
     by_speed: Number  # s/m
@@ -47,17 +47,18 @@ class FrictionCurveDefinition(LawDefinition):
     """A friction coefficient over sliding speed s [m/s] and pressure p [Pa]: functions of floats.
 
     Behind s and p they take the study's ``friction`` (the coefficient of fast sliding, which scales
-    a curve: with 0 it is 0) and the curve's parameters, in their order. Kernels compile `mu`: plain
-    arithmetic, branches and functions of `math` imported by name.
+    the curve: mu is 0 where it is 0) and the curve's parameters, in their order. Kernels compile
+    `mu`, which may have plain arithmetic, branches and functions of `math` imported by name.
 
     Attributes
     ----------
     mu : (s, p, friction, ..) -> mu, dmu/ds [s/m], dmu/dp [1/Pa]
     pressure_dependent : bool
-        Whether mu depends on p; to say that it does not saves time.
-    constant : (..) -> bool or None
-        Whether parameters make mu the same everywhere; None for never.
-    slopes : (s, p, friction, ..) -> sequence of (of mu, of dmu/ds, of dmu/dp), or None
+        Whether mu depends on p; False saves time.
+    constant : (..) -> bool, or None
+        Whether values of the parameters make mu equal to ``friction`` everywhere; None if no values
+        do.
+    slopes : (s, p, friction, ..) -> sequence of (slope of mu, of dmu/ds, of dmu/dp), or None
         Derivatives by s, p, friction and every parameter; None for central differences.
     """
 
@@ -83,10 +84,10 @@ class FrictionCurveDefinition(LawDefinition):
     def expect_consistent_at(
         self, s: float, p: float, friction: float, values: Sequence[float]
     ) -> None:
-        """Compare slopes with differences of mu, mu without friction with 0, constant with mu.
+        """ModelError where the curve's functions contradict each other.
 
-        At a speed s [m/s], a pressure p [Pa] and values of the parameters; ModelError where they
-        contradict.
+        They are tried at a speed s [m/s], a pressure p [Pa] and values of the parameters: slopes
+        against differences, mu at a friction of 0, and whether mu is constant where it should be.
         """
         mu, arguments = self._tried, (s, p, friction, *values)
         coefficient, by_speed, by_pressure = mu(*arguments)
@@ -107,18 +108,18 @@ class FrictionCurveDefinition(LawDefinition):
 
 @dataclass(frozen=True, kw_only=True)
 class Regularisation(LawDefinition):
-    """Friction f(s) about zero sliding, from the slope k_t there to a bound b: functions of floats.
+    """Friction f(s) near zero sliding, from a slope k_t at s = 0 to a bound b: functions of floats.
 
     Attributes
     ----------
     resistance : (k_t, b, s) -> f / s
-        k_t where s = 0, 0 where b <= 0; without branches, so that loops over points vectorise.
+        k_t at s = 0, and 0 where b <= 0; without branches, so that loops over points vectorise.
     slope : (k_t, b, s) -> [N s/m3]
-        Slope of the straight line that a point which is about to stick is solved with.
+        Slope of the straight line by which a point that is about to stick is solved.
     partials : (k_t, b, s) -> f, df/ds, df/db
-        With b > 0 and s > 0.
+        Friction and its derivatives, for b > 0 and s > 0.
     saturation : float
-        k_t s over b from which on f is the bound.
+        Value of k_t s / b from which f is equal to b.
     """
 
     registry: ClassVar[Registry[Any]] = Registry("regularisation of friction")
@@ -130,7 +131,7 @@ class Regularisation(LawDefinition):
     saturation: float
 
 
-DEFAULT_CURVE = "exponential_fall"  # of models that leave no choice
+DEFAULT_CURVE = "exponential_fall"  # the curve of models without a choice
 FRICTION_CURVES: Registry[FrictionCurveDefinition] = FrictionCurveDefinition.registry
 REGULARISATIONS: Registry[Regularisation] = Regularisation.registry
 
@@ -143,19 +144,20 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
 
     @property
     def constant(self) -> bool:
-        """Whether mu is the same everywhere."""
+        """Whether mu is equal to the study's friction everywhere."""
         constant = self.definition.constant
         return constant is not None and bool(constant(*self.parameters))
 
     @property
     def pressure_dependent(self) -> bool:
-        """Whether mu may differ from point to point."""
+        """Whether mu depends on the pressure."""
         return self.definition.pressure_dependent and not self.constant
 
     def at(self, friction: float, s: Number, p: np.ndarray) -> Friction:
-        """Coefficient at a sliding speed s [m/s], or one a point (n,), and pressures p (n,) [Pa].
+        """Coefficient at sliding speeds s [m/s], a number or (n,), and pressures p (n,) [Pa].
 
-        Floats for all points together where the curve depends on neither, else (n,).
+        The result has floats for all points together where mu is constant, or s is a number and mu
+        does not depend on pressure; else arrays (n,).
         """
         mu = self.definition.mu
         if self.constant:
@@ -167,19 +169,19 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
         return Friction(*at_points(mu, 3, s, p, friction, *self.parameters))
 
     def expect_consistent(self, friction: float, speed: float, pressures: Sequence[float]) -> None:
-        """Try the curve at a speed [m/s] and pressures [Pa]; ModelError where it contradicts."""
+        """Try the curve at a speed [m/s] and pressures [Pa]; ModelError at a contradiction."""
         for p in pressures:
             self.definition.expect_consistent_at(speed, p, friction, self.parameters)
 
     def at_rest(self, friction: float, p: np.ndarray) -> Number:
-        """Static coefficient: without sliding, at pressures p (n,) [Pa]; as `at` of one or all."""
+        """Static coefficient, at zero speed and pressures p (n,) [Pa]: a float or (n,)."""
         return self.at(friction, 0.0, p).mu
 
     def slopes(self, friction: float, s: Number, p: np.ndarray) -> np.ndarray:
-        """Derivatives of mu, dmu/ds, dmu/dp, as they stand in `pressures` (k, 3, 1 or n).
+        """Derivatives (k, 3, 1 or n) of mu, dmu/ds and dmu/dp.
 
-        By s, by p, by friction and by each of the curve's parameters in turn; by central
-        differences, to some 1e-9 of their size, for a curve that does not give them.
+        They are by s, by p, by friction and by each of the curve's parameters in turn. If the curve
+        does not give them, they are central differences, exact to about 1e-9.
         """
         pressures = p if self.definition.pressure_dependent else np.zeros(1)
         return curve_slopes(self.definition, s, pressures, (float(friction), *self.parameters))
@@ -188,7 +190,7 @@ class FrictionCurve(Law[FrictionCurveDefinition]):
 def curve_slopes(
     law: FrictionCurveDefinition, s: Number, p: np.ndarray, values: Sequence[Number]
 ) -> np.ndarray:
-    """`FrictionCurve.slopes` at values of friction and the curve's parameters, or one a point."""
+    """`FrictionCurve.slopes`; `values`, friction and the parameters, are numbers or (n,)."""
     count = 2 + len(values)
     if law.slopes is not None:
         slopes = law.slopes
@@ -197,16 +199,16 @@ def curve_slopes(
     found = []
     for number in range(count):
         arguments: list[Number] = [s, p, *values]
-        own, size, start = arguments[number], 0.0, 0.0
-        if np.ndim(own):  # all points move together
-            size = float(np.abs(own).max(initial=0.0))
+        base_value, size, start = arguments[number], 0.0, 0.0
+        if np.ndim(base_value):  # all points move together
+            size = float(np.abs(base_value).max(initial=0.0))
         else:
-            start, own = float(own), 0.0
+            start, base_value = float(base_value), 0.0
 
         before, after = arguments[:number], arguments[number + 1 :]
 
         def moved(
-            x: float, base: Number = own, a: list[Number] = before, b: list[Number] = after
+            x: float, base: Number = base_value, a: list[Number] = before, b: list[Number] = after
         ) -> np.ndarray:
             return at_points(law.mu, 3, *a, base + x, *b)
 
@@ -223,10 +225,10 @@ class FrictionLaw:
     friction : float
         Coefficient of fast sliding, not negative.
     k_t : float
-        Slope at zero sliding, N s/m3.
+        Slope of friction at zero sliding, N s/m3.
     curve : FrictionCurve
     regularisation : str
-        Name of a registered one: ``regularised`` (kinked), ``smooth`` (tanh).
+        Name of a registered regularisation: ``regularised`` (kinked), ``smooth`` (tanh).
 
     Raises
     ------
@@ -247,10 +249,10 @@ class FrictionLaw:
 
     @property
     def saturation(self) -> float:
-        """k_t s over the bound from which on friction is the bound."""
+        """k_t s over the bound, from which friction is equal to the bound."""
         return REGULARISATIONS[self.regularisation].saturation
 
 
 def friction_curve(kind: str = DEFAULT_CURVE, **parameters: float) -> FrictionCurve:
-    """`FrictionCurve.named`, of the curve that falls with speed by default."""
+    """`FrictionCurve.named`; by default the curve that falls with speed."""
     return FrictionCurve.named(kind, **parameters)

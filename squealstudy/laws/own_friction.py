@@ -1,12 +1,13 @@
 """Friction of contact points that have numbers of their own, in place of the study's.
 
-An array `own` (.., nc, k) with a row a point: whether it is stuck (`STATE`), its friction
-coefficient, then the parameters of the friction curve in their order; NaN where the study's value
-counts, as for parameters without a column. No columns where no point has any.
+An array `own_friction` (.., nc, k) has a row for each point: its state (`STATE`), its friction
+coefficient, then the parameters of the friction curve in their order. NaN stands for the study's
+value, as a missing column does. There are no columns where no point has friction of its own.
 
-A point that no sliding is imposed on (a speed factor of 0: a pad on its bracket, a guide pin) has
-its coefficient at all speeds. Stuck, it has no friction in steady sliding; else that of slip along
-T (THEORY.md eq. (17a)). In time it sticks and slips by itself, from no friction.
+A point on which no sliding is imposed (a speed factor of 0: a pad on its bracket, a guide pin) has
+one coefficient at all speeds. If it is stuck, it has no friction in steady sliding; else that of
+slip along T (THEORY.md eq. (17a)). In time it sticks and slips by itself, and starts without
+friction.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ NO_OWN_FRICTION = np.zeros((0, 0))
 STATE, COEFFICIENT = 0, 1  # columns; those of the curve's parameters follow
 # a contact's state in files, and as a parameter: sliding along its direction, or stuck
 STATES = {"sliding": 0.0, "stuck": 1.0}
-# states of points: as in time and as it slides; stuck without a stiffness, with one among springs
+# states of points: sliding; stuck without a stiffness; stuck with a stiffness among the springs
 SLIDING, STUCK, STUCK_BY_SPRING = 0.0, 1.0, 2.0
 
 NOT_LINEAR = (
@@ -37,7 +38,7 @@ NOT_IN_TIME = (
 
 
 def has_own(own_friction: np.ndarray) -> bool:
-    """Whether points have friction of their own."""
+    """Whether any points have friction of their own."""
     return own_friction.shape[-1] > 0
 
 
@@ -47,13 +48,13 @@ def coefficients_alone(own_friction: np.ndarray) -> np.ndarray:
 
 
 def is_unmoved(own_friction: np.ndarray, speed_factor: np.ndarray) -> np.ndarray:
-    """Whether no sliding is imposed on points (.., nc)."""
+    """Whether points (.., nc) have friction of their own and no sliding is imposed on them."""
     unmoved: np.ndarray = (speed_factor == 0.0) & has_own(own_friction)
     return unmoved
 
 
 def sticks_in_time(own_friction: np.ndarray) -> np.ndarray:
-    """Whether points (.., nc) stick and slip by themselves: stuck without a stiffness."""
+    """Whether points (.., nc) stick and slip by themselves in time: stuck without a stiffness."""
     if not has_own(own_friction):
         return np.zeros(own_friction.shape[:-1], dtype=bool)
     stuck: np.ndarray = own_friction[..., STATE] == STUCK
@@ -61,13 +62,13 @@ def sticks_in_time(own_friction: np.ndarray) -> np.ndarray:
 
 
 def is_linear(own_friction: np.ndarray) -> np.ndarray:
-    """Whether all points (.., nc) have a tangent: none is stuck without a stiffness (..,)."""
+    """Whether (..,) all points (.., nc) have a tangent: none is stuck without a stiffness."""
     linear: np.ndarray = (own_friction[..., :1] != STUCK).all(axis=(-1, -2))
     return linear
 
 
 def starts_in_time(own_friction: np.ndarray, speed_factor: np.ndarray) -> bool:
-    """Whether all points (nc,) that no sliding is imposed on can be run in time."""
+    """Whether runs in time can represent all points (nc,) on which no sliding is imposed."""
     if not has_own(own_friction):
         return True
     return bool((own_friction[is_unmoved(own_friction, speed_factor), STATE] == STUCK).all())
@@ -95,7 +96,7 @@ def own_mu(
     speeds: np.ndarray,
     p: np.ndarray,
 ) -> np.ndarray:
-    """mu, dmu/ds and dmu/dp (3, .., nc) at sliding speeds and pressures (.., nc), of both signs.
+    """mu, dmu/ds and dmu/dp (3, .., nc) at sliding speeds >= 0 and pressures (.., nc).
 
     `values` are the study's friction and parameters of the curve.
     """
@@ -115,7 +116,8 @@ def own_slopes(
 ) -> np.ndarray:
     """Derivatives of `own_mu` (count, 3, .., nc) by speed, pressure and the study's values.
 
-    By its friction and by each parameter of the curve: nothing where a point has its own.
+    The study's values are friction and each parameter of the curve; derivatives by them are 0 where
+    a point has its own value.
     """
     rows = curve_slopes(curve, speeds, p, own_values(own_friction, *values))
     rows = np.where(speeds == 0.0, 0.0, rows)

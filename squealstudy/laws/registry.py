@@ -1,6 +1,6 @@
-"""Common parts of all laws: definitions, registers, and values of parameters.
+"""Common parts of all laws: definitions, registries, and values of parameters.
 
-A study may name what is registered, and nothing else.
+A study can name registered laws only.
 """
 
 from __future__ import annotations
@@ -23,26 +23,29 @@ DIFFERENCE_REL_STEP = 1e-6  # relative step of central differences
 
 @dataclass(frozen=True, kw_only=True)
 class LawDefinition:
-    """A law as functions of one contact point; its identity is the file of these functions.
+    """A law as functions of one contact point; laws are the same if the files of these are.
 
     Attributes
     ----------
     name : str
-        As in study files.
+        Name as in study files.
     description : str
     parameters : tuple of Parameter
-        In the order in which the functions take their values, behind their other arguments.
+        Parameters in the order in which the functions take them, behind their other arguments.
     plain : (..) -> str, or None
-        What is left of the law, in words, at values of its parameters that switch it off; else "".
+        For values of the parameters that switch the law off, what remains of it in words; else "".
     refuses : (sequence of values) -> str, or None
-        Why values that are each within their bounds do not fit each other; empty where they do.
+        Why values do not fit each other, though each is within its bounds; "" where they fit.
     by_address : bool
-        Whether kernels call the functions at their addresses, as those of all laws from outside
-        the package, rather than hold them: a long function lengthens the compiling of each kernel.
+        Whether kernels call the functions by their addresses, as they do for laws from outside the
+        package, and do not include them. Long functions would lengthen the compiling of each
+        kernel.
     """
 
     registry: ClassVar[Registry[Any]]
-    compiled: ClassVar[tuple[str, ...]]  # fields of functions for kernels, one at least given
+    compiled: ClassVar[
+        tuple[str, ...]
+    ]  # fields with functions for kernels; the first is never None
 
     name: str
     description: str
@@ -53,13 +56,13 @@ class LawDefinition:
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
-        """Functions that kernels compile, by their fields; those that are None are left out."""
+        """Functions that kernels compile, by their fields, without those that are None."""
         found = {name: getattr(self, name) for name in self.compiled}
         return {name: function for name, function in found.items() if function is not None}
 
     @cached_property
     def source(self) -> str:
-        """Hash of the file that holds the functions; ModelError where they have none."""
+        """Hash of the file of the main function; ModelError where it is in no file."""
         function = self.main_function
         path = Path(inspect.getfile(function))
         try:
@@ -72,14 +75,14 @@ class LawDefinition:
 
     @cached_property
     def in_package(self) -> bool:
-        """Whether that file is one of the package."""
+        """Whether that file belongs to the package."""
         return Path(inspect.getfile(self.main_function)).resolve().is_relative_to(PACKAGE)
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
-        """Short names of the parameters: what the functions call them.
+        """Short names of the parameters: the names of the main function's arguments.
 
-        Where these take them as ``*values``: what stands behind the last dot of their names.
+        If it takes them as ``*values``, they are the parts of the names behind the last dot.
         """
         taken = tuple(inspect.signature(self.main_function).parameters.values())
         if taken[-1].kind is inspect.Parameter.VAR_POSITIONAL:
@@ -88,7 +91,7 @@ class LawDefinition:
 
     @property
     def main_function(self) -> Callable[..., Any]:
-        """The first of those, which every law of the sort has."""
+        """The first of `functions`, which every law of this sort has."""
         return next(iter(self.functions.values()))
 
     def expect_consistent(self) -> None:
@@ -99,9 +102,9 @@ D = TypeVar("D", bound=LawDefinition)
 
 
 class Registry(Generic[D]):
-    """The laws of one sort by name; codes for kernels are their places in it."""
+    """The laws of one sort by name; a law's place is its code for kernels."""
 
-    shared: ClassVar[dict[str, Parameter]] = {}  # of laws of all sorts
+    shared: ClassVar[dict[str, Parameter]] = {}  # parameters of all sorts of laws
 
     def __init__(self, sort: str) -> None:
         self.sort = sort
@@ -113,8 +116,8 @@ class Registry(Generic[D]):
         Raises
         ------
         ModelError
-            Another law of that name, a parameter that another law defines otherwise, or, of a law
-        from outside, functions that contradict each other.
+            Another law has this name, another law defines a parameter otherwise, or functions of a
+            law from outside the package contradict each other.
         """
         known = self._known.get(definition.name)
         if known is not None and known.source != definition.source:
@@ -153,7 +156,7 @@ class Registry(Generic[D]):
 
 
 def register(law: D) -> D:
-    """Make a contact law, a friction curve or a regularisation known by its name; returns it.
+    """Register a contact law, a friction curve or a regularisation; returns it.
 
     Parameters
     ----------
@@ -162,10 +165,10 @@ def register(law: D) -> D:
     Raises
     ------
     ModelError
-        Another law of that name, a parameter that another law defines otherwise, or functions
-        that were not written in a file or contradict each other.
+        Another law has this name, another law defines a parameter otherwise, or functions are not
+        in a file or contradict each other.
     ExtensionError
-        Functions of the program itself: workers could not execute them.
+        Functions are defined in the program itself, where workers cannot execute them.
     """
     remember(law.main_function)
     law.registry.add(law)
@@ -182,16 +185,16 @@ class Law(Generic[D]):
     kind : str
         Name of a registered law.
     parameters : tuple of float
-        In the order of its definition.
+        Values in the order of the law's definition.
 
     Raises
     ------
     ModelError
-        Unknown law, or a value out of its parameter's bounds.
+        Unknown law, a value outside its parameter's bounds, or values that do not fit each other.
     """
 
     registry: ClassVar[Registry[Any]]
-    title: ClassVar[str]  # in messages, {} for the kind
+    title: ClassVar[str]  # title in messages, with {} for the kind
 
     kind: str
     parameters: tuple[float, ...]
@@ -216,7 +219,7 @@ class Law(Generic[D]):
         Raises
         ------
         ModelError
-            As the class; a parameter that the law does not have.
+            As for the class, or a parameter that the law does not have.
         """
         law = cls.registry[kind]
         if unknown := parameters.keys() - set(law.arguments):
@@ -227,19 +230,19 @@ class Law(Generic[D]):
 
     @classmethod
     def from_values(cls, kind: str, values: Mapping[str, float]) -> Self:
-        """The law of that name from the values of a study's parameters."""
+        """The law of that name with values of a study's parameters, and defaults of others."""
         known = cls.registry[kind].parameters
         return cls(kind, tuple(values.get(p.name, p.default) for p in known))
 
     @property
     def definition(self) -> D:
-        """Functions of the law."""
+        """The registered definition of the law."""
         found: D = self.registry[self.kind]
         return found
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of its parameters, as in study files."""
+        """Names of the law's parameters, as in study files."""
         return tuple(p.name for p in self.definition.parameters)
 
     def value(self, name: str) -> float:
@@ -255,7 +258,7 @@ class Law(Generic[D]):
 
 
 def at_points(function: Callable[..., Any], n_out: int, *arguments: Any) -> np.ndarray:
-    """A function of floats at every point of arrays, (n_out, ..); NaN where it overflows."""
+    """A function of floats at all entries of arrays (n_out, ..); NaN where it overflows."""
     arrays = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in arguments))
     found = np.full((n_out, arrays[0].size), np.nan)
     for i, values in enumerate(zip(*(a.ravel().tolist() for a in arrays), strict=True)):
@@ -269,7 +272,10 @@ def at_points(function: Callable[..., Any], n_out: int, *arguments: Any) -> np.n
 def central_slope(
     function: Callable[[float], np.ndarray], value: float, size: float = 0.0
 ) -> np.ndarray:
-    """Derivative of an array by a number: central differences over DIFFERENCE_REL_STEP of it."""
+    """Derivative of an array by a number, by central differences.
+
+    Where the number is 0, the step is relative to `size`, or to 1.
+    """
     h = DIFFERENCE_REL_STEP * (abs(value) or size or 1.0)
     slope: np.ndarray = (function(value + h) - function(value - h)) / (2.0 * h)
     return slope

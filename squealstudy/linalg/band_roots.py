@@ -1,6 +1,6 @@
-"""All roots of a sparse quadratic eigenproblem below a modulus, whatever its matrices are like.
+"""All roots of a sparse quadratic eigenproblem in a band, for any real matrices.
 
-Nothing is assumed but real entries: M, C and K may be unsymmetric, M and K singular.
+M, C and K may be unsymmetric, and M and K singular.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from squealstudy.linalg.root_error import Matrix, root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 from squealstudy.root_pairs import one_of_each_pair
 
-FIRST_ROOTS = 60  # asked for where nothing is known
-FALLBACK_SHIFT_RATIO = 0.02  # of the band's top: where K itself is singular
+FIRST_ROOTS = 60  # roots asked for first, if the caller has no guess
+FALLBACK_SHIFT_RATIO = 0.02  # shift over the band's top, where K itself is singular
 SINGULAR_PENCIL = (
     "lambda^2 M + lambda C + K is singular for every lambda: some coordinate, or a sum of several, "
     "has no mass, no damping and no stiffness"
 )
-LARGEST_DENSE = 2000  # degrees of freedom that LAPACK takes where most of the roots are wanted
+LARGEST_DENSE = 2000  # degrees of freedom up to which LAPACK solves where most roots are wanted
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class BandRoots:
     Attributes
     ----------
     lam : ndarray (m,) complex
-        Imaginary part non-negative, ascending in modulus, rad/s.
+        Roots with a non-negative imaginary part, ascending in modulus, rad/s.
     psi : ndarray (n, m) complex
         Right vectors of unit 2-norm.
     n_below : int
-        Roots up to the top of the band, conjugates and those below the band counted.
+        Number of roots up to the top of the band, including conjugates and roots below the band.
     error : ndarray (m,)
         Estimated |lam - exact lam|, rad/s (`root_errors`).
     """
@@ -60,27 +60,27 @@ def roots_in_band(
 ) -> BandRoots:
     """Roots with band[0] <= |lambda| <= band[1] of lambda^2 M + lambda C + K.
 
-    Roots next to a real shift are found by one real factorisation there, more of them until one
-    lies beyond the band. Where K is singular, or diagonal pivots spoil the roots, it is done again
-    about a positive shift, then with partial pivoting; of roots that none of these makes accurate
-    the best are returned, with the errors they have. Roots that cannot be told from zero, motion of
-    a free body, are left out.
+    Roots nearest to a real shift are computed with one real factorisation there, and more of them
+    until one is beyond the band. Where K is singular, or diagonal pivots spoil the roots, this is
+    repeated about a positive shift, then with partial pivoting. If no attempt is accurate, the
+    roots of the best one are returned with their errors. Roots that are zero within round-off, the
+    motions of a free body, are left out.
 
     Parameters
     ----------
     M, C, K : csr_matrix or ndarray (n, n)
-        Arrays where LAPACK solves them, `DENSE_LIMIT`.
+        Up to `DENSE_LIMIT` coordinates they may be arrays, which LAPACK solves.
     band : (low, high)
-        rad/s.
+        Bounds of |lambda|, rad/s.
     first : int
-        Roots asked for at first, conjugates counted: a guess that costs time only.
+        Roots to ask for first, conjugates included; a wrong guess costs time only.
     shift : float
-        rad/s.
+        Real shift of the first attempt, rad/s.
 
     Raises
     ------
     ConvergenceError
-        Where no attempt gives roots at all.
+        No attempt gives any roots.
     """
     if M.shape[0] <= DENSE_LIMIT:
         M, C, K = (_dense(A) for A in (M, C, K))
@@ -100,7 +100,7 @@ def roots_in_band(
             return band_roots
         if worst < least_doubt:
             best, least_doubt = band_roots, worst
-    if best is None and failure.status == SINGULAR:  # not at zero alone, but about a shift too
+    if best is None and failure.status == SINGULAR:  # at zero and about a shift
         raise ConvergenceError(SINGULAR, SINGULAR_PENCIL)
     if best is None:
         raise failure
@@ -115,9 +115,9 @@ def judged_roots(
     psi: np.ndarray,
     band: tuple[float, float],
 ) -> tuple[BandRoots, float]:
-    """Roots of a band, out of all up to its top, and doubts about them.
+    """Roots of a band out of all roots lam (m,) up to its top, and `RootErrors.doubt` of them.
 
-    The latter is `RootErrors.doubt`: where it is above 1 another attempt may be better.
+    Where the doubt is above 1, another attempt may be better.
     """
     below = len(lam) + int((lam.imag > 0).sum())
     above_bottom = np.abs(lam) >= band[0]
@@ -133,8 +133,8 @@ def judged_roots(
 def pair_residuals(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
     """Normwise backward error of each pair (Tisseur 2000), with norms of the matrices.
 
-    |Q(lambda) psi| / ((|lambda|^2 |M| + |lambda| |C| + |K|) |psi|): at round-off for pairs that
-    are as good as the entries of the matrices, stiff springs among them, allow.
+    It is |Q(lambda) psi| / ((|lambda|^2 |M| + |lambda| |C| + |K|) |psi|), which is at round-off for
+    pairs that are as good as the entries of the matrices, such as stiff springs, allow.
     """
     size = np.abs(lam)
     R = M @ (psi * lam**2) + C @ (psi * lam) + K @ psi
@@ -144,7 +144,7 @@ def pair_residuals(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.nda
 
 
 def _norm(A: Matrix) -> float:
-    """Bound of the 2-norm: the geometric mean of the largest column and row sum."""
+    """Upper bound of the 2-norm: the geometric mean of the largest column and row sums."""
     return float(np.sqrt(abs(A).sum(axis=0).max() * abs(A).sum(axis=1).max()))
 
 
@@ -157,7 +157,7 @@ def _roots_about(
     sigma: float,
     pivoting: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All roots up to `limit`, and perhaps others, less the shift sigma, with their vectors."""
+    """All roots up to `limit` minus the shift sigma, and perhaps others, with their vectors."""
     n = M.shape[0]
     C_s, K_s = C + 2 * sigma * M, K + sigma * C + sigma**2 * M
     reach = limit + abs(sigma)
@@ -199,4 +199,4 @@ def _dense_roots(
     M_d, C_d, K_d = (_dense(A) for A in (M, C, K))
     if not inverse and np.linalg.matrix_rank(M_d) == M.shape[0]:
         return pairs_up_to(C_d, K_d, limit, M_d)
-    return inverse_pairs(C_d, K_d, limit, M_d)  # at a shift: of all matrices, if not by chance
+    return inverse_pairs(C_d, K_d, limit, M_d)  # about a shift this works for any regular pencil

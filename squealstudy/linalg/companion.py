@@ -1,7 +1,7 @@
 """All roots of a dense quadratic eigenproblem, by its companion form and LAPACK.
 
-The only place where a companion matrix is written down whole: in scaled time, so that C and K are
-of one size, and for LAPACK's balanced `geev` (THEORY.md eq. (30)).
+The companion matrix is formed in scaled time, so that C and K have one size, for LAPACK's balanced
+`geev` (THEORY.md eq. (30)); `stacked.roots` forms those of a batch.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR
 from squealstudy.linalg.overflow import OVERFLOW
 
-SHIFT_RATIO = 0.013  # of a limit: about which roots are taken beside much smaller ones
-# of a limit: roots from there on must be told from round-off of the largest
+SHIFT_RATIO = 0.013  # shift over the limit, where roots far below the limit spoil the others
+# modulus over the limit from which roots must be resolved beside the largest root's round-off
 MIN_RESOLVED_RATIO = 1e-6
 SINGULAR_STIFFNESS = "a stiffness matrix is singular, or nearly so beside its largest entries"
 
@@ -28,7 +28,7 @@ class Eigenpairs(NamedTuple):
     Attributes
     ----------
     lam : ndarray (m,) complex
-        rad/s.
+        Roots, rad/s.
     X : ndarray (n, m) complex
         Right vectors.
     Y : ndarray (n, m) complex
@@ -40,17 +40,17 @@ class Eigenpairs(NamedTuple):
     Y: np.ndarray
 
     def take(self, index: np.ndarray) -> Eigenpairs:
-        """The pairs chosen by an index or a mask."""
+        """The pairs selected by an index or a mask."""
         return Eigenpairs(self.lam[index], self.X[:, index], self.Y[:, index])
 
 
 def companion(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, float]:
-    """First companion matrix (2n, 2n) in time scaled by s, and s: its roots times s are lam.
+    """First companion matrix (2n, 2n) in scaled time, and s [rad/s]: lam is s times its roots.
 
     Raises
     ------
     ConvergenceError
-        ``overflow``: where it is not finite, which LAPACK answers with anything.
+        ``overflow``: the matrix is not finite, and LAPACK would return arbitrary roots.
     """
     n = len(K)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -80,23 +80,25 @@ def right_pairs(
     ----------
     C, K : ndarray (n, n)
     M : ndarray (n, n) or None
-        Nonsingular; None is the identity.
+        Nonsingular; None for the identity.
 
     Raises
     ------
     LinAlgError
-        Where M is singular.
+        M is singular.
     """
     n = len(K)
     if M is not None:
         C, K = np.hsplit(np.linalg.solve(M, np.hstack([C, K])), 2)
     A, scale = companion(C, K)
     lam, z = la.eig(A, overwrite_a=True, check_finite=False)
-    return lam * scale, np.where(np.abs(lam) > 1.0, z[n:], z[:n])  # the half that is accurate
+    return lam * scale, np.where(
+        np.abs(lam) > 1.0, z[n:], z[:n]
+    )  # the larger half of a state is accurate
 
 
 def drowned(lam: np.ndarray, limit: float) -> bool:
-    """Whether round-off of the largest of all 2n roots may drown those of the size of a limit."""
+    """Whether round-off of the largest of all 2n roots may hide those of modulus `limit`."""
     lost = len(lam) / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
     return bool(np.abs(lam).max(initial=0.0) * lost >= limit)
 
@@ -104,14 +106,15 @@ def drowned(lam: np.ndarray, limit: float) -> bool:
 def pairs_up_to(
     C: np.ndarray, K: np.ndarray, limit: float, M: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of `right_pairs`; where roots up to `limit` [rad/s] would drown, of the inverse form.
+    """Roots and right vectors that are accurate up to `limit` [rad/s], and perhaps others.
 
-    About zero, or, where roots far below the limit drown those in turn, about a positive shift.
+    They are those of `right_pairs`, or, where round-off of large roots would hide them, of the
+    inverse form: about zero, or about a positive shift where much smaller roots hide them in turn.
 
     Raises
     ------
     ConvergenceError
-        ``singular``: where they would, and neither form exists.
+        ``singular``: none of these forms is accurate.
     """
     lam, psi = right_pairs(C, K, M)
     if not drowned(lam, limit):
@@ -126,14 +129,14 @@ def pairs_up_to(
 def inverse_pairs(
     C: np.ndarray, K: np.ndarray, limit: float, M: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Finite roots and right vectors by those of 1 / lambda, in units of a limit [rad/s].
+    """Finite roots [rad/s] and right vectors from those of limit / lambda, limit in rad/s.
 
-    M may be singular; roots of the size of the limit are as accurate beside stiff springs.
+    M may be singular; stiff springs do not make roots of the size of the limit less accurate.
 
     Raises
     ------
     ConvergenceError
-        ``singular``: where K has no inverse, or roots far below the limit drown the others.
+        ``singular``: K has no inverse, or roots far below the limit hide the others.
     """
     if not regular(K):
         raise ConvergenceError(SINGULAR, SINGULAR_STIFFNESS)
@@ -146,7 +149,7 @@ def inverse_pairs(
 
 
 def regular(A: np.ndarray) -> bool:
-    """Whether a matrix (n, n) has full rank, whatever the units of its rows and columns."""
+    """Whether a matrix (n, n) has full rank once its rows and columns are scaled to one size."""
     for axis in (1, 0):
         size = np.abs(A).max(axis=axis, keepdims=True)
         if not size.all():
@@ -167,7 +170,7 @@ def all_pairs(C: np.ndarray, K: np.ndarray) -> Eigenpairs:
 
 
 def derivative_products(C: np.ndarray, lam: np.ndarray, X: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """y^H (2 lam + C) x of every pair (m,): zero at an exceptional point, where it is bounded."""
+    """y^H (2 lam + C) x of each pair (m,); tiny, not zero, at an exceptional point."""
     d = np.einsum("ij,ij->j", Y.conj(), 2.0 * lam * X + C @ X)
     tiny = 1e-14 * np.linalg.norm(X, axis=0) * np.linalg.norm(Y, axis=0)
     return np.where(np.abs(d) > tiny, d, tiny + 1e-300)

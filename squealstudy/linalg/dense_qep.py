@@ -4,9 +4,9 @@ With mu = lambda - sigma the roots of lambda^2 I + lambda C + K are those of
 
     mu^2 I + mu C_s + K_s,    C_s = C + 2 sigma I,    K_s = K + sigma C + sigma^2 I,
 
-and those next to the shift are the largest theta = s / mu of the inverse companion form. One LU of
-K_s, a Krylov space of some twice as many vectors as there are roots inside, and its Schur form give
-them all; LAPACK's QR would find all 2n and their vectors first.
+and those nearest to the shift are the largest theta = s / mu of the inverse companion form. They
+all follow from one LU factorisation of K_s and the Schur form of a Krylov space, with about twice
+as many vectors as there are roots inside; LAPACK's QR would compute all 2n roots and vectors.
 """
 
 from __future__ import annotations
@@ -28,30 +28,34 @@ from squealstudy.linalg.companion import (
 from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.root_pairs import one_of_each_pair
 
-KRYLOV_MIN_SIZE = 60  # coordinates from which on a space is less work than LAPACK's QR
-# of the 2n roots: where more are inside, the space costs as much as LAPACK's QR
+KRYLOV_MIN_SIZE = 60  # coordinates from which a Krylov space is less work than LAPACK's QR
+# roots in the circle over all 2n, above which the space costs as much as LAPACK's QR
 KRYLOV_MAX_ROOT_SHARE = 0.25
-# of the circle's radius; the second where a root is next to the first
+# shifts over the circle's radius; the second is used where the first fails, as next to a root
 SHIFTS_OVER_RADIUS = (0.05, 0.083)
-# roots up to this times the radius are found too: the next ones are that far away
+# roots up to this times the radius are computed too, so that the next ones are well apart
 SEARCH_RADIUS_FACTOR = 1.1
-# vectors of the first space: for each root expected, and beside them
+# vectors of the first space: for each expected root, and in addition
 VECTORS_PER_ROOT, EXTRA_VECTORS = 1.8, 30
-SPACE_GROWTH = 1.25  # of a space that is too small
-CONVERGED_RESIDUAL = 1e-14  # residual of a root inside, of its theta
-OUTER_RESIDUAL_TOLERANCE = 1e-3  # and of one in reach: enough to tell it from one that was missed
-# theta of a root beside the shift, from which on its round-off is felt by others
+SPACE_GROWTH = 1.25  # factor on the size of a space that is too small
+CONVERGED_RESIDUAL = 1e-14  # residual of a root in the circle, over its |theta|
+# the same for roots up to SEARCH_RADIUS_FACTOR: enough to know that none was missed
+OUTER_RESIDUAL_TOLERANCE = 1e-3
+# |theta| of a root next to the shift, above which its round-off spoils the others
 MAX_SHIFTED_EIGENVALUE = 1e4
-RESIDUAL_TOLERANCE = 1e-10  # |Q(lambda) x| / |lambda^2 x| up to which a pair is taken
+RESIDUAL_TOLERANCE = 1e-10  # largest |Q(lambda) x| / |lambda^2 x| of an accepted pair
 PROBE_STEPS = 36  # steps of the search for missed roots: enough to amplify one by 1e7
-INVARIANCE_TOLERANCE = 1e-14  # of theta: a vector that leaves the space by less is round-off
+# part of an image outside the space, over its norm, below which it is round-off
+INVARIANCE_TOLERANCE = 1e-14
 
-Inside = tuple[np.ndarray, np.ndarray]
-WORST_PRODUCTS = 1e9  # condition of them: beyond, next to an exceptional point, LAPACK's are taken
+Inside = tuple[np.ndarray, np.ndarray]  # roots in a circle and their right vectors
+# condition of the products of left and right vectors above which, next to an exceptional point,
+# LAPACK computes the left vectors
+WORST_PRODUCTS = 1e9
 
 
 def real_modes_to_know(radius: float) -> float:
-    """Frequency [rad/s] up to which real modes are counted to find all roots in a circle."""
+    """Frequency [rad/s] up to which real modes are counted to estimate the roots in a circle."""
     return SEARCH_RADIUS_FACTOR * radius
 
 
@@ -60,26 +64,26 @@ def roots_inside(
 ) -> Inside | None:
     """All roots of lambda^2 I + lambda C + K with |lambda| <= radius and their right vectors.
 
-    That none is missing, no copy of a multiple one either, is tested: from another random start,
-    in the complement of the subspace found, there is nothing inside the circle.
+    It is tested that none is missing, nor a copy of a multiple one: a Krylov space from another
+    random start, in the complement of the subspace found, must have no root in the circle.
 
     Parameters
     ----------
     C, K : ndarray (n, n)
         Real, of any symmetry; K may be singular.
     radius : float
-        rad/s.
+        Radius of the circle, rad/s.
     real_modes : int or None
-        How many of them lie up to `real_modes_to_know`, about, where that is known: a guess of the
-        number of roots.
+        Number of real modes up to `real_modes_to_know`, or about so many, from which the number of
+        roots is guessed; None to count them.
 
     Returns
     -------
     lam : ndarray (m,) complex
-        rad/s, conjugates listed, in any order.
+        Roots, rad/s, conjugates included, in any order.
     X : ndarray (n, m) complex
-        Or None in place of both where the roots could not be certified, or are so many that
-        LAPACK's QR costs less.
+        Right vectors. None is returned in place of both where the roots could not be certified, or
+        LAPACK's QR costs less, for small matrices or many roots.
     """
     if len(K) < KRYLOV_MIN_SIZE or not 0 < radius < np.inf:
         return None
@@ -118,12 +122,12 @@ class _InverseCompanion:
     sigma : float
         The shift, rad/s.
     scale : float
-        s, rad/s.
+        Scale s of time, rad/s.
 
     Raises
     ------
     LinAlgError
-        Where the shift is a root.
+        The shift is a root.
     """
 
     def __init__(self, C: np.ndarray, K: np.ndarray, sigma: float, scale: float) -> None:
@@ -145,11 +149,11 @@ class _InverseCompanion:
         return np.concatenate([y, -solved])
 
     def holds(self, theta: complex | np.ndarray, radius: float) -> bool | np.ndarray:
-        """Whether roots lie in the circle about zero: |sigma + s / theta| <= radius."""
+        """Whether roots are in the circle about zero: |sigma + s / theta| <= radius."""
         return np.abs(self.sigma * theta + self.scale) <= radius * np.abs(theta)
 
     def roots(self, theta: np.ndarray) -> np.ndarray:
-        """Roots lambda [rad/s] that belong to eigenvalues theta of the inverted form."""
+        """Roots lambda [rad/s] of eigenvalues theta of the inverse form."""
         lam: np.ndarray = self.sigma + self.scale / theta
         return lam
 
@@ -161,11 +165,11 @@ class _Krylov:
     ----------
     apply : callable
     locked : ndarray (N, k)
-        Orthonormal states that the space is kept orthogonal to.
+        Orthonormal states to which the space is kept orthogonal.
     max_size : int
         Largest number of its vectors.
     seed : int
-        Of its random start.
+        Seed of its random start.
     """
 
     def __init__(
@@ -194,7 +198,7 @@ class _Krylov:
 
     @property
     def leaves(self) -> float:
-        """Size of what the image of the last vector has outside the space."""
+        """Norm of the part of the last vector's image that is outside the space."""
         return float(self._H[self.size, self.size - 1])
 
     def grow(self, size: int) -> None:
@@ -207,12 +211,14 @@ class _Krylov:
             along = self._put(image)
             self._H[: j + 1, j] = along[self._held : -1]
             self._H[j + 1, j] = along[-1]
-            if not along[-1] > INVARIANCE_TOLERANCE * length:  # another start serves on
+            if (
+                not along[-1] > INVARIANCE_TOLERANCE * length
+            ):  # the space is invariant: continue from a random state
                 self._H[j + 1, j] = 0.0
                 self._put(self._random.standard_normal(len(image)))
 
     def _put(self, w: np.ndarray) -> np.ndarray:
-        """Make a state the next vector; its components along all vectors, that one last."""
+        """Add a state as next vector; returns its components along all vectors, the new last."""
         basis = self._V[:, : self._held + self.size]
         first = basis.T @ w
         w = w - basis @ first
@@ -224,7 +230,7 @@ class _Krylov:
 
 
 class _RootsNearShift(NamedTuple):
-    """Roots theta (k,) next to the shift, their states (2n, k), an orthonormal basis of those."""
+    """Eigenvalues theta (k,) nearest to the shift, their states (2n, k), an orthonormal basis Z."""
 
     theta: np.ndarray
     states: np.ndarray
@@ -232,13 +238,15 @@ class _RootsNearShift(NamedTuple):
 
 
 def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _RootsNearShift:
-    """All roots that the circle holds, and those in reach as far as they are seen.
+    """All roots in the circle, and those up to SEARCH_RADIUS_FACTOR that have appeared.
+
+    `expected` is a guess of their number.
 
     Raises
     ------
     LinAlgError
-        Where they do not converge, are too many, or one lies so near the shift that its round-off
-        spoils the others.
+        They do not converge or are too many, or one is so near the shift that its round-off spoils
+        the others.
     """
     N = 2 * form.n
     most, size = (
@@ -272,8 +280,8 @@ def _roots_in_reach(form: _InverseCompanion, radius: float, expected: int) -> _R
 def _nothing_left(form: _InverseCompanion, Z: np.ndarray, radius: float) -> bool:
     """Whether the complement of an invariant subspace has no root in the circle.
 
-    The rest of the spectrum is that of the form with Z projected out; its largest theta belongs to
-    a root beyond the reach unless one was missed.
+    The form with the subspace Z projected out has the remaining eigenvalues. The largest of these
+    belongs to a root outside the circle, unless one was missed.
     """
     steps = min(PROBE_STEPS, len(Z) - Z.shape[1] - 1)
     if steps < 1:
@@ -287,9 +295,9 @@ def _nothing_left(form: _InverseCompanion, Z: np.ndarray, radius: float) -> bool
 def _accurate(
     C: np.ndarray, K: np.ndarray, lam: np.ndarray, X: np.ndarray, radius: float
 ) -> Inside | None:
-    """The roots in the circle, where all their residuals are small.
+    """The roots in the circle, or None where one of their residuals is too large.
 
-    Those of conjugates are conjugate to each other.
+    Only roots with imaginary part >= 0 are tested, as conjugates have conjugate residuals.
     """
     in_circle = np.abs(lam) <= radius
     lam, X = lam[in_circle], X[:, in_circle] / np.linalg.norm(X[:, in_circle], axis=0)
@@ -315,13 +323,13 @@ def dense_roots(
     band : (low, high)
         Bounds of |lambda|, rad/s.
     real_modes : int or None
-        As of `roots_inside`, for the band's top.
+        As in `roots_inside`, for the band's top.
 
     Returns
     -------
     lam : ndarray (m,) complex
-        One of each conjugate pair (imaginary part >= 0), ascending in |lambda|; real roots are
-        listed each.
+        Real roots and one of each conjugate pair (imaginary part >= 0), rad/s, ascending in
+        |lambda|.
     psi : ndarray (n, m) complex
         Right vectors of unit 2-norm.
     """
@@ -332,16 +340,16 @@ def dense_roots(
 def companion_roots(
     C: np.ndarray, K: np.ndarray, band: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Roots of the band out of all 2n; ConvergenceError where the others drown them."""
+    """Roots of the band out of all 2n; ConvergenceError where larger ones spoil them."""
     return one_of_each_pair(*pairs_up_to(C, K, band[1]), band)
 
 
 def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
     """All pairs with |lam| <= radius [rad/s], and perhaps others.
 
-    Left vectors are right ones of the transposed problem, told apart by their products with the
-    right ones, G_ij = y_i^H (lam_i + lam_j + C) x_j, which vanish for different roots
-    (THEORY.md eq. (33)).
+    Left vectors are right ones of the transposed problem, combined by their products with the right
+    ones, G_ij = y_i^H (lam_i + lam_j + C) x_j, which vanish for different roots (THEORY.md
+    eq. (33)).
     """
     right, left = roots_inside(C, K, radius), roots_inside(C.T, K.T, radius)
     if right is None or left is None or len(right[0]) != len(left[0]):
@@ -354,7 +362,7 @@ def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
 
 
 def _told_pairs(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
-    """All pairs, where round-off of the largest leaves those up to the radius."""
+    """All pairs by LAPACK; ConvergenceError where round-off spoils those up to the radius."""
     pairs = all_pairs(C, K)
     if drowned(pairs.lam, radius):
         raise ConvergenceError("not_converged", "the roots of the band drown beside larger ones")
@@ -370,7 +378,7 @@ def backward_error(
 ) -> np.ndarray:
     """Normwise backward error of each pair: |Q(lambda) psi| / (|lambda|^2 + |lambda||C| + |K|).
 
-    `left_over` are the |Q(lambda) psi| (m,) where they are known.
+    `left_over` are the |Q(lambda) psi| (m,), if computed before.
     """
     if left_over is None:
         R = psi * lam**2 + product(C, psi) * lam + product(K, psi)

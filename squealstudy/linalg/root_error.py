@@ -33,9 +33,9 @@ class RootErrors(NamedTuple):
     Attributes
     ----------
     error : ndarray (m,)
-        By the residual and by round-off.
+        Error by the residual and by round-off.
     round_off : ndarray (m,)
-        By round-off alone: another solution would have it too.
+        Error by round-off alone, which another solution would have too.
     residual : ndarray (m,)
         |Q(lam) x| of the vectors as they were passed.
     """
@@ -45,16 +45,16 @@ class RootErrors(NamedTuple):
     residual: np.ndarray
 
     def doubt(self, lam: np.ndarray) -> float:
-        """Largest error over the accepted one: above 1 the roots are solved again."""
+        """Largest error over the accepted one; above 1 the roots should be solved again."""
         allowed = np.maximum(ACCEPTED_REL_ERROR * np.abs(lam), AT_ROUND_OFF * self.round_off)
         with np.errstate(invalid="ignore"):  # infinite over infinite
             doubt = self.error / np.where(allowed > 0, allowed, 1.0)
         return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
 
     def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
-        """Which roots (m,) of a band up to `top` [rad/s] differ from the zero roots of a free body.
+        """Whether roots (m,) of a band up to `top` [rad/s] differ from zero roots of a free body.
 
-        The others are far below the band, and zero within their round-off.
+        The others are far below `top`, and zero within their round-off.
         """
         size = np.abs(lam)
         is_resolved: np.ndarray = (size > MIN_SIGNAL_TO_ROUND_OFF * self.round_off) | (
@@ -83,7 +83,9 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
     slope = np.abs(np.einsum("ij,ij->j", psi.conj(), 2 * lam * inertia + damping))
     slope = np.maximum(slope, 2 * size * (D @ a**2))
     energy = size**2 * _energy(M, a) + size * _energy(C, a) + _energy(K, a)
-    with np.errstate(over="ignore", invalid="ignore"):  # of roots that are wrong altogether
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # overflow only for roots that are wrong altogether
         error_per_residual = conditions(lam, psi, D) / np.maximum(slope, TINY)
         round_off = EPS * energy * error_per_residual
         error = np.einsum("ij,ij->j", a, np.abs(r)) * error_per_residual + round_off
@@ -93,7 +95,7 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
 
 
 def _unknown_as_infinite(error: np.ndarray) -> np.ndarray:
-    """Errors, infinite where they are NaN."""
+    """The errors, with infinity in place of NaN."""
     return np.where(np.isnan(error), np.inf, error)
 
 
@@ -140,7 +142,7 @@ def inverse_diagonal(G: np.ndarray, members: np.ndarray) -> np.ndarray:
 
 
 def _gram(H: np.ndarray, S: np.ndarray, lam: np.ndarray, paired: np.ndarray) -> np.ndarray:
-    """Gram matrix of unit states and of the conjugates of paired ones."""
+    """Gram matrix of unit states, and of the conjugates of those with a conjugate root."""
     among_states = H * (1.0 + np.outer(lam.conj(), lam))
     across = S.conj() * (1.0 + np.outer(lam.conj(), lam.conj()))
     across, among_conjugates = across[:, paired], among_states.conj()[np.ix_(paired, paired)]
