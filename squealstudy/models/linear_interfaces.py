@@ -1,4 +1,4 @@
-"""Linear interfaces: springs, layers, dampers, stiffness of stresses."""
+"""Linear interfaces of an assembly: springs, layers, dampers and stress stiffness."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class SpringInterface:
     Attributes
     ----------
     name : str
-        For messages and tables.
+        Name for messages and tables.
     B : csr_matrix (n_springs, n_dof)
         Elongations from the assembly's degrees of freedom.
     stiffness : ndarray (n_springs,)
-        N/m (stiffness per area times area for layers), not negative.
+        Stiffness, N/m (per area times area for layers), or N m for rotations; not negative.
     in_static : bool
-        False for a spring that is there in vibration only: the piston, whose hydraulic force pair
-        it would absorb in the static solve.
+        False for a spring that acts in vibration only, such as that of a piston, which would absorb
+        the hydraulic force pair in the static solution.
     """
 
     name: str
@@ -46,11 +46,11 @@ class SpringInterface:
 
     @property
     def n_dof(self) -> int:
-        """Degrees of freedom of the assembly."""
+        """Number of degrees of freedom of the assembly."""
         return int(self.B.shape[1])
 
     def energy(self, u: np.ndarray) -> float:
-        """u^H K u of displacements (n_dof,)."""
+        """u^H K u [J] of displacements u (n_dof,) [m], twice the elastic energy."""
         relative_motion = self.B @ u
         return float(self.stiffness @ (relative_motion.real**2 + relative_motion.imag**2))
 
@@ -62,11 +62,11 @@ class DamperInterface:
     Attributes
     ----------
     name : str
-        For messages and tables.
+        Name for messages and tables.
     B : csr_matrix (n_dampers, n_dof)
         Elongations from the assembly's degrees of freedom.
     damping : ndarray (n_dampers,)
-        N s/m, or N m s of turns, not negative.
+        Damping, N s/m, or N m s for rotations; not negative.
     """
 
     name: str
@@ -86,27 +86,27 @@ class DamperInterface:
 
     @property
     def n_dof(self) -> int:
-        """Degrees of freedom of the assembly."""
+        """Number of degrees of freedom of the assembly."""
         return int(self.B.shape[1])
 
     def loss(self, u: np.ndarray) -> float:
-        """u^H C u of displacements (n_dof,)."""
+        """u^H C u of displacements u (n_dof,)."""
         relative_motion = self.B @ u
         return float(self.damping @ (relative_motion.real**2 + relative_motion.imag**2))
 
 
 @dataclass(frozen=True)
 class StressStiffness:
-    """Stiffness that the stresses of a loaded state add to its vibration.
+    """Stiffness that the stresses of a loaded state add in vibration about it.
 
     Attributes
     ----------
     K : csr_matrix (n_dof, n_dof)
-        Symmetric, not definite, N/m.
+        Stress stiffness, symmetric, not definite, N/m.
     name : str
-        As of a SpringInterface.
     in_static : bool
-        False: steady sliding itself is that of small displacements.
+        As in SpringInterface. False for stress stiffness, as steady sliding itself is computed for
+        small displacements.
     """
 
     K: sp.csr_matrix
@@ -118,7 +118,7 @@ class StressStiffness:
 
     @property
     def n_dof(self) -> int:
-        """Degrees of freedom of the assembly."""
+        """Number of degrees of freedom of the assembly."""
         return int(self.K.shape[0])
 
     def matrix(self) -> sp.csr_matrix:
@@ -126,5 +126,5 @@ class StressStiffness:
         return self.K
 
     def energy(self, u: np.ndarray) -> float:
-        """u^H K u of displacements (n_dof,)."""
+        """u^H K u [J] of displacements u (n_dof,) [m], twice the elastic energy."""
         return float(np.vdot(u, self.K @ u).real)

@@ -1,7 +1,7 @@
-"""The design point as the mechanics sees it: operating point and design state.
+"""Operating point and design state of a design point, and the parameters of the working point.
 
-And the parameters of the working point, as study files name them: they enter through the contact
-points, never through the components.
+Parameters have their names in study files. Those of the working point act at the contact points,
+never in the components.
 """
 
 from __future__ import annotations
@@ -115,9 +115,7 @@ FRICTION_OPTION = ModelOption(
 )
 
 LARGEST_FRICTION = 2.0  # friction of dry contacts; brakes are below 1
-LARGEST_MODAL_DAMPING = (
-    0.2  # up to which modes that are damped apart from each other are an approximation
-)
+LARGEST_MODAL_DAMPING = 0.2  # ratio up to which damping each mode alone is an approximation
 
 
 def _static_friction(values: Mapping[str, Any]) -> Any:
@@ -139,7 +137,7 @@ LIGHTLY_DAMPED = Assumption(
     _damping_ratio,
     LARGEST_MODAL_DAMPING,
 )
-ASSUMPTIONS = (FRICTION_RANGE, LIGHTLY_DAMPED)  # of every model with contact
+ASSUMPTIONS = (FRICTION_RANGE, LIGHTLY_DAMPED)  # assumptions of every model with contact
 
 
 # fields of OperatingPoint that are parameters, by their names in study files
@@ -153,22 +151,22 @@ _FIELD_OF_PARAMETER = {
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Friction, loads, sliding and the laws of the contact: where the model is linearised.
+    """Friction, loads, sliding and contact laws, at which a model is linearised.
 
     Attributes
     ----------
     friction : float
         The coefficient of fast sliding, which scales `curve`.
     brake_pressure : float
-        Pa; factor on the assembly's `load`.
+        Brake pressure, Pa: factor on the assembly's `load`.
     sliding_speed : float
-        Imposed, m/s; a contact point slides at this times its `speed_factor`. Negative: the other
-        way.
+        Imposed sliding speed, m/s: a contact point slides at this times its `speed_factor`, along T
+        where positive, against T where negative.
     law : ContactLaw
     curve : FrictionCurve
         Friction over sliding speed and contact pressure.
     gyroscopic : float
-        Factor on the gyroscopic terms of what turns.
+        Factor on the gyroscopic terms of rotors.
     """
 
     friction: float
@@ -180,17 +178,17 @@ class OperatingPoint:
 
     @property
     def turning(self) -> float:
-        """Weight of `Assembly.turning`, m/s; negative in reverse."""
+        """Weight of `Assembly.turning`, m/s; negative for sliding against T."""
         return self.gyroscopic * self.sliding_speed
 
     def expect_turning(self, turning: object, unturned: str) -> None:
-        """ParameterError where it has gyroscopic terms and a structure has none, and why."""
+        """ParameterError, with the reason, where gyroscopic terms are asked for in vain."""
         if self.gyroscopic and turning is None:
             raise ParameterError(GYROSCOPIC.name, unturned or "nothing turns in this model")
 
     @property
     def direction(self) -> float:
-        """1 for sliding along T, -1 the other way."""
+        """1 for sliding along T, -1 for sliding against it."""
         return float(np.copysign(1.0, self.sliding_speed))
 
     def speed_at(self, speed_factor: np.ndarray) -> float | np.ndarray:
@@ -211,8 +209,8 @@ class OperatingPoint:
 
         Where sliding is against T, the coefficient and dmu/dp are negative: traction opposes
         sliding. dmu/ds is the slope by the velocity along T in both cases. Contact that pulls
-        (p < 0) has no friction, as in time. Floats where friction is the same at all points, else
-        (nc,).
+        (p < 0) has no friction, as in time. The result has floats where friction is computed for
+        all points together, else arrays (nc,).
         """
         if has_own(own_friction):
             speeds = abs(self.sliding_speed) * speed_factor
@@ -264,24 +262,24 @@ class OperatingPoint:
 
     @property
     def sliding_friction(self) -> tuple[float | str, ...]:
-        """All that steady sliding depends on of friction: equal for equal working points."""
+        """Everything in friction on which steady sliding depends, to compare working points."""
         if self.curve.constant:
             return (self.direction * self.friction,)
         return (self.curve.kind, *self.curve.parameters, self.friction, self.sliding_speed)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of parameters as in study files; one that both laws have is listed once."""
+        """Names of all parameters as in study files, each once."""
         return tuple(dict.fromkeys([*_FIELD_OF_PARAMETER, *self.curve.names, *self.law.names]))
 
     def value(self, name: str) -> float:
-        """Value of one of its parameters."""
+        """Value of one of the parameters."""
         if name in _FIELD_OF_PARAMETER:
             return float(getattr(self, _FIELD_OF_PARAMETER[name]))
         return self.curve.value(name) if name in self.curve.names else self.law.value(name)
 
     def with_value(self, name: str, value: float) -> OperatingPoint:
-        """The point with another value of one of its parameters, in both laws if both have it."""
+        """The point with another value of a parameter, in both laws if both have it."""
         changed: dict[str, Any] = (
             {_FIELD_OF_PARAMETER[name]: value} if name in _FIELD_OF_PARAMETER else {}
         )
@@ -303,9 +301,9 @@ class DesignState:
     ----------
     operating : OperatingPoint
     frequency_scale : mapping of (component, mode) -> float
-        Factor on the free-free frequency.
+        Factor on the free-free frequency of each component mode that is changed.
     mode_damping : mapping of (component, mode) -> float
-        Damping ratio of the component mode at its scaled frequency.
+        Damping ratio of each damped component mode at its scaled frequency.
     damping_ratio : float
         Damping ratio of every real mode of the assembly at its working point.
     assembly_damping : mapping of int -> float
@@ -341,7 +339,7 @@ class DesignState:
         Raises
         ------
         ParameterError
-            A damped mode beyond the `n`.
+            A damped mode has a number beyond `n`.
         """
         zeta = np.full(n, self.damping_ratio)
         for mode, ratio in self.assembly_damping.items():

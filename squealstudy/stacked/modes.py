@@ -1,4 +1,4 @@
-"""From values of parameters as arrays to complex modes: the way of a batch of small models."""
+"""Complex modes of a batch of small models from values of parameters as arrays."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from squealstudy.stacked.sliding import (
 )
 from squealstudy.stacked.structures import StackedStructures
 
-MOST_COORDINATES = 40  # coordinates of a model: beyond, stacking saves next to nothing
+MOST_COORDINATES = 40  # coordinates of a model up to which stacking saves time
 POINTS_PER_BLOCK = 4096  # design points that are solved at once
 Columns = Mapping[str, np.ndarray | float]
 
@@ -55,7 +55,7 @@ class StackedSystem:
     damping : StackedDamping
     linear : StackedLinear
     failures : mapping of int -> (status, message)
-        Points that have no such system; what stands in their rows means nothing.
+        Design points without such a system; the entries of their rows have no meaning.
     """
 
     structures: StackedStructures
@@ -83,7 +83,7 @@ class StackedSystem:
         )
 
     def energies(self, psi: np.ndarray) -> np.ndarray:
-        """Shares (m, components + 1, k) of components and interfaces in elastic energy."""
+        """Shares (m, components + 1, k) of elastic energy, of shapes psi (m, n, k)."""
         s, size = self.structures, psi.real**2 + psi.imag**2
         by_coordinate = self.linear.elastic[:, :, None] * size
         components = np.add.reduceat(by_coordinate, s.offsets[:-1], axis=1)
@@ -97,7 +97,7 @@ class StackedSystem:
         return shares + 0.0
 
     def shapes(self, psi: np.ndarray) -> np.ndarray:
-        """Unit shapes (m, k, s) complex64 as the sensors of the structures see them."""
+        """Unit vectors (m, k, s) complex64 of shapes psi (m, n, k) at the structures' sensors."""
         sensor_motion = (self.structures.sensors @ psi).swapaxes(1, 2)
         size = np.maximum(np.linalg.norm(sensor_motion, axis=2, keepdims=True), 1e-300)
         unit: np.ndarray = (sensor_motion / size).astype(np.complex64)
@@ -107,26 +107,27 @@ class StackedSystem:
 def stacked_assembly(
     model: ModelDefinition, options: Mapping[str, str | int], columns: Columns, count: int
 ) -> tuple[StackedAssembly, Mapping[int, tuple[str, str]]]:
-    """Assemblies of `count` design points, of one row where all have one; failures by point.
+    """Assemblies of `count` design points, with one row if all share it, and failures by point.
 
     Parameters
     ----------
     model : ModelDefinition
     options : mapping of str -> str or int
     columns : mapping of parameter -> number or ndarray (count,)
-        A value of every parameter.
+        Values of every parameter.
     count : int
+        Number of design points.
 
     Raises
     ------
     SquealstudyError
-        Where no point has an assembly: the first reason.
+        No point has an assembly; the message is that of the first one.
     """
     names = [p.name for p in model.parameters if p.structural]
     varied = [name for name in names if np.ndim(columns[name])]
     if model.stack is not None:
         model_columns = {p.name: columns[p.name] for p in model.parameters}
-        with np.errstate(all="ignore"):  # what overflows is told by its point
+        with np.errstate(all="ignore"):  # points that overflow fail one by one
             return _checked(model.stack(options, model_columns), count)
     values = np.column_stack([columns[name] for name in varied]) if varied else np.zeros((1, 0))
     distinct, index_of_row = np.unique(values, axis=0, return_inverse=True)
@@ -160,12 +161,12 @@ def stacked_system(
 ) -> StackedSystem:
     """A batch of design points of a small model, from values to linearised matrices.
 
-    Arguments as of `stacked_assembly`; damping ratios and factors of modes are among the columns.
+    Arguments are those of `stacked_assembly`; columns include damping ratios and factors of modes.
 
     Raises
     ------
     SquealstudyError
-        Where no point has an assembly, or a mode is named that the model does not have.
+        No point has an assembly, or a parameter is of a mode that the model does not have.
     """
     assembly, failures = stacked_assembly(model, options, columns, count)
     point = ModelPoint(model, options, {name: _first(column) for name, column in columns.items()})
@@ -176,7 +177,7 @@ def stacked_system(
 
 
 def structures_of(assembly: StackedAssembly) -> StackedStructures:
-    """In component-mode coordinates; what overflows is told by its point."""
+    """Structures in component-mode coordinates; entries that overflow are not finite."""
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         return StackedStructures.of(assembly)
 
@@ -189,14 +190,14 @@ def system_about_sliding(
 ) -> StackedSystem:
     """Design points linearised about steady sliding.
 
-    `failures` are those known already, by the number of the point.
+    `failures` are those of earlier steps, by the number of the point.
     """
     failures, count = dict(failures), len(operating.friction)
     elastic = np.broadcast_to(structures.k_el * damping.scale**2, (count, structures.n))
     sliding = steady_sliding(structures, elastic, operating)
     pressed = bool(structures.load[..., 0].any())
-    unlinear = ~np.broadcast_to(is_linear(structures.own_friction), count)
-    failures |= {int(i): ("failed", NOT_LINEAR) for i in np.flatnonzero(unlinear)}
+    not_linear = ~np.broadcast_to(is_linear(structures.own_friction), count)
+    failures |= {int(i): ("failed", NOT_LINEAR) for i in np.flatnonzero(not_linear)}
     for i in np.flatnonzero(sliding.state != SOLVED):
         failures.setdefault(int(i), _reason(int(sliding.state[i]), operating, int(i), pressed))
     linear = linearised(structures, sliding, operating, damping)
@@ -211,22 +212,22 @@ def system_about_sliding(
 def natural_frequencies(
     model: ModelDefinition, options: Mapping[str, str | int], columns: Columns, count: int
 ) -> np.ndarray:
-    """Frequencies (m, n) [Hz] of all real modes about steady sliding, ascending; NaN of no system.
+    """Frequencies (m, n) [Hz] of all real modes about steady sliding, ascending; NaN at failures.
 
-    Arguments as of `stacked_system`.
+    Arguments are those of `stacked_system`.
     """
     try:
         system = stacked_system(model, options, columns, count)
     except (SquealstudyError, np.linalg.LinAlgError):
         if count == 1:
             return np.full((1, 1), np.nan)
-        ones = (
+        single_points = (
             {name: v if np.ndim(v) == 0 else np.ravel(v)[[i]] for name, v in columns.items()}
             for i in range(count)
         )
-        alone = [natural_frequencies(model, options, values, 1)[0] for values in ones]
-        width = max(map(len, alone))
-        return np.array([np.resize(hz, width) for hz in alone])
+        rows_hz = [natural_frequencies(model, options, values, 1)[0] for values in single_points]
+        width = max(map(len, rows_hz))
+        return np.array([np.resize(hz, width) for hz in rows_hz])
     K = np.where(system.linear.finite[:, None, None], system.linear.K_sym, 0.0)
     hz = np.sqrt(np.maximum(np.linalg.eigvalsh(K), 0.0)) / (2 * np.pi)
     hz[list(system.failures)] = np.nan
@@ -236,12 +237,14 @@ def natural_frequencies(
 def _checked(
     stack: StackedAssembly, count: int
 ) -> tuple[StackedAssembly, Mapping[int, tuple[str, str]]]:
-    """The stack, and the points whose masses or stiffnesses are none; these get another's.
+    """The stack, and failures of points whose entries are too large or masses too small.
+
+    The rows of these points are replaced by those of a valid one.
 
     Raises
     ------
     SquealstudyError
-        Where no point has an assembly.
+        No point has a valid assembly.
     """
     good = np.ones(count, dtype=bool)
     for name, array in stack.arrays.items():
@@ -267,7 +270,7 @@ def _column(value: np.ndarray | float, count: int) -> np.ndarray:
 def _damping(
     point: ModelPoint, structures: StackedStructures, columns: Columns, count: int
 ) -> StackedDamping:
-    """Damping and changes of component modes; ParameterError for a mode that is not there."""
+    """Damping and changes of component modes; ParameterError for a mode that does not exist."""
     n = structures.n
     uniform = _column(columns.get("damping_ratio", 0.0), count)
     ratio = np.repeat(uniform[:, None], n, axis=1)
@@ -326,7 +329,7 @@ def _contradictions(
     operating: StackedOperating,
     failures: Mapping[int, tuple[str, str]],
 ) -> dict[int, tuple[str, str]]:
-    """Points at which a law from outside contradicts itself."""
+    """Failures of points at which a law from outside the package contradicts itself."""
     contradictions: dict[int, tuple[str, str]] = {}
     for i in range(len(sliding.gap)):
         if i in failures:
@@ -339,8 +342,10 @@ def _contradictions(
         gap, p, kappa = sliding.gap[i], sliding.pressure[i], sliding.tangent[i]
         springs = structures.spring_points
         springs = springs[0 if len(springs) == 1 else i]
-        still = np.zeros_like(gap)
-        state = working_point_result(arrays["area"], gap, p, kappa, 0, 0.0, still, springs=springs)
+        no_imbalance = np.zeros_like(gap)
+        state = working_point_result(
+            arrays["area"], gap, p, kappa, 0, 0.0, no_imbalance, springs=springs
+        )
         try:
             expect_consistent_laws(SimpleNamespace(**arrays), operating.point_at(i), state)
         except ConvergenceError as error:

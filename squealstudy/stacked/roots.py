@@ -1,8 +1,8 @@
-"""Complex modes of a batch of small quadratic eigenproblems: stacked LAPACK, errors and all.
+"""Complex modes of a batch of small quadratic eigenproblems, with their errors, by stacked LAPACK.
 
-The twins of `linalg.companion`, `linalg.root_error` and `modes.point.band_modes`, which take one
-design point and serve models of any size. Stacking pays up to some 40 coordinates: beyond, LAPACK
-takes as long as all that Python does around it.
+`linalg.companion`, `linalg.root_error` and `modes.point.band_modes` do the same for one design
+point of a model of any size. Stacking pays up to about 40 coordinates; beyond, LAPACK takes longer
+than the Python code around it.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ REL_ROUND_OFF = 1e-13  # round-off of a dense eigenvalue over its modulus; as in
 
 @dataclass(frozen=True, eq=False)
 class StackedRoots:
-    """Roots of m design points in a band, k at most, those of a point first in its row.
+    """Roots of m design points in a band, at most k of each, at the beginning of its row.
 
     Attributes
     ----------
     count : ndarray (m,) of int
-        Roots of each point.
+        Number of roots of each point.
     lam : ndarray (m, k) complex
-        rad/s, of imaginary part >= 0; oscillating ones ascending in modulus, then overdamped ones.
-        0 beyond the count.
+        Roots with imaginary part >= 0, rad/s: oscillating ones ascending in modulus, then
+        overdamped ones; 0 beyond the count.
     psi : ndarray (m, n, k) complex
         Right vectors of unit norm; 0 beyond the count.
     error : ndarray (m, k)
@@ -50,7 +50,7 @@ class StackedRoots:
 
     @property
     def held(self) -> np.ndarray:
-        """Which places (m, k) hold a root."""
+        """Whether each place (m, k) has a root."""
         is_root: np.ndarray = np.arange(self.lam.shape[1]) < self.count[:, None]
         return is_root
 
@@ -58,7 +58,7 @@ class StackedRoots:
 def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> StackedRoots:
     """Roots of lambda^2 I + lambda C + K with moduli in a band [rad/s], and their errors.
 
-    C, K are finite (m, n, n). Roots that cannot be told from zero are left out.
+    C, K (m, n, n) must be finite. Roots that are zero within round-off are left out.
     """
     lam, psi = companion_pairs(C, K)
     size = np.abs(lam)
@@ -85,7 +85,7 @@ def stacked_roots(C: np.ndarray, K: np.ndarray, band: tuple[float, float]) -> St
 
 
 def companion_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All 2n roots (m, 2n) and right vectors (m, n, 2n), as `companion.right_pairs`."""
+    """All roots (m, 2n) [rad/s] and right vectors (m, n, 2n), as in `companion.right_pairs`."""
     m, n = K.shape[:2]
     scale = np.sqrt(np.linalg.norm(K, axis=(1, 2)) / np.sqrt(n))
     scale = np.where(scale > 0, scale, 1.0)[:, None, None]
@@ -102,7 +102,7 @@ def companion_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _gathered(
     lam: np.ndarray, psi: np.ndarray, chosen: np.ndarray, key: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The chosen roots first, ascending in the key; 0 behind them; their numbers."""
+    """Chosen roots and vectors first, ascending in `key`, then zeros; and their number (m,)."""
     count = chosen.sum(axis=1)
     width = int(count.max(initial=0))
     order = np.argsort(key, axis=1, kind="stable")[:, :width]
@@ -115,7 +115,7 @@ def _gathered(
 def _errors(
     C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray, is_root: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors and round-off (m, k) of roots, as `root_errors` with M = I (THEORY.md eq. (35))."""
+    """Errors and round-off (m, k) of roots, as in `root_errors` with M = I (THEORY.md eq. (35))."""
     a, size = np.abs(psi), np.abs(lam)
     damping = C @ psi
     r = psi * (lam**2)[:, None, :] + damping * lam[:, None, :] + K @ psi
@@ -136,7 +136,7 @@ def _energies(A: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def conditions(lam: np.ndarray, psi: np.ndarray, is_root: np.ndarray) -> np.ndarray:
-    """Condition (m, k) of each root among those of its point, as `root_error.conditions`."""
+    """Condition (m, k) of each root among those of its point, as in `root_error.conditions`."""
     condition = np.ones(lam.shape)
     if not lam.shape[1]:
         return condition
@@ -144,8 +144,8 @@ def conditions(lam: np.ndarray, psi: np.ndarray, is_root: np.ndarray) -> np.ndar
     H, S = adjoint @ psi, psi.swapaxes(1, 2) @ psi
     energies = np.einsum("mii->mi", H).real
     unit = 1.0 / np.sqrt(np.where(energies > 0, energies, 1.0))
-    both = unit[:, :, None] * unit[:, None, :]
-    H, S = H * both, S * both
+    unit_products = unit[:, :, None] * unit[:, None, :]
+    H, S = H * unit_products, S * unit_products
     level = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
     for number in np.unique(level[is_root]):
         members = is_root & (level == number)
@@ -169,7 +169,10 @@ def conditions(lam: np.ndarray, psi: np.ndarray, is_root: np.ndarray) -> np.ndar
 def _gram(
     H: np.ndarray, S: np.ndarray, lam: np.ndarray, is_root: np.ndarray, paired: np.ndarray
 ) -> np.ndarray:
-    """Gram matrices (m, 2k, 2k) of unit states and of conjugates of paired ones; else identity."""
+    """Gram matrices (m, 2k, 2k) of unit states and of conjugates of paired ones.
+
+    Rows and columns without a root are those of the identity.
+    """
     bar = lam.conj()
     gram = H * (1.0 + bar[:, :, None] * lam[:, None, :])
     across = S.conj() * (1.0 + bar[:, :, None] * bar[:, None, :])
@@ -183,17 +186,17 @@ def _gram(
     entries = np.concatenate([is_root, is_root & paired], axis=1)
     size = np.sqrt(np.maximum(np.einsum("mii->mi", G).real, TINY))
     G = G / (size[:, :, None] * size[:, None, :])
-    both_there = entries[:, :, None] & entries[:, None, :]
-    unit: np.ndarray = np.where(both_there, G, np.eye(G.shape[1]))
+    pair_of_entries = entries[:, :, None] & entries[:, None, :]
+    unit: np.ndarray = np.where(pair_of_entries, G, np.eye(G.shape[1]))
     return unit
 
 
 def _backward_errors(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:
-    """Backward errors as of `dense_qep.backward_error`; 0 beyond the count."""
+    """Backward errors (m, k) as in `dense_qep.backward_error`; 0 beyond the count."""
     R = psi * (lam**2)[:, None, :] + (C @ psi) * lam[:, None, :] + K @ psi
     size = np.abs(lam)
     sizes = (np.linalg.norm(A, axis=(1, 2))[:, None] for A in (C, K))
-    of_C, of_K = sizes
-    norm = (size**2 + size * of_C + of_K) * np.linalg.norm(psi, axis=1)
+    norm_C, norm_K = sizes
+    norm = (size**2 + size * norm_C + norm_K) * np.linalg.norm(psi, axis=1)
     error: np.ndarray = np.linalg.norm(R, axis=1) / np.where(norm > 0, norm, 1.0)
     return error

@@ -1,4 +1,4 @@
-"""Parameters of design states in a batch: their values, what they move, derivatives by them."""
+"""Parameters of design states in a batch: values, finite changes and derivatives."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from squealstudy.system.contact_weights import ContactChange
 
 @dataclass(frozen=True, eq=False)
 class StackedStep:
-    """A parameter of m design points with the finite change of each; as `Step`.
+    """A parameter of m design points with its finite change at each, as in `Step`.
 
     Attributes
     ----------
@@ -40,29 +40,29 @@ class StackedStep:
 
 @dataclass(frozen=True, eq=False)
 class StateSlopes:
-    """m design points, and derivatives by the parameters of their states."""
+    """Derivatives of m design points by the parameters of their design states."""
 
     system: StackedSystem
 
     @cached_property
     def sliding(self) -> SlidingSlopes:
-        """How their contact follows."""
+        """Derivatives of their gaps and contact."""
         return SlidingSlopes(self.system)
 
     @cached_property
     def modal(self) -> ModalSlopes:
-        """How their modal damping follows."""
+        """Derivatives of their modal damping."""
         return ModalSlopes(self.system)
 
     def places(self, parameter: StateParameter) -> list[int]:
-        """Coordinates of its component modes, or its real modes from 0; KeyError for none."""
+        """Coordinates of the parameter's component modes, or its real modes from 0; or KeyError."""
         if not parameter.component:
             return [mode - 1 for mode in parameter.modes]
         structures = self.system.structures
         return [structures.coordinate(parameter.component, mode) for mode in parameter.modes]
 
     def value(self, parameter: StateParameter) -> tuple[np.ndarray, np.ndarray]:
-        """Values (m,) of a parameter, and at which points (m,) its modes have one in common."""
+        """Values (m,) of a parameter, and whether (m,) all its modes have the same value."""
         damping, count = self.system.damping, len(self.system.linear.K)
         if not parameter.modes:
             is_common = np.ones(count, dtype=bool)
@@ -82,7 +82,7 @@ class StateSlopes:
         return damping.scale if parameter.quantity == FREQUENCY else damping.component_ratio
 
     def step(self, parameter: StateParameter, change: float, top_hz: float) -> StackedStep:
-        """The finite change: upwards, or downwards where that leaves the parameter's range."""
+        """The finite change: upwards, or downwards where it would exceed the maximum."""
         values, _ = self.value(parameter)
         size = np.abs(values)
         reference = np.where(size > 0, size, 1.0)
@@ -115,7 +115,7 @@ class StateSlopes:
         return scaled
 
     def moved(self, parameter: StateParameter, value: np.ndarray) -> StackedSystem:
-        """The design points with other values (m,) of a parameter, about their own sliding."""
+        """The design points with other values (m,) of a parameter, at their own steady sliding."""
         damping, operating = self.system.damping, self.system.operating
         if parameter.modes:
             before = self._of_modes(parameter)
@@ -139,7 +139,7 @@ class StateSlopes:
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def by(self, parameter: StateParameter) -> MatrixSlope:
-        """Derivatives of the matrices by one parameter, at steady sliding."""
+        """Derivatives of the matrices by one parameter; steady sliding follows it."""
         if parameter.modes:
             return self._by_modes(parameter)
         system, name = self.system, parameter.name
