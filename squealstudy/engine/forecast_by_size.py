@@ -1,8 +1,8 @@
 """Cost of a study with a mesh before its first reduction: by its size, and by past reductions.
 
-The first reduction says more than any table, but takes a while; before it only the degrees of
-freedom are known. What reductions of like size took, on this machine where some are in the cache,
-bounds what this one takes.
+The first reduction would say more, but takes a while. Before it only the degrees of freedom are
+known. Bounds on the cost follow from the times of other reductions of like size: those in the cache
+of this machine, else those measured on another one.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from squealstudy.wording import plural
 # freedom (docs/explanation/cost-and-size.md)
 MEASURED_DOF = (14_769, 48_588, 115_959)
 MEASURED_REDUCTION_S, MEASURED_POINT_S = (21.0, 77.0, 253.0), (0.29, 0.36, 0.70)
-# how far times of another machine, under another load and of other meshes may be from those, and
-# from each other on one machine: bounds on factors
+# bounds on the factor between times: of another machine, load and mesh to those measured; and of
+# two reductions on one machine
 ELSEWHERE, HERE = (0.25, 4.0), (0.6, 1.7)
 # largest memory of a reduction up to 12 kHz: Python, matrices and shapes, and the entries of a
 # triangular factor, whose fill grows faster than the size; measured are 1.1 to 1.2 GB of 28,875 (by
@@ -32,25 +32,25 @@ BASE_GB, GB_PER_DOF = 0.25, 2.3e-5
 FACTOR_ENTRIES, FACTOR_DOF, FILL_POWER = 11e6, 28_875, 1.4
 BYTES_PER_ENTRY = {"superlu": 24, "cholmod": 8, "pardiso": 8}
 MEMORY_ELSEWHERE = (0.6, 1.6)
-LIKE_SIZE = 2.0  # factor of degrees of freedom within which a past reduction is of like size
+LIKE_SIZE = 2.0  # largest factor between degrees of freedom of reductions of like size
 
 
 @dataclass(frozen=True)
 class SizeForecast:
-    """Bounds of what reductions and points take, where none of the study is in the cache.
+    """Bounds on time and memory of a study that has no reduction in the cache.
 
     Attributes
     ----------
     n_dof : int
         Degrees of freedom of the first structure, as it is assembled.
     reduction_s, point_s : (float, float)
-        Of one reduction, and of one exact design point of complex modes.
+        Bounds on the seconds of one reduction, and of one exact design point of complex modes.
     by : str
-        What they are told by, in words.
+        Where these bounds come from, in words.
     memory_gb : (float, float)
-        The most that one reduction needs.
+        Bounds on the largest memory of one reduction, GB.
     factors : str
-        The library that makes its sparse factors.
+        Name of the library that makes its sparse factors.
     """
 
     n_dof: int
@@ -61,7 +61,7 @@ class SizeForecast:
     factors: str
 
     def memory_text(self, free_gb: float) -> str:
-        """Memory that a reduction needs, and whether it fits into what is left [GB]."""
+        """Text on the memory of a reduction, and on whether it fits into `free_gb` [GB]."""
         low, high = self.memory_gb
         text = f"a reduction needs about {np.sqrt(low * high):.1f} GB, {low:.1f} to {high:.1f} GB"
         if high <= free_gb:
@@ -73,10 +73,10 @@ class SizeForecast:
 
 
 def forecast_by_size(plan: Plan) -> SizeForecast | None:
-    """By the size of the first structure, which is assembled; None where it cannot be."""
+    """Forecast by the size of the first structure, which is assembled; None where that fails."""
     try:
         n_dof = int(plan.first.assembly().n_dof)
-    except FAILURES:  # a run tells of it
+    except FAILURES:  # a run reports it
         return None
     reduction_s, point_s = (
         _measured(MEASURED_REDUCTION_S, n_dof),
@@ -105,7 +105,7 @@ def forecast_by_size(plan: Plan) -> SizeForecast | None:
 
 
 def _memory_gb(n_dof: int) -> tuple[float, float]:
-    """Bounds of the largest memory of a reduction, GB."""
+    """Bounds on the largest memory of a reduction, GB."""
     entries = FACTOR_ENTRIES * (n_dof / FACTOR_DOF) ** FILL_POWER
     factor_gb = 1e-9 * BYTES_PER_ENTRY[automatic_backend(n_dof, definite=True)] * entries
     middle = BASE_GB + GB_PER_DOF * n_dof + factor_gb
@@ -113,7 +113,7 @@ def _memory_gb(n_dof: int) -> tuple[float, float]:
 
 
 def _measured(seconds: tuple[float, ...], n_dof: int) -> float:
-    """Seconds between the sizes that were measured, a power of the size beyond them."""
+    """Measured seconds, interpolated and continued as powers of the degrees of freedom."""
     x, y = np.log(MEASURED_DOF), np.log(seconds)
     at = np.log(max(n_dof, 1))
     i = int(np.clip(np.searchsorted(x, at) - 1, 0, len(x) - 2))

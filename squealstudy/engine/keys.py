@@ -1,4 +1,4 @@
-"""Content hashes: of a structure, of a design point, of a chunk of points."""
+"""Content hashes that name structures, design points and chunks of points."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from squealstudy.version import PACKAGE_FOLDER
 
-# the code whose change changes a reduction or a result
+# code on which reductions and results depend
 NUMERIC_PACKAGES = (
     "laws",
     "parameter.py",
@@ -31,9 +31,9 @@ NUMERIC_PACKAGES = (
     "study/family.py",
 )
 HASH_DIGITS = 16
-ID_TYPE = f"S{HASH_DIGITS}"  # of arrays of ids
-HOLE = "0xhole"  # no value's text
-IDS_PER_BLOCK = 65536  # ids that are made at once
+ID_TYPE = f"S{HASH_DIGITS}"  # type of arrays of ids
+HOLE = "0xhole"  # a text that no value has
+IDS_PER_BLOCK = 65536  # number of ids that are made at once
 
 
 def content_hash(content: Any) -> str:
@@ -44,9 +44,9 @@ def content_hash(content: Any) -> str:
 
 @cache
 def source_hash(packages: tuple[str, ...] = NUMERIC_PACKAGES) -> str:
-    """Hash of the numerical code: results of another version are never taken for this one's.
+    """Hash of the numerical code, so that results of another version are not taken for this one's.
 
-    FileNotFoundError for what is not there: a folder that was renamed must not hash to nothing.
+    FileNotFoundError for a missing file or folder: one that was renamed must not be left out.
     """
     root = PACKAGE_FOLDER
     digest = hashlib.sha256()
@@ -74,8 +74,9 @@ def point_ids(
     ----------
     model_hash : str
     values : mapping of str -> float
-        All parameters; those that are in `varied` may have any value.
+        Values of all parameters; those of parameters in `varied` do not matter.
     varied : mapping of str -> ndarray (count,)
+        Values of the parameters that vary.
     count : int
     """
     # the text that `point_id` hashes, with a hole for each varied value
@@ -94,7 +95,7 @@ def point_ids(
 
 
 def _ended(head: hashlib._Hash, text: str) -> str:
-    """The hash of a text of which `head` is the beginning and `text` the end."""
+    """The hash of a text that ends with `text`; `head` is the hash object of its beginning."""
     digest = head.copy()
     digest.update(text.encode())
     return digest.hexdigest()[:HASH_DIGITS]

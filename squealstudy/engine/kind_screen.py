@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
     from squealstudy.screen import Rows
 
-N_RANKING_ROWS = 12  # rows of the ranking that a run prints
-OF_SEVERAL = {  # what more than one design point did
+N_RANKING_ROWS = 12  # number of rows of the ranking that a run prints
+OF_SEVERAL = {  # forms of outcomes that more than one design point has
     "squeals": "squeal",
     "squeals if kicked": "squeal if kicked",
     "no cycle found": "with no cycle found",
@@ -28,23 +28,23 @@ OF_SEVERAL = {  # what more than one design point did
 
 
 class KindScreen:
-    """The screen of one kind of study: its folder has one in `screen.py`, named SCREEN.
+    """Texts on the results of one kind of study, whose folder has it in `screen.py` as SCREEN.
 
     Attributes
     ----------
     tables : tuple of str
-        Tables of finished results, by the names of their files without ending.
+        Tables of finished results, by the names of their files without suffix.
     added_tables : tuple of str
-        Those of them that results of earlier versions have none of.
+        Tables among these that results of earlier versions may lack.
     row_word : str
-        What a row of the first table is, in the singular.
+        Word for what a row of the first table stands for, in the singular.
     unfinished : bool
         Whether results can be read while a later run of the study is not finished.
     needs : mapping of str -> sequence of str
         Columns by table without which nothing can be shown.
     found, sure : tuple of str
-        Names of lines of `facts` that stand below the findings, and of those that tell how sure
-        these are; the others are for who asks for all of them.
+        Names of lines of `facts` that a run prints below the findings, and of those on how certain
+        these are; other lines are shown only on request.
     """
 
     tables: tuple[str, ...] = ()
@@ -61,7 +61,7 @@ class KindScreen:
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """Print what matters most, first; ResultsError where there is nothing to rank."""
+        """The ranking as a table, the most important row first; ResultsError without a ranking."""
         raise ResultsError(f"{results.directory}: a {results.kind} study has no ranking of modes")
 
     def ranking(
@@ -71,7 +71,7 @@ class KindScreen:
         top: int | None = N_RANKING_ROWS,
         where: str | None = None,
     ) -> list[RenderableType]:
-        """The ranking with its legend, and how many rows are left out; ResultsError as `rank`."""
+        """The ranking with its legend and the number of rows left out; ResultsError like `rank`."""
         from squealstudy.screen import notes
 
         table = self.rank(results, by, None, where)
@@ -102,9 +102,9 @@ class KindScreen:
         return first_text or f"{plural(results.n_points, self.row_word)}."
 
     def counted(self, results: ResultTables, words: Sequence[str]) -> str:
-        """Outcome of the design points, a word each: by ranges of the parameter that varies.
+        """Text on outcomes of design points, one of `words` each, by ranges of the parameter.
 
-        Of more parameters, or of many ranges, how often each word stands.
+        Where several parameters vary, or there are many ranges, it has the count of each word.
         """
         points, words = results.points, [str(word).replace("_", " ") for word in words]
         varied = [p for p in results.parameters if len(set(points[p].tolist())) > 1]
@@ -120,7 +120,7 @@ class KindScreen:
     def mapped(
         self, results: ResultTables, words: Sequence[str], letters: Mapping[str, str]
     ) -> list[RenderableType]:
-        """The design points as a map of letters, where exactly two parameters vary on a grid."""
+        """A map of design points in letters; [] unless exactly two parameters vary on a grid."""
         from squealstudy.screen import letter_map
 
         points, units = results.points, results.units
@@ -137,5 +137,5 @@ class KindScreen:
         return []
 
     def facts(self, results: ResultTables) -> Rows:
-        """Lines on methods and errors beneath the findings."""
+        """Lines on methods and errors, below the findings."""
         return []

@@ -1,4 +1,4 @@
-"""The outcome of a measurement."""
+"""The outcome of a measurement of a method, and what is asked of it."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ class Measurement:
     Attributes
     ----------
     seconds : float
-        CPU time of a design point, without the shared set-up.
+        CPU time of a design point, s, without the shared set-up.
     setup_seconds : float
-        CPU time of the shared set-up: basis, training.
+        CPU time of the shared set-up (basis, training), s.
     reduction_seconds : float
-        Time in which the structures were reduced.
+        Time in which the structures were reduced, s.
     memory_mb : float
-        Largest resident size while it ran, above that before.
+        Largest resident memory while it ran, above that before, MB.
     iterations : float
-        Evaluations of the contact forces a step; NaN without steps.
+        Evaluations of the contact forces in a step; NaN without steps.
     n_coordinates : int
+        Number of coordinates of the model that was solved.
     findings : mapping of str -> mapping
-        Results by measured point, with a ``status`` each.
+        Results by number of the measured point, each with a ``status``.
     onset_seconds : float
-        Time of an onset: design points of its line, following modes, root finding; NaN where no
+        Time of an onset, s: design points of its line, following modes, root finding; NaN where no
         onsets were sought.
     line_points : float
-        Design points of a line.
+        Number of design points of a line.
     """
 
     seconds: float = math.nan
@@ -48,22 +49,22 @@ class Measurement:
 
     @property
     def n_failed(self) -> int:
-        """Measured points without a result."""
+        """Number of measured points without a result."""
         return sum(finding["status"] != "ok" for finding in self.findings.values())
 
 
 @dataclass(frozen=True)
 class MeasurementRequest:
-    """Quantities that are measured beside the design points themselves.
+    """How design points are measured, and onsets that are measured beside them.
 
     Attributes
     ----------
     lines : mapping of int -> sequence of int
-        By number of a measured point: positions of the points on the line of its onset.
+        By number of a measured point, the rows of the points on the line of its onset.
     integrator : Integrator or None
-        Replaces the study's integrator.
+        Integrator in place of the study's; None: the study's.
     starts : int
-        Runs in time of each point, from perturbations of other sizes.
+        Number of runs in time of each point, from perturbations of different sizes.
     """
 
     lines: Mapping[int, Sequence[int]] = field(default_factory=dict)
@@ -73,20 +74,20 @@ class MeasurementRequest:
 
 @dataclass(frozen=True)
 class Measuring:
-    """How the methods of a kind of study are timed, and what their errors are.
+    """How the methods of a kind of study are timed, and how their errors are found.
 
     Attributes
     ----------
     quantities : tuple of str
-        Quantities with errors.
+        Names of the quantities that have errors.
     judged : tuple of str
-        Quantities by which errors are judged by default.
+        Names of those by which errors are judged by default.
     measure : callable
-        (plan, positions of the measured points, MeasurementRequest) -> Measurement.
+        Takes a plan, rows of the measured points and a MeasurementRequest, returns a Measurement.
     comparisons : tuple of callable
-        (finding, true finding) -> errors, and modes missed and spurious.
+        Each takes a finding and the true one, returns errors, and modes missed and spurious.
     finding : callable
-        Makes a finding, as `measure` does, of a row of a finished study.
+        Makes a finding like those of `measure` from a row of a finished study.
     """
 
     quantities: tuple[str, ...]

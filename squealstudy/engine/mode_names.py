@@ -1,4 +1,4 @@
-"""Names of modes of results: by point and mode, and of a track where it grows fastest."""
+"""Names of modes in results: of each mode at a point, and of a track where it grows fastest."""
 
 from __future__ import annotations
 
@@ -13,36 +13,38 @@ from squealstudy.errors import ResultsError
 from squealstudy.progress import progress
 from squealstudy.shapes.names import AND, name_of
 
-NO_DIAMETERS = -1  # in n_diameters: none is counted
+NO_DIAMETERS = -1  # value of n_diameters where no nodal diameters are counted
 
 
 def mode_names(
     results: ResultTables, tracks: Iterable[int] | None = None, max_points: int | None = None
 ) -> pd.DataFrame:
-    """Names of modes of results by their shapes.
+    """Names of modes in results, by their shapes.
 
-    Each design point that has one of them is solved again, as for `Results.shape`.
+    Each design point with one of these modes is solved again, as for `Results.shape`.
 
     Parameters
     ----------
     tracks : iterable of int or None
-        Modes by their numbers in rankings; by default all that are unstable somewhere.
+        Numbers of modes in rankings; None: all tracks that are unstable somewhere.
     max_points : int or None
-        Largest number of design points of a track at which it is named: the one where it grows
-        fastest, and others evenly through the study. None names it at all of them. Points where
-        it is stable count only if it is unstable nowhere.
+        Largest number of design points at which a track is named: the one where it grows fastest,
+        and others spread evenly over the study. None: no limit. Points where the track is stable
+        are left out unless it is stable everywhere.
 
     Returns
     -------
     DataFrame
-        ``point_id``, ``mode``, ``track``, ``name``; of the rotor that moves most
-        ``n_diameters`` (-1 where none is counted), ``diameters_share`` of that harmonic in the
-        motion of the ring of the rotor, ``out_of_plane_share``.
+        ``point_id``, ``mode``, ``track``, ``name``. For the rotor that moves most:
+        ``n_diameters`` (-1 where none is counted), ``diameters_share``, that of this harmonic in
+        the motion of the rotor's ring, and ``out_of_plane_share``. For the two real modes that the
+        mode is made of: ``first_`` and ``second_real_mode_hz`` [Hz] and ``_share``, and
+        ``real_modes_phase`` [deg] between them.
 
     Raises
     ------
     ResultsError
-        As `Results.shape`.
+        Where a track does not exist, or for the reasons of `Results.shape`.
     """
     expect_complex_modes(results)
     modes = results.modes[~results.modes["overdamped"].to_numpy(bool)]
@@ -100,9 +102,9 @@ COLUMNS = {"point_id": "str", "mode": "int64", "track": "int64", "name": "str"} 
 
 
 def _chosen(modes_of_track: pd.DataFrame, max_points: int | None) -> pd.DataFrame:
-    """The modes of a track that are named: unstable ones if there are, else all.
+    """The modes of a track that are named: unstable ones if there are any, else all.
 
-    At most `max_points`: the one of fastest growth, and others evenly through the study.
+    If there are more than `max_points`, the one of fastest growth, and others spread evenly.
     """
     modes_of_track = (
         modes_of_track[modes_of_track["unstable"]]
@@ -122,16 +124,17 @@ def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     names : DataFrame
-        `Results.names`.
+        Table that `Results.names` returns.
     modes : DataFrame
-        Of the same results; the name is that of the point at which growth is fastest.
+        Modes table of the same results.
 
     Returns
     -------
     DataFrame
-        A row a track, indexed by it: `name` where it grows fastest; `n_points`, how many were
-        named; `n_named`, how many of them have this name; `changes`, whether any has another (the
-        order of words does not count); `others`, the other names with their counts.
+        A row for each track, indexed by its number: `name` at the point where it grows fastest;
+        `n_points`, at how many points it was named; `n_named`, how many of these have this name;
+        `changes`, whether any has another (the order of words does not count); `others`, the other
+        names with their counts.
     """
     named_modes = names.merge(modes[["point_id", "mode", "growth_rate"]], on=["point_id", "mode"])
     row_of = {}
@@ -152,6 +155,6 @@ def track_names(names: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
 
 
 def _in_one_order(names: pd.Series) -> pd.Series:
-    """Names of the same words in another order replaced by the most frequent of them."""
+    """Names, where those with the same words in another order become the most frequent one."""
     words = names.map(lambda name: frozenset(name.split(AND)))
     return names.groupby(words).transform(lambda variants: variants.mode().iloc[0])

@@ -1,4 +1,4 @@
-"""Values of the cache as JSON and named arrays, and back: of the classes of CLASSES alone."""
+"""Values of the cache as JSON and named arrays, and back; only the classes of CLASSES."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-# of values, below the package: a cache may be shared, and no other class is made of what it says
+# classes of values; a cache may be shared, and its content must not create any others
 CLASSES = {
     f"squealstudy.{name}"
     for name in (
@@ -37,12 +37,12 @@ CLASSES = {
     )
 }
 CSR = ("data", "indices", "indptr")
-MOST_INLINE = 64  # entries of arrays that stand in the JSON: those of minimal models
+MOST_INLINE = 64  # most entries of arrays that are in the JSON, as those of minimal models
 INLINE_CODES = {"float64": "f8", "int64": "i8", "int32": "i4", "bool": "?"}
 
 
 def packed(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
-    """A value as JSON, its arrays put aside under their names."""
+    """A value as JSON; its large arrays are put into `arrays` under their names."""
     if isinstance(value, np.ndarray):
         code = INLINE_CODES.get(value.dtype.name)
         if code and value.size <= MOST_INLINE and np.isfinite(value).all():
@@ -77,7 +77,7 @@ def check_classes(content: Any) -> None:
 
 
 def array_names(content: Any) -> set[str]:
-    """Files of the arrays that packed content names."""
+    """Names of the array files that packed content refers to."""
     if isinstance(content, dict):
         own_name = {f"{content['array']}.npy"} if "array" in content else set()
         return own_name.union(*map(array_names, content.values()))
@@ -85,7 +85,7 @@ def array_names(content: Any) -> set[str]:
 
 
 def unpacked(packed: Any, folder: Path, thoroughly: bool = False) -> Any:
-    """A packed value; indices of sparse matrices are looked at where `thoroughly`."""
+    """The value of packed content; `thoroughly`: indices of sparse matrices are checked."""
     inner = partial(unpacked, folder=folder, thoroughly=thoroughly)
     if not isinstance(packed, dict):
         return packed
@@ -96,7 +96,7 @@ def unpacked(packed: Any, folder: Path, thoroughly: bool = False) -> Any:
         return _inline_array(packed["entries"], packed["type"], packed["shape"])
     if "csr" in packed:
         matrix = sp.csr_matrix(tuple(map(inner, packed["csr"])), shape=packed["shape"])
-        if thoroughly:  # compiled code follows them without a look
+        if thoroughly:  # compiled code uses indices unchecked
             matrix.check_format(full_check=True)
         return matrix
     if "tuple" in packed:
@@ -109,7 +109,7 @@ def unpacked(packed: Any, folder: Path, thoroughly: bool = False) -> Any:
 
 
 def _inline_array(entries: Any, code: Any, shape: Any) -> np.ndarray:
-    """An array that stands in the JSON, read-only as memory maps are; else ValueError."""
+    """An array from the JSON, read-only like memory maps; ValueError for another type."""
     if code not in INLINE_CODES.values():
         raise ValueError(f"{code} is no type of arrays in a value's JSON")
     array: np.ndarray = np.array(entries, dtype=code).reshape(tuple(shape))

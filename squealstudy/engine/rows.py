@@ -1,4 +1,4 @@
-"""Chunk rows whatever the kind of study: how each begins, is written, read back and tabled."""
+"""Chunk rows of all kinds of study: their first columns, and tables made of them."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def head(point_id: str, wall_s: float, status: str = "ok", message: str = "") ->
 
 
 def working_point_cells(point: WorkingPoint | None) -> dict[str, float]:
-    """Columns WORKING_POINT_FIELDS of a working point; NaN of a model without one.
+    """Columns WORKING_POINT_FIELDS of a working point; NaN without one.
 
-    Contact pressures [Pa] are the least and the largest of all contact points.
+    Contact pressures [Pa] are the least and the largest of all contact points, without springs.
     """
     names = [name for name, _ in WORKING_POINT_FIELDS]
     if point is None:
@@ -47,14 +47,14 @@ def working_point_cells(point: WorkingPoint | None) -> dict[str, float]:
 def failed_row(
     schema: pa.Schema, point_id: str, status: str, message: str, wall_s: float = 0.0
 ) -> dict[str, Any]:
-    """Row of a point without findings: texts and lists are empty, numbers NaN, others missing."""
+    """Row of a point without results: texts and lists are empty, floats NaN, others None."""
     numbers, lists = _missing_values(schema)
-    nothing = numbers | {name: [] for name in lists}  # which whoever fills a row may add to
+    nothing = numbers | {name: [] for name in lists}  # each row has its own, to be filled
     return nothing | head(point_id, wall_s, status, message)
 
 
 def _missing_values(schema: pa.Schema) -> tuple[dict[str, Any], list[str]]:
-    """Values in place of missing cells by column, and the columns that hold lists."""
+    """Values for missing cells by column, and names of the columns with lists."""
     lists = [field.name for field in schema if pa.types.is_list(field.type)]
     others = {f.name: _missing_value(f.type) for f in schema if f.name not in lists}
     return others, lists
@@ -100,7 +100,7 @@ def planned_table(plan: Plan, store: Store, schema: pa.Schema) -> pa.Table:
 
 
 def rows_of(point_ids: pa.ChunkedArray, wanted_ids: Sequence[str] | np.ndarray) -> np.ndarray:
-    """Row of each wanted id, -1 where it has none; the last of several."""
+    """Row of each wanted id, the last one if there are several; -1 where there is none."""
     n = len(point_ids)
     backwards = pa.array(point_ids.take(np.arange(n)[::-1]).combine_chunks())
     from_the_end = pc.index_in(
@@ -111,23 +111,23 @@ def rows_of(point_ids: pa.ChunkedArray, wanted_ids: Sequence[str] | np.ndarray) 
 
 
 def tabled(rows: Sequence[Mapping[str, Any]], fields: Fields) -> pa.Table:
-    """HEAD and `fields` of chunk rows as a table; missing where a row has none."""
+    """HEAD and `fields` of chunk rows as a table, null where a row lacks a field."""
     return pa.Table.from_pylist(list(rows), schema=pa.schema([*HEAD, *fields]))
 
 
 def structs(fields: Fields) -> pa.DataType:
-    """Type of a column of lists of items with these fields."""
+    """Type of a column with lists of items, which have these fields."""
     return pa.list_(pa.struct([pa.field(n, t) for n, t in fields]))
 
 
 def nested(rows: Sequence[Mapping[str, Any]], name: str, fields: Fields) -> pa.Table:
-    """The items of a column of lists as a table, each with the id of its design point."""
+    """The items in a column of lists as a table, each with its design point's id."""
     flat = [{"point_id": row["point_id"], **entry} for row in rows for entry in row[name]]
     return pa.Table.from_pylist(flat, schema=pa.schema([("point_id", TEXT), *fields]))
 
 
 def items(rows: pa.Table, name: str, fields: Fields) -> pa.Table:
-    """Rows of `nested` in a column of chunk rows, as a table."""
+    """The table of `nested`, from a table of chunk rows."""
     column = rows[name].combine_chunks()
     owners = rows["point_id"].take(pc.list_parent_indices(column))
     schema = pa.schema([("point_id", TEXT), *fields])
@@ -137,9 +137,9 @@ def items(rows: pa.Table, name: str, fields: Fields) -> pa.Table:
 
 
 def points_table(plan: Plan, points: pa.Table) -> pa.Table:
-    """One row a design point: HEAD, its parameters, what was found, what follows tables.
+    """A row for each design point: HEAD, parameters, findings, and parameters that follow tables.
 
-    Counts and flags are nullable (Int64, boolean): missing where the point has none.
+    Counts and flags are nullable (Int64, boolean), missing where a point has none.
 
     Parameters
     ----------
@@ -160,14 +160,14 @@ def points_table(plan: Plan, points: pa.Table) -> pa.Table:
 
 
 def with_dtypes(schema: pa.Schema) -> pa.Schema:
-    """The schema with the dtypes that pandas is to give its columns when it reads them."""
+    """The schema with the dtypes that its columns shall have when pandas reads them."""
     dtypes = _dtypes(tuple(schema.names), tuple(schema.types))
     return schema.with_metadata((schema.metadata or {}) | dtypes)
 
 
-@lru_cache(maxsize=64)  # tables that the rounds of a study write again and again
+@lru_cache(maxsize=64)  # rounds of a study write the same tables again and again
 def _dtypes(names: tuple[str, ...], types: tuple[pa.DataType, ...]) -> dict[bytes, bytes]:
-    """These dtypes, as pandas keeps them in the metadata of a schema."""
+    """These dtypes in the form that pandas stores in the metadata of a schema."""
     import pandas as pd
 
     nullable = {WHOLE_NUMBER: pd.Int64Dtype(), COUNT: pd.Int64Dtype(), FLAG: pd.BooleanDtype()}

@@ -1,4 +1,4 @@
-"""The structures of a plan: checked, assembled, reduced and kept in the cache."""
+"""Structures of a plan: they are checked, assembled, reduced and cached."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def build_structures(
 ) -> dict[str, str]:
     """Make the prepared models that the cache does not hold; reasons of failure by key.
 
-    `wanted_keys` are the keys of those to be made, of a study that is tried at some points alone.
+    `wanted_keys` are the keys to make, where only some points of a study are tried; None: all.
 
     Raises
     ------
@@ -65,9 +65,9 @@ def build_structures(
 
 
 def _make_shared(tasks: Sequence[BuildTask | FamilyTask], workers: Workers) -> dict[str, str]:
-    """Make the bases of the ranges that structures are in; reasons by structure of those without.
+    """Make the bases of ranges that structures are in; reasons of failure by structure.
 
-    A range is reduced place by place, by one task with all threads.
+    One task reduces a range place by place. A single range has all threads.
     """
     of_range = {t.shared.key: t for t in tasks if isinstance(t, BuildTask) and t.shared}
     if not of_range:
@@ -83,7 +83,7 @@ def _make_shared(tasks: Sequence[BuildTask | FamilyTask], workers: Workers) -> d
 
 
 def with_files(plan: Plan, workers: Workers) -> Workers:
-    """The workers that have the files which a plan's model reads."""
+    """The workers, but only those of this machine where a plan's model reads files."""
     of_files = isinstance(plan.study.model, FamilyDefinition | FileDefinition)
     return workers.at_home if of_files else workers
 
@@ -91,7 +91,7 @@ def with_files(plan: Plan, workers: Workers) -> Workers:
 def check_component_modes(plan: Plan) -> None:
     """Raise StudyFileError where the study names a component mode that the basis does not hold.
 
-    Costs a few seconds where the reduction is not in the cache, instead of the whole reduction.
+    Where the reduction is not in the cache this takes a few seconds, not those of a reduction.
     """
     if plan.first.mode_parameters():
         first = plan.tasks[0].structure
@@ -100,7 +100,7 @@ def check_component_modes(plan: Plan) -> None:
 
 
 def check_model_file(plan: Plan) -> list[str]:
-    """Doubts about a model file of meshes; none where its first structure is in the cache.
+    """Doubts about a model file with meshes; none where its first structure is in the cache.
 
     Raises StudyFileError where the file cannot be used.
     """
@@ -115,9 +115,9 @@ def check_model_file(plan: Plan) -> list[str]:
 
 
 def check_shapes(plan: Plan) -> str:
-    """Parts of the geometry that vanish in some structures of a plan, to warn of; nothing is built.
+    """Warning about a part of the geometry that vanishes in some structures; empty without.
 
-    Raises StudyFileError where it does in all of them.
+    Nothing is built. Raises StudyFileError where a part vanishes in all structures.
     """
     model = plan.study.model
     values = [point.plain_values() for point in plan.structures.values()]
@@ -143,7 +143,7 @@ class FamilyTask:
 
 
 def build_task(plan: Plan, point: DesignPoint, threads: int) -> BuildTask | FamilyTask:
-    """Task that builds the structure of a design point."""
+    """The task that builds the structure of a design point."""
     if isinstance(point.model, FamilyDefinition):
         return FamilyTask(point, plan.study.source, plan.band_hz, threads)
     return BuildTask(
@@ -183,7 +183,7 @@ def build_structure(task: BuildTask | FamilyTask) -> tuple[str, str]:
 
 
 def _prepared_family(task: FamilyTask) -> PreparedFamily:
-    """Read the matrices and solve the nominal point."""
+    """Read the matrices and solve the nominal point; how long both took is in ``timings``."""
     model = task.point.model
     assert isinstance(model, FamilyDefinition)
     started = time.perf_counter()
@@ -199,9 +199,9 @@ def _prepared_family(task: FamilyTask) -> PreparedFamily:
 
 
 def mode_counts(plan: Plan) -> dict[str, int]:
-    """Free-free modes, up to the basis' cutoff, of the components whose modes are in use.
+    """Number of free-free modes up to the basis' cutoff, of components whose modes are in use.
 
-    Assembles the first structure, but makes no reduction: a few seconds.
+    The first structure is assembled, but not reduced, which takes a few seconds.
     """
     design = plan.tasks[0]
     components = {p.component for p in design.mode_parameters()}

@@ -1,6 +1,6 @@
-"""Tables from anybody (Parquet): read only where there is memory for what their footers claim.
+"""Parquet tables that anybody may have made: read only if memory suffices for their claims.
 
-A row of nulls or of one text takes nothing in a file, and its bytes in memory.
+A column of nulls or of one text takes almost nothing in a file, but its full size in memory.
 """
 
 from __future__ import annotations
@@ -20,17 +20,19 @@ from squealstudy.array_files import expect_memory
 from squealstudy.engine.dictionary_pages import longest_entry
 from squealstudy.errors import ContradictionError, ResultsError
 
-SIDE_BY_SIDE = b"side_by_side"  # in the metadata of a schema: its lists of one length
-NUMBER_BYTES = 8  # of a value that is no text
-TEXT_BYTES = 16  # of a text beside its letters: its place in a table, and in a frame
+SIDE_BY_SIDE = (
+    b"side_by_side"  # key of a schema's metadata: names of columns with lists of one length
+)
+NUMBER_BYTES = 8  # bytes of a value that is no text
+TEXT_BYTES = 16  # bytes of a text without its letters, in a table and in a frame
 TEXT = "BYTE_ARRAY"
 ColumnPart = tuple[int, int, int, pq.ColumnChunkMetaData]  # group, column, values, facts
-FEW_BYTES = 2**12  # of a dictionary on disk, of a column of few texts as status or method
+FEW_BYTES = 2**12  # most bytes on disk of the dictionary of a column with few texts, like status
 
 
 @contextlib.contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """Raise ResultsError for a table that turns out not to be one, or to be too large."""
+    """A context that raises ResultsError where a file is no table, or too large."""
     try:
         yield
     except (OSError, ValueError) as error:
@@ -38,14 +40,14 @@ def readable(path: Path) -> Iterator[None]:
 
 
 def read_file(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """A file of a table; OSError, ValueError where it is none or has no room."""
+    """Read a file of a table; OSError or ValueError where it is none, or memory is too small."""
     with pq.ParquetFile(path) as file:
         expect_room(path, file, columns)
         few = _of_few_texts(file)
     chosen = None if columns is None else list(columns)
     with pq.ParquetFile(path, metadata=file.metadata, read_dictionary=few) as coded:
         table = coded.read(columns=chosen)
-    # texts are written out only here, once a row, from those that are there: half the time
+    # repeated texts are copied only here, which halves the time
     for index, field in enumerate(table.schema):
         if pa.types.is_dictionary(field.type):
             stored_field = file.schema_arrow.field(field.name)
@@ -56,9 +58,9 @@ def read_file(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
 
 
 def _of_few_texts(file: pq.ParquetFile) -> list[str]:
-    """Columns whose texts stand in small dictionaries in all parts of a file."""
+    """Columns whose texts are in small dictionaries in all parts of a file."""
     named = Counter(file.schema_arrow.names)
-    alone = {n for n, times in named.items() if times == 1 and "." not in n}  # of no record a part
+    alone = {n for n, times in named.items() if times == 1 and "." not in n}  # no part of a record
     fields = (field for field in file.schema_arrow if field.name in alone)
     texts, large = {f.name for f in fields if pa.types.is_string(f.type)}, set[str]()
     for _, column, _, part in _column_parts(file, texts, 0):
@@ -75,7 +77,7 @@ def _dictionary_bytes(part: pq.ColumnChunkMetaData) -> float:
 
 
 def read_batches(path: Path, columns: Sequence[str], rows: int) -> Iterator[pa.Table]:
-    """Columns of a file of a table, so many rows at a time; errors as of `read_file`."""
+    """Yield columns of a table's file, `rows` at a time; OSError or ValueError as `read_file`."""
     with pq.ParquetFile(path) as file:
         expect_room(path, file, columns, rows)
         for batch in file.iter_batches(rows, columns=list(columns), use_threads=False):
@@ -83,14 +85,14 @@ def read_batches(path: Path, columns: Sequence[str], rows: int) -> Iterator[pa.T
 
 
 def read_chunk(path: Path, schema: pa.Schema, columns: Sequence[str] | None) -> pa.Table | None:
-    """Columns of a chunk file; None of another schema, where it is none, or has no room.
+    """Columns of a chunk file; None where it has another schema, or cannot be read.
 
     Raises
     ------
     ContradictionError
-        Lists that do not fit together, though their values are as many.
+        Where lists of a row differ in length, though they have equally many values in all.
     OSError
-        What the machine refuses.
+        Where the machine refuses to read the file.
     """
     try:
         with pq.ParquetFile(path) as file:
@@ -118,7 +120,7 @@ def _side_by_side(schema: pa.Schema) -> list[str]:
 
 
 def _counted(file: pq.ParquetFile, schema: pa.Schema) -> bool:
-    """Whether lists that stand side by side have as many values in the file, as its footer says."""
+    """Whether columns with lists of one length have equally many values, as the footer says."""
     counts: dict[int, int] = {}
     list_columns = _side_by_side(schema)
     for _, column, values, _ in _column_parts(file, list_columns, 0) if list_columns else ():
@@ -127,7 +129,7 @@ def _counted(file: pq.ParquetFile, schema: pa.Schema) -> bool:
 
 
 def _fits(table: pa.Table, schema: pa.Schema) -> bool:
-    """Whether they are of one length in each row."""
+    """Whether these lists have one length in each row."""
     list_columns = _side_by_side(schema)
     lengths = [pc.list_value_length(table[n]) for n in list_columns if n in table.column_names]
     return all(column_lengths.equals(lengths[0]) for column_lengths in lengths[1:])
@@ -136,7 +138,7 @@ def _fits(table: pa.Table, schema: pa.Schema) -> bool:
 def expect_room(
     path: Path, file: pq.ParquetFile, columns: Collection[str] | None = None, rows: int = 0
 ) -> None:
-    """Raise ValueError where columns of a table, or so many rows at a time, have no room."""
+    """Raise ValueError where memory is too small for columns of a table, or for `rows` of them."""
     needed, texts = 0.0, list[ColumnPart]()
     for group, column, values, part in _column_parts(file, columns, rows):
         needed += values * NUMBER_BYTES
@@ -151,7 +153,7 @@ def expect_room(
 def _column_parts(
     file: pq.ParquetFile, columns: Collection[str] | None, rows: int
 ) -> Iterator[ColumnPart]:
-    """Group, column, number of values and facts of each part of a column that is read."""
+    """Yield group, column, number of values and facts of each part of the columns to read."""
     metadata, schema = file.metadata, file.schema
     for column in range(len(schema)):
         leaf = schema.column(column)
@@ -164,11 +166,11 @@ def _column_parts(
 
 
 def _letters(path: Path, file: pq.ParquetFile, texts: Sequence[ColumnPart]) -> float:
-    """Letters of all texts, at most.
+    """Upper bound on the letters of all texts.
 
-    Those beside a dictionary are no more than the part is large, those in it as many times its
-    longest as there are values. Dictionaries are looked at only where much depends on them, and
-    decoded only where they are of another form than that of names of design points.
+    Texts outside a dictionary have at most as many letters as their part has bytes. Texts in one
+    have at most as many as its longest entry, each. A dictionary is read only if that matters, and
+    decoded only if its form is not that of the names of design points.
     """
     letters, unknown = 0.0, list[ColumnPart]()
     with path.open("rb") as handle:
@@ -192,7 +194,7 @@ def _letters(path: Path, file: pq.ParquetFile, texts: Sequence[ColumnPart]) -> f
 
 
 def _length(coded: pq.ParquetFile, group: int, name: str) -> float:
-    """Letters of the longest text in the dictionary of a part of a column; 0 without one."""
+    """Bytes of the longest text in the dictionary of a part of a column; 0 without one."""
     for batch in coded.iter_batches(1, [group], [name], use_threads=False):
         array = batch.column(0)
         while hasattr(array, "flatten") and not hasattr(array, "dictionary"):
