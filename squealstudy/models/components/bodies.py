@@ -1,4 +1,4 @@
-"""Components of a model file, read: meshes in SI and placed, matrices on the nodes of a mesh."""
+"""Read the components of a model file: meshes in SI units, placed, and matrices on their nodes."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ from squealstudy.models.fem.solid import Isotropic
 from squealstudy.models.file_table import KeyPath, PlacedError
 
 INCLUDED = re.compile(r"^\s*\*[^,]*,.*?\bINPUT\s*=\s*\"?([^,\"\n]+?)\"?\s*(?:,|$)", re.I | re.M)
-# characters of a file that are looked through for others it includes
+# characters of a file that are searched for files that it includes
 MAX_SCANNED_CHARACTERS = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class Brake:
-    """A model file with the folder that its paths are relative to.
+    """A model file that was read, with its path, to which other paths are relative.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Brake:
         The model file.
     file : ModelFile
     identity : str
-        Hash of it and of all files that it reads; equal for equal brakes.
+        Hash of the model file and of all files that it reads; equal for equal brakes.
     """
 
     path: Path
@@ -69,25 +69,25 @@ class Brake:
         return hash(self.identity)
 
     def located(self, name: str) -> Path:
-        """A file that it names."""
+        """Path of a file that the model file names."""
         return self.path.parent / name
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A component, read and placed; SI units.
+    """A component that was read and placed, in SI units.
 
     Attributes
     ----------
     name : str
     mesh : SolidMesh
-        Its nodes and faces, and unless there are matrices its elements' materials.
+        Nodes and faces, and, unless there are matrices, elements with materials.
     matrices : (K, M, C or None) or None
-        Over the degrees of freedom, where they come from files.
+        Matrices of files over the degrees of freedom; None where they follow from the mesh.
     expansion : Expansion
-        Displacements of its nodes from its degrees of freedom.
+        Maps the degrees of freedom to displacements of the nodes.
     at_temperature : callable or None
-        Materials, SI, by name, of a temperature of the deck.
+        Returns the materials by name, in SI units, at a temperature of the deck.
     """
 
     name: str
@@ -98,12 +98,12 @@ class Body:
 
     @property
     def nodes(self) -> np.ndarray:
-        """Coordinates (n, 3), m."""
+        """Coordinates (n, 3) of the nodes, m."""
         return self.mesh.nodes
 
 
 def read_files(file: ModelFile, path: Path) -> Iterator[tuple[KeyPath, Path]]:
-    """All files that a model file reads, included ones too, with the keys that name them."""
+    """All files that a model file reads, also included ones, each with the keys that name it."""
     for name, table in file.components.items():
         for key in ("mesh", "nodes", "K", "M", "C", "dof", "recovery", "measured"):
             file_name = table.file_of(key)
@@ -138,12 +138,12 @@ def _included(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[Pat
 
 @lru_cache(maxsize=64)
 def body_of(brake: Brake, name: str) -> Body:
-    """Read a component; a process reads it once.
+    """Read a component; the process caches it.
 
     Raises
     ------
     PlacedError
-        With the key of the file that cannot be used, or of the placement that is none.
+        A file cannot be used, or the placement is wrong; the error has its key.
     """
     table = brake.file.components[name]
     key = "mesh" if table.mesh is not None else "nodes"
@@ -182,7 +182,7 @@ def _materials_at(brake: Brake, name: str, temperature: float) -> Mapping[str, E
     Raises
     ------
     ValuesError
-        A temperature at which the deck states none.
+        The deck states no materials at this temperature.
     """
     table = brake.file.components[name]
     at_temperature = table.model_copy(update={TEMPERATURE: temperature})
@@ -194,7 +194,7 @@ def _materials_at(brake: Brake, name: str, temperature: float) -> Mapping[str, E
 
 
 def placement(name: str, table: ComponentTable, units: str) -> tuple[np.ndarray, np.ndarray]:
-    """Turn (3, 3) and shift (3,) [m] of a component: a point x goes to turn x + shift."""
+    """Rotation (3, 3) and shift (3,) [m] of a component: points x are moved to turn x + shift."""
     size = LENGTH.factor(units)
     shift = np.array(table.translate) * size
     if table.rotate is None:
@@ -208,19 +208,19 @@ def placement(name: str, table: ComponentTable, units: str) -> tuple[np.ndarray,
 
 
 def turn_about(axis: np.ndarray, degrees: float) -> np.ndarray:
-    """Matrix (3, 3) of a turn about a direction (3,), by the right hand."""
+    """Matrix (3, 3) of a rotation about a direction (3,), by the right-hand rule."""
     x, y, z = axis / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = np.deg2rad(degrees)
     turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    turn[np.abs(turn) < 1e-15] = 0.0  # of quarter turns
+    turn[np.abs(turn) < 1e-15] = 0.0  # exact zeros of quarter turns
     return turn
 
 
 def turned_body(body: Body, turn: np.ndarray, shift: np.ndarray) -> Body:
-    """A body whose points x go to turn x + shift, with the same degrees of freedom.
+    """A body whose points x are moved to turn x + shift, with the same degrees of freedom.
 
-    These turn with it: its matrices stay as they are.
+    As these turn with the body, its matrices are unchanged.
     """
     mesh = _placed_mesh(body.mesh, turn, shift)
     return replace(body, mesh=mesh, expansion=body.expansion.turned(turn))
@@ -253,7 +253,7 @@ def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
 
 
 def _scaled(material: Elastic, stress: float, density: float) -> Elastic:
-    """With its moduli and its density in other units."""
+    """The material with moduli and density times these factors."""
     rho = density * material.density
     if isinstance(material, Isotropic):
         return replace(material, young_modulus=stress * material.young_modulus, density=rho)
@@ -261,7 +261,7 @@ def _scaled(material: Elastic, stress: float, density: float) -> Elastic:
 
 
 def _placed_mesh(mesh: SolidMesh, turn: np.ndarray, shift: np.ndarray) -> SolidMesh:
-    """The placed mesh; its material axes turn with it, the global ones of no orientation too."""
+    """The placed mesh; material axes turn with it, also those of elements without orientation."""
     orientations = {name: o.moved(turn, shift) for name, o in mesh.orientations.items()}
     orientation = mesh.orientation
     if not np.array_equal(turn, np.eye(3)) and any(
@@ -285,12 +285,12 @@ def body_matrices(
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """K and M over a component's degrees of freedom, with other values of its materials.
 
-    `overrides` are SI, by keys of the file.
+    `overrides` are in SI units, by keys of the file.
 
     Raises
     ------
     ModelError
-        Values that no material can have.
+        No material can have these values.
     """
     return _body_matrices(brake, name, own_numbers(name, overrides))
 
@@ -317,19 +317,19 @@ def _body_matrices(
 
 
 def changed_mesh(body: Body, overrides: tuple[tuple[KeyPath, float], ...]) -> SolidMesh:
-    """The mesh with values of its materials in SI.
+    """The mesh with other values of its materials, in SI units.
 
     Raises
     ------
     PlacedError
-        A material, or a number of one, that it has not.
+        The mesh does not have such a material, or the material no such number.
     ValuesError
-        Values that no material can have.
+        No material can have these values.
     """
     materials = dict(body.mesh.materials)
-    warm = dict(overrides).get(("components", body.name, TEMPERATURE))
-    if warm is not None and body.at_temperature is not None:
-        materials |= body.at_temperature(warm)
+    temperature = dict(overrides).get(("components", body.name, TEMPERATURE))
+    if temperature is not None and body.at_temperature is not None:
+        materials |= body.at_temperature(temperature)
     overrides = tuple((k, v) for k, v in overrides if k[2] == "materials" and k[4] != THERMAL)
     for label in dict.fromkeys(str(k[3]) for k, _ in overrides):
         values = {k: v for k, v in overrides if k[3] == label}
@@ -342,7 +342,7 @@ def changed_mesh(body: Body, overrides: tuple[tuple[KeyPath, float], ...]) -> So
 
 
 def held_turns(of_turns: list[np.ndarray], of: Body, keys: KeyPath) -> np.ndarray:
-    """Degrees of freedom (n,) of bool that are turns to be held; PlacedError without them."""
+    """Whether each degree of freedom (n,) is a rotation to be held; PlacedError without such."""
     turn_rows = np.concatenate([np.zeros(0, dtype=np.int64), *of_turns])
     lacking = turn_rows[~of.expansion.turning[turn_rows // 3]]
     if len(lacking):

@@ -18,14 +18,14 @@ SELECTED = re.compile(r"\s*MPC\s*=\s*(\d+)", re.I)
 
 
 class BulkDiscrete:
-    """Reads them.
+    """Reads springs, masses and equations of a deck.
 
     Parameters
     ----------
     cards : callable
-        All cards of some names.
+        Returns all cards of given names.
     place : callable
-        Of a node number, with the card that has it.
+        Returns the place of a node from a card and the node's number.
     turned : set of int
         Numbers of nodes whose displacements have a coordinate system of their own (CD of GRID).
     nodes : ndarray (n, 3)
@@ -105,7 +105,7 @@ class BulkDiscrete:
     def _mass(
         self, card: BulkCard, name: str, node: int, mass: float, weight: float
     ) -> Iterator[Discrete]:
-        """A mass at a node, or off one that turns; rotary inertia of others moves nothing."""
+        """A mass at a node, or off a node that turns; rotary inertia counts at such nodes only."""
         x = np.array([card.real(k, "an offset", 0.0) for k in (4, 5, 6)])
         values = [card.real(k, "a moment of inertia", 0.0) for k in range(8, 14)]
         if node not in self._turning:
@@ -166,7 +166,7 @@ class BulkDiscrete:
                 yield spring(f"CBUSH {number}", ends, k[direction])
 
     def _bush_arms(self, card: BulkCard, nodes: list[int]) -> np.ndarray:
-        """From each node to where the bush is: S of the way between them, half by default."""
+        """Vectors from each node to the bush, which is at S of the way, half of it by default."""
         if card.at(9) not in ("", "-1"):
             raise card.error("OCID: a place off the line of its nodes is not supported", 9)
         share = card.real(8, "a share of the way", 0.5)

@@ -16,7 +16,7 @@ GLOBAL = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 @dataclass(frozen=True)
 class MeshSelection:
-    """Which nodes and elements of a mesh are kept, and their places then."""
+    """Whether nodes and elements of a mesh are in a part, and their places in it."""
 
     nodes: np.ndarray
     node_at: np.ndarray
@@ -24,33 +24,33 @@ class MeshSelection:
     element_at: np.ndarray
 
     def faces(self, faces: np.ndarray) -> np.ndarray:
-        """Faces (p, 2) by the new places of their elements, all of which are kept."""
+        """Faces (p, 2) by the new places of their elements, which must all be in the part."""
         return np.column_stack([self.element_at[faces[:, 0]], faces[:, 1]])
 
 
 @dataclass(frozen=True)
 class Tie:
-    """Nodes that follow the places of master faces which they lie on.
+    """Nodes that follow the points of master faces on which they lie.
 
     Attributes
     ----------
     name : str
-        For messages.
+        Name for messages.
     nodes : ndarray of int
-        The slave's, by their places in the mesh.
+        Places of the slave's nodes in the mesh.
     faces : ndarray (p, 2) of int
-        The master's, as surfaces of `SolidMesh`.
+        Faces of the master, as surfaces of `SolidMesh`.
     tolerance : float or None
         Greatest distance of a node that is tied, in the units of the mesh; None: a share of the
         size of the master's facets.
     adjusted : bool
-        Nodes move onto the master; else one that is off it is an error.
+        Whether nodes are moved onto the master; else a node off it is an error.
     coarse : bool
-        The master has more nodes there than follow it: what is between them is free.
+        Whether the master has more nodes there than follow it, so that it is free between them.
     beside : int
-        Nodes of the slave that are not on the master, and so free.
+        Number of nodes of the slave that are not on the master, and so are free.
     cyclic : bool
-        The master is that of the next sector (`sectors.repeated`).
+        Whether the master belongs to the next sector (`sectors.repeated`).
     """
 
     name: str
@@ -85,27 +85,28 @@ class Tie:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A reference node and nodes that it moves, or whose mean motion it follows.
+    """A reference node, and nodes that it moves or whose mean motion it follows.
 
     Attributes
     ----------
     name : str
-        For messages.
+        Name for messages.
     kind : str
-        rigid: the nodes move as one rigid body with the reference node, which has turns of its
-        own; distributing: the reference node has the rigid motion that is nearest to theirs.
+        rigid: the nodes move as one rigid body with the reference node, which has rotations as
+        degrees of freedom; distributing: the reference node has the rigid motion nearest to theirs.
     reference : int
         Place of the reference node in the mesh.
     nodes : ndarray of int
-        The others, without the reference node.
+        Places of the other nodes.
     directions : tuple of int
-        From 1 to 3: those in which the nodes, or the reference node, follow.
+        Directions from 1 to 3 in which the nodes, or the reference node, follow.
     axes : Orientation or None
-        Those in which the directions are counted, at each node that follows; None: the global ones.
+        Axes of these directions at each node that follows; None for the global ones.
     faces : ndarray (p, 2) of int
-        Where the nodes of a distributing one are those of faces: they count by area, else alike.
+        Faces of the nodes of a distributing coupling, whose nodes are weighted by area; without
+        faces they are weighted equally.
     turning : bool
-        Nodes of a rigid coupling that are reference nodes of others turn with this one.
+        Whether nodes of a rigid coupling that are reference nodes of others turn with this one.
     """
 
     name: str
@@ -119,7 +120,7 @@ class Coupling:
 
     @property
     def joined(self) -> np.ndarray:
-        """Places of all its nodes."""
+        """Places of all nodes of the constraint."""
         return np.append(self.nodes, self.reference)
 
     @property
@@ -163,11 +164,11 @@ class Relation:
     Attributes
     ----------
     name : str
-        For messages.
+        Name for messages.
     nodes : ndarray (n,) of int
         Places of its nodes in the mesh, each once; the first follows.
     vectors : ndarray (n, 3)
-        v of each.
+        Vector v of each node.
     """
 
     name: str
@@ -176,7 +177,7 @@ class Relation:
 
     @property
     def joined(self) -> np.ndarray:
-        """Places of all its nodes."""
+        """Places of all nodes of the constraint."""
         return self.nodes
 
     @property
@@ -201,7 +202,7 @@ class Relation:
 
 
 def relation(name: str, nodes: np.ndarray, vectors: np.ndarray) -> Relation:
-    """A relation with the terms of each node together, in the order in which nodes come first."""
+    """A relation with the terms of each node summed, in the order of their first terms."""
     distinct, first, positions = np.unique(nodes, return_index=True, return_inverse=True)
     total = np.zeros((len(distinct), 3))
     np.add.at(total, positions, vectors)

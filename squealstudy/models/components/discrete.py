@@ -1,4 +1,4 @@
-"""Springs and masses of a deck that are of no solid: matrices of a few nodes, added to the rest."""
+"""Springs and masses of a deck beside its solids, as matrices of a few nodes."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from squealstudy.models.components.constraints import MeshSelection
 
 @dataclass(frozen=True)
 class Discrete:
-    """A spring or a mass.
+    """A spring or a mass between a few nodes.
 
     Attributes
     ----------
     name : str
-        For messages.
+        Name for messages.
     nodes : ndarray (k,) of int
         Places of its nodes in the mesh.
     K, M : ndarray (3 k, 3 k) or (6 k, 6 k)
-        Of their displacements, 3 * node + axis; with turns three displacements and three turns of
-        each node.
+        Stiffness and mass over the displacements 3 * node + axis; with `turns` over three
+        displacements and three rotations of each node.
     turns : bool
+        Whether the matrices include rotations.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Facets of a component's surface: their geometry, and points on them.
 
-Triangles of 3 and 6 nodes, quadrilaterals of 4, 8 and 9: corners, then the middles of the edges,
-then the centre, in the order of VTK and Abaqus. The outward normal follows from the order of the
-corners by the right hand.
+Facets are triangles of 3 or 6 nodes and quadrilaterals of 4, 8 or 9. Nodes are the corners, then
+the middles of the edges, then the centre, in the order of VTK and Abaqus. The outward normal
+follows from the order of the corners by the right-hand rule.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from squealstudy.kernels.facets import MAX_FACET_NODES, shapes
 from squealstudy.models.fem.sampling import Surface
 
 TRIANGLES = (3, 6)
-KINDS = (3, 4, 6, 8, 9)  # numbers of nodes
-FLAT = 1e-12  # area of a facet over its radius squared, below which it has none
+KINDS = (3, 4, 6, 8, 9)  # numbers of nodes of a facet
+FLAT = 1e-12  # area over radius squared, below which a facet counts as one without area
 
 
 @dataclass(frozen=True)
@@ -31,17 +31,17 @@ class Facets:
     Attributes
     ----------
     coordinates : ndarray (n_nodes, 3)
-        Of all nodes of the component, m.
+        Coordinates of all nodes of the component, m.
     blocks : tuple of ndarray (m, k) of int
-        Nodes of facets, a block for each kind; k = 3, 4, 6, 8 or 9 says which. The facets are
-        numbered through all blocks.
+        Nodes of the facets, in a block for each number k of nodes. The facets are numbered through
+        all blocks.
     name : str
-        For messages.
+        Name for messages.
 
     Raises
     ------
     ModelError
-        No facet, nodes that do not exist, a facet without area.
+        There is no facet, a node does not exist, or a facet has no area.
     """
 
     coordinates: np.ndarray
@@ -72,7 +72,7 @@ class Facets:
 
     @cached_property
     def table(self) -> np.ndarray:
-        """Nodes of all facets (m, 9), filled up with the first one."""
+        """Nodes of all facets (m, 9); the first node fills the places of facets with fewer."""
         rows = [
             np.hstack([b, np.repeat(b[:, :1], MAX_FACET_NODES - b.shape[1], axis=1)])
             for b in self.blocks
@@ -86,16 +86,16 @@ class Facets:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """Means of the corners (m, 3), m."""
-        three = np.isin(self.kinds, TRIANGLES)
+        """Centre of each facet, the mean of its corners (m, 3), m."""
+        is_triangle = np.isin(self.kinds, TRIANGLES)
         triangle, quad = (self.nodes[:, :n].mean(axis=1) for n in (3, 4))
-        return np.where(three[:, None], triangle, quad)
+        return np.where(is_triangle[:, None], triangle, quad)
 
     @cached_property
     def radii(self) -> np.ndarray:
-        """Greatest distance of a node from the centre (m,), m."""
-        off: np.ndarray = np.linalg.norm(self.nodes - self.centres[:, None], axis=2).max(axis=1)
-        return off
+        """Radius of each facet, the greatest distance of a node from its centre (m,), m."""
+        radii: np.ndarray = np.linalg.norm(self.nodes - self.centres[:, None], axis=2).max(axis=1)
+        return radii
 
     @cached_property
     def areas(self) -> np.ndarray:
@@ -105,10 +105,9 @@ class Facets:
 
     @cached_property
     def directions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean unit normal of each facet (m, 3), and how far its normals lean from it (m,).
+        """Mean unit normal of each facet (m, 3), and a bound of its normals' deviation (m,).
 
-        The latter is twice the largest difference at Gauss points: those of the corners are not
-        seen.
+        The bound is twice the largest difference at Gauss points, as those are not at the corners.
         """
         surface, facet = self.gauss_points(3)
         mean = np.column_stack([np.bincount(facet, n) for n in surface.normal.T])
@@ -138,10 +137,10 @@ class Facets:
 
 
 def rule(kind: int, points_per_side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (q, 2) and positive weights (q,) of the quadrature on a reference facet.
+    """Points (q, 2) and positive weights (q,) of the quadrature on a reference facet.
 
-    n x n Gauss points on quadrilaterals. On triangles 1, 3 or 6 points for n = 1, 2, 3, which
-    integrate the degrees 1, 2, 4; n x n points on a collapsed square from n = 4 on.
+    Quadrilaterals have n x n Gauss points. Triangles have 1, 3 or 6 points for n = 1, 2, 3, which
+    integrate degrees 1, 2, 4, and n x n points on a collapsed square from n = 4.
     """
     if kind in TRIANGLES and points_per_side == 1:
         return np.full((1, 2), 1 / 3), np.array([0.5])

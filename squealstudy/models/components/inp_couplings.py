@@ -21,7 +21,7 @@ from squealstudy.models.components.materials import Orientation
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.set_names import has_name
 
-CYCLIC = "CYCLICSYMMETRY"  # of a tie: the master is that of the next sector
+CYCLIC = "CYCLICSYMMETRY"  # key of a tie whose master belongs to the next sector
 TIE = ("NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE", "NOROTATION", CYCLIC)
 COUPLING = ("CONSTRAINTNAME", "REFNODE", "SURFACE", "ORIENTATION")
 RIGID_BODY = ("NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET")
@@ -41,7 +41,7 @@ class CardScope:
     cards : sequence of Card
     nodes, elements : Sets
     prefix : str
-        Of names in the assembly that the part has too.
+        Prefix of names in the assembly that the part has too.
     file_names : set of str
         Names, in capitals, of all surfaces of the file, also of those of other instances.
     turned : bool
@@ -66,7 +66,7 @@ class Couplings:
         nodes_of: Callable[[np.ndarray], np.ndarray],
         note: Callable[[Card, str], None],
     ) -> None:
-        """`places` of node numbers in the mesh; `nodes_of` elements, both by number; `note`."""
+        """`places` maps numbers of nodes to the mesh, `nodes_of` those of elements to nodes."""
         self._mesh, self._places, self._nodes_of, self._note = mesh, places, nodes_of, note
 
     def read(self, scope: CardScope) -> list[Constraint]:
@@ -194,7 +194,7 @@ class Couplings:
 
     @staticmethod
     def _directions(card: Card) -> tuple[int, ...]:
-        """Directions that the lines name; all where there are none."""
+        """Directions that the lines name; all six where there are no lines."""
         named_directions: set[int] = set()
         for line in card.data:
             words = [line.whole(w, "a direction 1 to 6") for w in line.words() if w]
@@ -238,7 +238,7 @@ class Couplings:
         return NodePlaces(scope.nodes, self._places).of(card.line, card.value("REFNODE"))
 
     def _surface(self, line: Line, word: str, scope: CardScope) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes of a surface, and its faces; of a node set none."""
+        """Nodes of a surface and its faces; a node set has no faces."""
         mesh = self._mesh
         for name in (scope.prefix + word, word):
             if has_name(mesh.surfaces, name):

@@ -1,4 +1,4 @@
-"""Which node and direction each row of a matrix is: maps that solvers write beside matrices."""
+"""Maps from rows of a matrix to nodes and directions, which solvers write beside matrices."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from squealstudy.errors import ModelError
 from squealstudy.files import OF_LINES, read_whole
 from squealstudy.models.components.mesh import SolidMesh
 
-MAPPING = ".mapping"  # of ANSYS; all others have lines node.direction, as CalculiX's .dof
+MAPPING = ".mapping"  # suffix of ANSYS; other files have lines node.direction, as CalculiX's .dof
 LINE = re.compile(r"\s*([0-9]{1,18})\.([0-9]{1,18})\s*", re.ASCII)
 EQUATION = re.compile(r"\s*([0-9]{1,18})\s+([0-9]{1,18})\s+([A-Za-z]\w*)\s*", re.ASCII)
 NUMBERED = re.compile(r"\s*[0-9]")
 DISPLACEMENTS = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
-MODAL_LINE, MODAL = "modal", -1  # of a row that belongs to no node
+MODAL_LINE, MODAL = "modal", -1  # a row without a node
 
 
 class FreedomsOf:
     """Degrees of freedom of a mesh by numbers of nodes and directions.
 
-    3 * node + axis of displacements, and behind those of all nodes the same of turns.
+    Displacements are numbered 3 * node + axis; rotations follow in the same order.
 
     Parameters
     ----------
     mesh : SolidMesh
     name : str
-        Of its file, for messages.
+        Name of its file, for messages.
     """
 
     def __init__(self, mesh: SolidMesh, name: str) -> None:
@@ -37,7 +37,7 @@ class FreedomsOf:
         self._order = np.argsort(mesh.numbers)
 
     def at(self, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Freedoms of nodes (m,) and directions (m,) from 1 to 6; -1 for an unknown node."""
+        """Degrees of freedom of nodes (m,) in directions (m,) 1 to 6; -1 for an unknown node."""
         ordered = self._numbers[self._order]
         indices = np.minimum(np.searchsorted(ordered, nodes), len(ordered) - 1)
         turns, axis = np.divmod(directions - 1, 3)
@@ -47,7 +47,7 @@ class FreedomsOf:
 
     @property
     def count(self) -> int:
-        """Number of freedoms of the mesh's nodes; modal coordinates count from there."""
+        """Number of degrees of freedom of the nodes, from which modal coordinates are numbered."""
         return 6 * len(self._numbers)
 
     def unknown(self, node: int) -> str:
@@ -59,21 +59,21 @@ class FreedomsOf:
 
 
 def read_map(path: Path, freedoms: FreedomsOf) -> np.ndarray:
-    """Degree of freedom of each row (n,) of the matrices.
+    """Degree of freedom of each row (n,) of the matrices, as in `FreedomsOf`.
 
-    As of `FreedomsOf`; modal coordinates count from 6 * n_nodes.
+    Modal coordinates are numbered from 6 * n_nodes.
 
     Parameters
     ----------
     path : Path
-        A line ``node.direction`` or ``modal`` a row, or a ``.mapping`` of ANSYS: row, node, UX, UY,
-        UZ, ROTX, ROTY or ROTZ.
+        A file with a line ``node.direction`` or ``modal`` for each row; or a ``.mapping`` of ANSYS
+        with lines of row, node and UX, UY, UZ, ROTX, ROTY or ROTZ.
     freedoms : FreedomsOf
 
     Raises
     ------
     ModelError
-        With the line of what is malformed, has no node in the mesh, or is there twice.
+        A line is malformed, its node is not in the mesh, or it is there twice.
     """
     try:
         lines = read_whole(path, OF_LINES).decode("utf-8-sig", errors="replace").split("\n")

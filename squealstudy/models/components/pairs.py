@@ -1,10 +1,10 @@
 """Contact points between two surfaces whose meshes do not match.
 
-Points are those of the slave, brought to the master along the slave's normals. ``gauss``: the Gauss
-points of the slave's facets; simple, but a uniform pressure does not come over unchanged.
-``clipped``: means over the segments, the parts of a slave facet that each master facet covers, on
-both sides alike. A uniform pressure then comes over exactly between parallelograms and triangles
-with straight edges, whatever their sizes, and nearly between others.
+Points are on the slave and are projected on the master along the slave's normals. ``gauss`` takes
+the Gauss points of the slave's facets, which is simple, but does not transfer a uniform pressure
+exactly. ``clipped`` takes means over segments, the parts of a slave facet that single master facets
+cover, on both sides alike. It transfers a uniform pressure exactly between parallelograms and
+triangles with straight edges of any size, and nearly between others.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from squealstudy.models.components.segment_points import Segments, segment_means
 from squealstudy.models.fem.sampling import Surface
 
 QUADRATURES = ("clipped", "gauss")
-FULL_REACH_SHARE = 1 - 1e-3  # share of a slave that is in reach but for chords at its edges
+FULL_REACH_SHARE = (
+    1 - 1e-3
+)  # share in reach of a slave that is all in reach but for chords at its edges
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Pair:
     Attributes
     ----------
     slave, master : Surface
-        The same points and areas, opposite normals, each side's own shape functions.
+        The two sides: equal points and areas, opposite normals, and each side's shape functions.
     gap0 : ndarray (n,)
         Initial gap that the contact law sees, m.
     geometric_gap : ndarray (n,)
@@ -61,8 +63,8 @@ class Pair:
     @property
     def gap_spread(self) -> float:
         """Standard deviation of the geometric gap over the area in reach, m."""
-        off = self.geometric_gap - self.gap_mean
-        return float(np.sqrt(np.average(off**2, weights=self.slave.area)))
+        deviation = self.geometric_gap - self.gap_mean
+        return float(np.sqrt(np.average(deviation**2, weights=self.slave.area)))
 
 
 def pair(
@@ -76,7 +78,7 @@ def pair(
     pieces: int = 4,
     degree: int = 8,
 ) -> Pair:
-    """Contact points on `slave` and their places on `master`.
+    """Contact points on `slave` and their projections on `master`.
 
     Parameters
     ----------
@@ -92,9 +94,9 @@ def pair(
         n x n points on a quadrilateral; 1, 3, 6 on a triangle for n = 1, 2, 3. At most 3 if
         clipped.
     pieces, degree : int
-        Of ``clipped``: chords on a curved edge, at least 1; degree of the quadrature on segments,
-        2 to 12. On parallelograms and straight triangles of the second degree, sums of forces are
-        exact from 4 on, the rows themselves with 8.
+        For ``clipped``: chords on a curved edge, at least 1, and degree of the quadrature on
+        segments, 2 to 12. On parallelograms and straight triangles of the second degree, sums of
+        forces are exact from degree 4, the rows themselves from degree 8.
 
     Returns
     -------
@@ -103,7 +105,7 @@ def pair(
     Raises
     ------
     ModelError
-        Settings out of range; nothing in reach; normals that point the same way; master facets that
+        Settings are out of range, nothing is in reach, normals point the same way, or master facets
         lie above each other.
     """
     _check(search, quadrature, initial_gap, points_per_side, pieces, degree)
@@ -145,7 +147,7 @@ def _initial(initial_gap: float | str, opposite: Opposite) -> np.ndarray:
 
 
 def _where(covered: float, gaps: np.ndarray) -> str:
-    """Where the master is, for a message."""
+    """Words about the master's distance, for a message."""
     if not len(gaps):
         return "no normal of the one meets the other: is a part placed wrongly?"
     return (

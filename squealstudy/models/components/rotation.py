@@ -18,25 +18,25 @@ from squealstudy.models.components.mesh_matrices import (
 )
 from squealstudy.models.turning import Rotors, convective_elements, gyroscopic
 
-SAME_MASS = 1e-6  # relative: what is beside it is no element's
+SAME_MASS = 1e-6  # relative difference to the elements' mass above which there is other mass
 
 
 def turning_matrix(body: Body, mesh: SolidMesh, rotors: Rotors, M: sp.csr_matrix) -> sp.csr_matrix:
-    """Gyroscopic matrix (n, n) of 1 rad/s over the degrees of freedom of a body, kg.
+    """Gyroscopic matrix (n, n) [kg] at 1 rad/s over the degrees of freedom of a body.
 
     Parameters
     ----------
     body : Body
     mesh : SolidMesh
-        Of the body, with the densities that count.
+        Mesh of the body, with the densities to use.
     rotors : Rotors
     M : csr_matrix (n, n)
-        Its mass, with all that is on it.
+        Mass of the body, with all masses on it.
 
     Raises
     ------
     ModelError
-        A body without a mesh, with masses beside its elements, or not symmetric about the axis.
+        The body has no mesh, has masses beside its elements, or is not symmetric about the axis.
     """
     if body.matrices is not None:
         raise ModelError(f"{body.name} is given by matrices: gyroscopic terms need its mesh")

@@ -23,7 +23,7 @@ from squealstudy.kernels.segments import N_SHAPE_TERMS, integrate_segments
 from squealstudy.models.components.facet_geometry import TRIANGLES, Facets, rule
 from squealstudy.models.components.opposite import Neighbours, Opposite
 
-AT_ONCE = 20_000  # pairs of facets whose integrals are held at the same time: 13 MB
+AT_ONCE = 20_000  # pairs of facets integrated in one call: 13 MB
 MIN_AREA_SHARE = 0.1  # area of a point over that with constant functions
 MIN_COVERED_SHARE = 1e-12  # share of a facet below which it is not covered
 LAYERS = 1.02  # share of a facet above which several masters cover it
@@ -31,18 +31,19 @@ LAYERS = 1.02  # share of a facet above which several masters cover it
 
 @dataclass(frozen=True)
 class Segments:
-    """Settings of the integration.
+    """Settings of the integration over segments.
 
     Attributes
     ----------
     points_per_side : int
-        n x n means on a quadrilateral, n = 1, 2, 3; 1, 3, 6 on a triangle.
+        n = 1, 2, 3: n x n means on a quadrilateral, 1, 3 or 6 on a triangle.
     pieces : int
         Chords on a curved edge, at least 1.
     degree : int
-        Of the polynomials of local coordinates that are exactly integrated over a segment, 1 to 12.
+        Degree up to which polynomials of local coordinates are integrated exactly over a segment,
+        2 to 12.
     search : float
-        Greatest distance of the surfaces, m.
+        Greatest distance of surfaces in contact, m.
     """
 
     points_per_side: int
@@ -54,7 +55,7 @@ class Segments:
 def segment_means(
     slave: Facets, master: Facets, neighbours: Neighbours, settings: Segments
 ) -> Opposite:
-    """Means over the parts of all slave facets that are in reach.
+    """Contact points as means over the parts of all slave facets that are in reach.
 
     Raises ModelError where master facets lie in layers, or a facet is folded.
     """
@@ -86,9 +87,9 @@ def lagrange(three: bool, points_per_side: int) -> tuple[np.ndarray, np.ndarray]
     Returns
     -------
     functions : ndarray (p, 9)
-        Their coefficients by the terms 1, a, b, ab, a2, b2, a2 b, a b2, a2 b2.
+        Coefficients of the terms 1, a, b, ab, a2, b2, a2 b, a b2, a2 b2.
     share : ndarray (p,)
-        Gauss weights, of sum one.
+        Gauss weights, which sum to one.
     """
     local, weights = rule(3 if three else 4, points_per_side)
     a, b = local.T

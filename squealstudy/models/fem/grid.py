@@ -34,11 +34,11 @@ class CylindricalMesh:
     material : ndarray (n_cells,) of str
         Material name of each cell.
     blocks : tuple of GridBlock
-        Of which the solid is the union.
+        Blocks whose union is the solid.
     lines : tuple of ndarray
-        Of the grid, in r [m], theta [rad] and z [m].
+        Lines of the grid in r [m], theta [rad] and z [m].
     numbers : ndarray (n_r, n_theta, n_z) of int
-        Cell between two lines of each direction; -1 where the grid has none.
+        Number of the cell between two lines of each direction; -1 where there is no cell.
     """
 
     mesh: MeshHex2
@@ -49,7 +49,7 @@ class CylindricalMesh:
     numbers: np.ndarray
 
     def cells_at(self, points: np.ndarray) -> np.ndarray:
-        """Cell that holds each of points (n, 3) [m], -1 where there is none."""
+        """Number of the cell around each point (n, 3) [m]; -1 where there is none."""
         x, y, z = points.T
         turns = np.floor((np.arctan2(y, x) - self.lines[1][0]) / (2 * np.pi))
         theta = np.arctan2(y, x) - 2 * np.pi * turns
