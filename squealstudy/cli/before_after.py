@@ -18,14 +18,14 @@ from squealstudy.tables.before_after import REL_TOLERANCE, SIDES, first_of
 from squealstudy.tables.stability import BELOW_RANGE, INEXACT
 from squealstudy.wording import amount, in_digits, plural
 
-ABOUT = {"~": "about {}", "<= ": "{} or less"}  # an onset in words, by its mark
-MOST_NAMED = 3  # modes of one side alone
+ABOUT = {"~": "about {}", "<= ": "{} or less"}  # words for an inexact onset, by its mark
+MOST_NAMED = 3  # most modes that are named where only one side has them
 
 Row = Mapping[Hashable, Any]
 
 
 def before_after(table: pd.DataFrame, before: Results, after: Results) -> list[RenderableType]:
-    """The answer, a line a mode, and what differs, of the table of `Results.compare`."""
+    """The answer, differences of the studies, and a line for each mode, from `Results.compare`."""
     facts = table.attrs
     along, points = facts["along"], facts["points"]
     unit = facts["units"].get("onset_before", "")
@@ -66,7 +66,7 @@ def before_after(table: pd.DataFrame, before: Results, after: Results) -> list[R
 
 
 def _onsets(table: pd.DataFrame, along: str | None, unit: str) -> list[str]:
-    """How the change moves the first onset."""
+    """Sentence on how the change moves the first onset."""
     if not along or not len(table):
         return []
     rows = [first_of(table, side) for side in SIDES]
@@ -93,7 +93,7 @@ def _onsets(table: pd.DataFrame, along: str | None, unit: str) -> list[str]:
 
 
 def _onset(row: pd.Series | None, side: str, along: str, unit: str) -> str:
-    """The onset of a mode on a side in words; empty where there is none."""
+    """Text of a mode's onset before or after; empty where there is none."""
     if row is None:
         return ""
     kind, mode = str(row[f"onset_kind_{side}"]), _mode(row.to_dict(), side)
@@ -104,7 +104,7 @@ def _onset(row: pd.Series | None, side: str, along: str, unit: str) -> str:
 
 
 def _growth(table: pd.DataFrame) -> list[str]:
-    """How the change alters the fastest growth."""
+    """Sentence on how the change alters the fastest growth."""
     fastest = [table[f"growth_rate_{side}"].max() for side in SIDES]
     if not len(table) or any(rate != rate for rate in fastest):
         return []
@@ -120,7 +120,7 @@ def _growth(table: pd.DataFrame) -> list[str]:
 
 
 def _counts(table: pd.DataFrame) -> list[str]:
-    """How many modes and points are unstable on both sides, and what is of one side alone."""
+    """Sentences on numbers of unstable modes and points, and on modes that one side alone has."""
     facts = table.attrs
     if not len(table):
         points = plural(facts["points"], "point")
@@ -151,18 +151,18 @@ def _counts(table: pd.DataFrame) -> list[str]:
 
 
 def _alone(table: pd.DataFrame, side: str) -> np.ndarray:
-    """Rows of modes that have no partner on the other side."""
+    """Mask of the rows with modes that have no partner on the other side."""
     other = SIDES[1 - SIDES.index(side)]
     return (table[f"mode_{other}"] == "").to_numpy(bool)
 
 
 def _unpaired(table: pd.DataFrame) -> bool:
-    """Whether modes are left on both sides: two of them may be one, whose frequency moves far."""
+    """Whether both sides have modes without a partner: two may be one that has moved far."""
     return all(_alone(table, side).any() for side in SIDES)
 
 
 def _doubts(facts: Mapping[Hashable, Any]) -> list[str]:
-    """Where it is not known what grows."""
+    """Sentences on points where it is uncertain or not known what grows."""
     texts = []
     for what, text in (("uncertain", "Stability is uncertain at"), ("failed", "Failed:")):
         counts = " and ".join(f"{plural(facts[side][what], 'point')} {side}" for side in SIDES)
@@ -171,14 +171,14 @@ def _doubts(facts: Mapping[Hashable, Any]) -> list[str]:
 
 
 def _none_to(table: pd.DataFrame, side: str, along: str, unit: str) -> str:
-    """Sentence that one side has no known onset, and up to which value there surely is none."""
+    """Text that one side has no known onset, with the value up to which that is certain."""
     facts = table.attrs[side]
     sure = not any(facts[doubt] for doubt in ("unstable", "uncertain", "failed", "knots"))
     return f"none up to {along} {amount(facts['top'], unit)}" if sure else "none known"
 
 
 def _outside(before: Results, after: Results) -> str:
-    """Modes that grow outside the band: one that has left the band may be among them."""
+    """Text on growth outside the band, to which a mode of the band may have moved."""
     texts = (
         (side, grows_outside(results.manifest, results.units))
         for side, results in zip(SIDES, (before, after), strict=True)
@@ -187,7 +187,7 @@ def _outside(before: Results, after: Results) -> str:
 
 
 def _mode(row: Row, side: str) -> str:
-    """Name and frequency of a mode on a side; empty where it is not unstable there."""
+    """Text of a mode's name and frequency before or after; empty where it is not unstable."""
     name, hz = row[f"mode_{side}"], row[f"frequency_{side}_hz"]
     return f"{name} at {in_digits(hz)} Hz" if hz == hz else str(name)
 

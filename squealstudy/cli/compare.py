@@ -1,4 +1,4 @@
-"""What `squealstudy compare` prints: what is predicted beside what happens in time."""
+"""Text of `squealstudy compare`: predictions beside runs in time."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ AGREEMENTS = {AGREES: "agree", DOUBTFUL: "doubtful", DIFFERS: "differ", CANNOT: 
 def comparison(
     table: pd.DataFrame, names: Mapping[int, tuple[str, bool]] | None = None
 ) -> list[RenderableType]:
-    """The table of `Results.compare`, one line an instability, and a summary.
+    """The table of `Results.compare` with a line for each instability, and a summary.
 
-    `names` are those of the frequency study's tracks, `Results.track_names`.
+    `names` are those of the tracks of the complex-mode study (`Results.track_names`).
     """
     if not len(table):
         return [summary(table)]
@@ -59,7 +59,7 @@ def comparison(
 
 
 def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
-    """The table of `Results.compare` of limit cycles, one line a design, and a summary."""
+    """The table of `Results.compare` for limit cycles, a line for each design, and a summary."""
     varied = [n for n in table.attrs["parameters"] if len(table[n].unique()) > 1]
     units = table.attrs["units"]
     unit = units.get("torque_rms", "N m")
@@ -112,7 +112,7 @@ def _cycle_cells(row: dict[Hashable, Any]) -> list[str]:
 
 
 def summary(table: pd.DataFrame) -> str:
-    """What was compared, how much is predicted and expressed, and what vibrates unforeseen."""
+    """Sentences on the points compared, instabilities predicted and expressed, and other motion."""
     points = table.attrs["points"]
     parts = [f"{plural(points, 'design point')} compared", *_failures(table.attrs)]
     predicted = table[table["kind"].isin([BOTH, PREDICTED]).to_numpy()]
@@ -138,7 +138,7 @@ def _failures(counts: Mapping[Hashable, Any]) -> list[str]:
 
 
 def _expressed_text(rows: pd.DataFrame) -> str:
-    """How many instabilities are in the vibration that lasts."""
+    """Text on how many instabilities are in the vibration that lasts."""
     expressed, unknown = (
         rows["expressed"].fillna(False).astype(bool),
         int(rows["expressed"].isna().sum()),
@@ -189,14 +189,14 @@ def _cells(row: dict[Hashable, Any]) -> list[str]:
 
 
 def _mode(track: int) -> str:
-    """Number of a track, or what stands in its place."""
+    """Text of a track's number, or of the kind of mode that has none."""
     if track == 0:
         return "-"
     return track_number(track) if track > 0 else group_kind(track)
 
 
 def _motion(row: dict[Hashable, Any]) -> str:
-    """Class, leading line and level of the run; of motion that nothing predicts, that it is."""
+    """Class and strongest line of a run; its level too if the motion was not predicted."""
     line = figure(row["torque_line_hz"], ".0f")
     text = str(row["class"]) + (f", {line} Hz" if line != "-" else "")
     why = {VIBRATION: "not predicted", UNFOLLOWED: "not followed"}.get(str(row["kind"]))

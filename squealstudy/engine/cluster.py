@@ -1,7 +1,7 @@
 """A cluster of dask.distributed that does tasks instead of local processes.
 
-Only this process writes results. Models go to the workers as the tasks name them, by their keys;
-what tasks add to a worker's cache comes back with their results (engine/cluster_worker.py).
+Only this process writes results. Models whose keys a task names are sent to the workers; files that
+a task adds to a worker's cache come back with its result (engine/cluster_worker.py).
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from squealstudy.wording import plural
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# tasks that a worker has at a time: one being solved, the others waiting there
+# tasks that each worker has at a time: it does one, the others wait there
 TASKS_IN_FLIGHT_PER_WORKER = 3
-CLOSE_TIMEOUT_S = 2.0  # s, for a scheduler to answer
-POLL_INTERVAL_S = 2.0  # s between counts of the workers
+CLOSE_TIMEOUT_S = 2.0  # s, longest wait for a scheduler's answer when closing
+POLL_INTERVAL_S = 2.0  # s, least time between counts of the workers, longest wait for a task
 ALL_DIED = "every worker that tried it died"
-MAX_MODELS_SENT = 8  # models that the scheduler keeps, beside those of tasks that wait
+MAX_MODELS_SENT = 8  # most models that the scheduler keeps, beside those of waiting tasks
 KEY = re.compile(rb"[0-9a-f]{%d,}" % HASH_DIGITS)
 
 TaskT = TypeVar("TaskT")
@@ -59,7 +59,7 @@ ResultOfLost = Callable[[Any, str], Any]
 
 @dataclass(frozen=True)
 class Worker:
-    """A worker: its address, threads, and what `cluster_worker.facts` tells."""
+    """A worker: its address, number of threads, and the facts of `cluster_worker.facts`."""
 
     address: str
     threads: int
@@ -74,7 +74,7 @@ class _DiedError(Exception):
 
 @dataclass
 class _SentModel:
-    """A model in the cache: names of its folders here and of those that were sent to workers."""
+    """A model that was sent: names of its folders in the cache here, and of those sent so far."""
 
     names_here: set[str] = field(default_factory=set)
     names_sent: set[str] = field(default_factory=set)
@@ -93,7 +93,7 @@ class Cluster:
     Attributes
     ----------
     members : list of Worker
-        Those that there were when the run began.
+        Workers that the cluster had when the run began.
     run : str
         Prefix of the keys of its tasks.
     """
@@ -116,7 +116,7 @@ class Cluster:
 
     @property
     def size(self) -> int:
-        """Workers now; one where there is none yet."""
+        """Number of workers, counted at most every POLL_INTERVAL_S; 1 where there is none."""
         if time.monotonic() - self._counted_at_s > POLL_INTERVAL_S:
             before, self._n_workers = self._n_workers, len(self._threads())
             self._counted_at_s = time.monotonic()
@@ -125,7 +125,7 @@ class Cluster:
         return max(1, self._n_workers)
 
     def _threads(self) -> dict[str, int]:
-        """Threads of each worker by its address; MachineError where no scheduler answers."""
+        """Number of threads by worker's address; MachineError where no scheduler answers."""
         try:
             return dict(self.client.nthreads())
         except Exception as error:
@@ -135,7 +135,7 @@ class Cluster:
         return MachineError(f"{self.name}: the scheduler does not answer any more")
 
     def workers(self) -> list[Worker]:
-        """The cluster's workers, once there is one; MachineError where one cannot be used."""
+        """Wait for a worker, then return all of them; MachineError where one cannot be used."""
         threads = self._threads()
         if not threads:
             self.warn(f"{self.name}: no worker yet; waiting for one")
@@ -166,7 +166,7 @@ class Cluster:
         tasks: Iterator[TaskT],
         lost: ResultOfLost | None,
     ) -> Iterator[ResultT]:
-        """Results of a function of each task, as they come; see `Workers.each`.
+        """Yield results of a function of each task, as they come; see `Workers.each`.
 
         Raises
         ------
@@ -280,7 +280,7 @@ class Cluster:
         return self._setting[1]
 
     def _model(self, key: str) -> _SentModel:
-        """A model that a task names, after its folders that were not sent yet are sent."""
+        """A model that a task names; those of its folders that were not sent yet are sent now."""
         model = self._models.pop(key, None) or _SentModel()
         self._models[key] = model
         if key not in self._looked_up:
@@ -304,7 +304,7 @@ class Cluster:
 
 
 def _keys(call: bytes) -> set[str]:
-    """Texts in a pickle that may be keys, in strings or in arrays of them."""
+    """All texts in a pickle that look like keys, in strings or in arrays of strings."""
     keys: set[str] = set()
     for run in KEY.findall(call.replace(b"\0", b"")):
         keys.update(run[i : i + HASH_DIGITS].decode() for i in range(len(run) - HASH_DIGITS + 1))
@@ -312,7 +312,7 @@ def _keys(call: bytes) -> set[str]:
 
 
 def _pickled(call: Any) -> bytes:
-    """A pickle in which paths in the cache become those of the process that reads it."""
+    """A pickle whose paths in this cache become paths in the cache of the process that reads it."""
     import cloudpickle
 
     base = cache_directory()
@@ -330,14 +330,14 @@ def _pickled(call: Any) -> bytes:
 
 @contextlib.contextmanager
 def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Iterator[Cluster]:
-    """The cluster of a client, or of a scheduler by its address or its file.
+    """Connect to the cluster of a client, or of a scheduler by its address or its file.
 
-    It has a worker at least, and all have the versions of this process.
+    It has at least one worker, and all have the versions of this process.
 
     Raises
     ------
     MachineError
-        Without the library; where no scheduler answers; where a worker has other versions.
+        Where dask.distributed is missing, no scheduler answers, or a worker has other versions.
     """
     try:
         import distributed
@@ -355,7 +355,7 @@ def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Itera
             with _checked(own_client, warn) as cluster:
                 yield cluster
         finally:
-            with contextlib.suppress(Exception):  # of a scheduler that is gone
+            with contextlib.suppress(Exception):  # the scheduler may be gone
                 own_client.close(timeout=CLOSE_TIMEOUT_S)
 
 

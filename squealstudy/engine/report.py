@@ -1,6 +1,6 @@
-"""Results as one page of HTML that needs nothing else: to hand on, to print.
+"""Results as one page of HTML that needs no other file, to hand on or to print.
 
-What it says is what screens, tables, pictures and the manifest say; nothing is computed here.
+It shows what screens, tables, pictures and the manifest have. Only a shape is computed for it.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 TEMPLATE = Path(__file__).with_name("report.html")
-MOST_ROWS = 200  # of a table; the others are in its file
-MOST_BYTES = 9_000_000  # of all pictures of a page
-TABLE_DIGITS = 6
-SHAPE_DPI = 75
+MOST_ROWS = 200  # most rows of a table that are shown; the others are in its file
+MOST_BYTES = 9_000_000  # most bytes of all pictures and shapes of a page
+TABLE_DIGITS = 6  # significant digits of numbers in tables
+SHAPE_DPI = 75  # dots per inch of the picture of a shape
 # endings of files that a study can name
 READ = (".toml", ".py", ".csv", *(ending for endings in READERS for ending in endings))
 
@@ -54,16 +54,16 @@ def write_report(results: Sequence[Results], path: Path, shapes: bool = True) ->
 
 
 def report(results: Sequence[Results], shapes: bool = True) -> str:
-    """The page: verdicts first, then what they rest on.
+    """The page: for each study its verdict first, then the grounds for it.
 
     Parameters
     ----------
     results : sequence of Results
-        Whose tables are read and whose pictures are drawn; those beyond MOST_BYTES are named. Those
-        of studies that were run with one follow it.
+        Results whose tables and pictures are shown; pictures beyond MOST_BYTES are only named. Each
+        is followed by results of the studies that were run with it.
     shapes : bool
         Whether the fastest growing mode, or the end of the loudest run, of a model with a mesh is
-        shown, moving: the design point is solved again.
+        shown in motion, for which the design point is solved again.
     """
     results = [*_with_beside(results)]
     bytes_left = MOST_BYTES
@@ -117,12 +117,12 @@ def _whose(results: Results) -> tuple[str, str, str]:
 
 
 def _said_first(results: Results) -> str:
-    """Doubts about the answers of a study, in sentences."""
+    """Sentences on doubts about the answers of a study."""
     return said_first(results.points) if "points" in results.tables else ""
 
 
 def _lost(results: Results) -> str:
-    """How many design points of a study have no result, in a sentence; empty where all have."""
+    """Sentence on how many design points of a study are not ok; empty where all are."""
     status = results.points["status"] if "points" in results.tables else pd.Series(dtype=str)
     lost = int((status != "ok").sum())
     if not lost:
@@ -147,7 +147,7 @@ def _description(results: Results) -> str:
 
 
 def _study_tables(results: Results) -> dict[str, Any]:
-    """Tables of the study file that results keep; none of a text that is no such file."""
+    """Tables of the study file stored in results; {} where its text is no such file."""
     try:
         return tomllib.loads(str(results.manifest.get("study", "")))
     except (ValueError, RecursionError):
@@ -184,7 +184,7 @@ def _plain(cell: Any) -> str:
 
 
 def _html_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table that sorts; cells are HTML."""
+    """A table that readers can sort; `rows` are cells of HTML."""
     sort = '<th scope="col"><button type="button">{}</button></th>'
     head = "".join(sort.format(escape(title)) for title in titles)
     body = "\n".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
@@ -193,9 +193,9 @@ def _html_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _shape(results: Results) -> list[str]:
-    """How the fastest growing mode looks, or the end of the loudest run, and why it grows.
+    """Parts of the page on the shape of the fastest growing mode, or the end of the loudest run.
 
-    Nothing of kinds and models that have no shape.
+    They say why it grows, too. Empty for kinds of study and models that have no shapes.
     """
     if not (
         results.kind == "transient"
@@ -272,7 +272,7 @@ def _errors(results: Results) -> Iterator[str]:
 
 
 def tables_text(manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Through what that which is no parameter of the model acts: tables alone."""
+    """Yield texts on quantities that act through tables of parameters."""
     tables = manifest.get("tables", {})
     for over in dict.fromkeys(name for follows in tables.values() for name in follows):
         names = [name for name, follows in tables.items() if over in follows]
@@ -281,7 +281,7 @@ def tables_text(manifest: Mapping[str, Any]) -> Iterator[str]:
 
 
 def named_files(tables: Any) -> list[str]:
-    """Files that a study's tables name, each once: models, extensions, measurements, matrices."""
+    """Files that a study's tables name, each once: by the suffixes that a study can read."""
     if isinstance(tables, str):
         return [tables] if tables.lower().endswith(READ) else []
     if not isinstance(tables, Mapping | list):

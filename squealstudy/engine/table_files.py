@@ -20,9 +20,7 @@ from squealstudy.array_files import expect_memory
 from squealstudy.engine.dictionary_pages import longest_entry
 from squealstudy.errors import ContradictionError, ResultsError
 
-SIDE_BY_SIDE = (
-    b"side_by_side"  # key of a schema's metadata: names of columns with lists of one length
-)
+SIDE_BY_SIDE = b"side_by_side"  # key of a schema's metadata: columns with lists of one length
 NUMBER_BYTES = 8  # bytes of a value that is no text
 TEXT_BYTES = 16  # bytes of a text without its letters, in a table and in a frame
 TEXT = "BYTE_ARRAY"
