@@ -28,7 +28,7 @@ from squealstudy.models.parameter_names import FREQUENCY_SCALE, ModeParameter, p
 
 @dataclass(frozen=True)
 class ModelPoint:
-    """A model, and a value of all its parameters.
+    """A model with values of its options and parameters.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class ModelPoint:
 
     @property
     def own_values(self) -> dict[str, float]:
-        """The values that name the design point: without parameters of others' laws not in use."""
+        """Values that identify the design point: without those of laws from outside not in use."""
         used = {p.name for p in CONTACT_LAWS[self.law_kind].parameters}
         used |= {p.name for p in FRICTION_CURVES[self.curve_kind].parameters}
         unused = (CONTACT_LAWS.names_outside() | FRICTION_CURVES.names_outside()) - used
@@ -64,7 +64,7 @@ class ModelPoint:
 
     @property
     def curve_kind(self) -> str:
-        """Friction curve of the model's options; that by default for models without a choice."""
+        """Friction curve of the model's options; the default one for models without a choice."""
         return str(self.options.get(FRICTION_OPTION.name, DEFAULT_CURVE))
 
     @property
@@ -73,7 +73,7 @@ class ModelPoint:
         return not isinstance(self.model, FamilyDefinition)
 
     def structural_values(self) -> dict[str, float]:
-        """The values that decide masses and stiffnesses, sorted by name."""
+        """Values of the structural parameters, on which masses and stiffnesses depend, by name."""
         return {
             p.name: self.values[p.name]
             for p in sorted(self.model.parameters, key=lambda p: p.name)
@@ -81,7 +81,7 @@ class ModelPoint:
         }
 
     def assembly(self) -> Assembly:
-        """The unreduced model, meshed and assembled; ModelError where it cannot be."""
+        """The unreduced model, meshed and assembled; ModelError where that is impossible."""
         return self.model.build(self.options, self.plain_values())
 
     def plain_values(self) -> dict[str, float]:
@@ -130,6 +130,6 @@ class ModelPoint:
         return [p for p in self._parsed() if not p.component]
 
     def _parsed(self) -> list[ModeParameter]:
-        of_modes = (name for name in self.values if "[" in name)  # as no other name is
+        of_modes = (name for name in self.values if "[" in name)  # no other name has a bracket
         parsed = (parse_parameter(name, self.model) for name in of_modes)
         return [p for p in parsed if isinstance(p, ModeParameter)]

@@ -1,4 +1,4 @@
-"""Assemblies of the same shape side by side: arrays with one row a structure, dense."""
+"""Assemblies of the same shape side by side: dense arrays with one row for each structure."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from squealstudy.models.assembly import Assembly
 class StackedAssembly:
     """Assemblies of m structures with the same components and contact points.
 
-    An array of one row stands for equal rows.
+    An array with a single row stands for m equal rows.
 
     Attributes
     ----------
     components : tuple of str
     offsets : ndarray (n_components + 1,)
-        First degree of freedom of each component, then n.
+        Number of each component's first degree of freedom, then n.
     M, K : ndarray (m, n, n)
         Mass [kg] and elastic stiffness [N/m] of the components, block diagonal.
     springs, static_springs : ndarray (m, n, n)
-        Linear interfaces in vibration and at rest, N/m.
+        Stiffness of linear interfaces in vibration and in the static state, N/m.
     C : ndarray (m, n, n) or None
-        Damping of the components' own, and gyroscopic terms, N s/m.
+        Damping and gyroscopic terms of components and dampers, N s/m; None where there are none.
     N, T, T_perp : ndarray (m, c, n)
-        Contact observation (`ContactInterface`).
     area, gap0, frictional, speed_factor : ndarray (m, c)
+        As in `ContactInterface`.
     load, constant_load : ndarray (m, n)
-        N/Pa, and N.
+        Loads of a unit brake pressure [N/Pa], and constant loads [N].
     spring_points : ndarray (m, ns, 5)
-        Springs that are not linear (`ContactInterface.spring_points`), the last contact points.
+        Numbers of the last contact points, which are springs (`ContactInterface.spring_points`).
     own_friction : ndarray (m, c, k)
         As in `ContactInterface`.
     """
@@ -63,12 +63,12 @@ class StackedAssembly:
 
     @property
     def n(self) -> int:
-        """Degrees of freedom."""
+        """Number of degrees of freedom."""
         return int(self.M.shape[2])
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """The arrays with a row a structure, by name."""
+        """The arrays with a row for each structure, by name."""
         named = {f.name: getattr(self, f.name) for f in fields(self)}
         return {
             name: array
@@ -77,7 +77,7 @@ class StackedAssembly:
         }
 
     def at(self, rows: np.ndarray) -> StackedAssembly:
-        """Some of the structures, each as often as it is named."""
+        """The structures of these rows, which may be repeated."""
         selected: dict[str, Any] = {name: _rows(array, rows) for name, array in self.arrays.items()}
         return replace(self, **selected)
 
@@ -88,7 +88,7 @@ class StackedAssembly:
         Raises
         ------
         ValueError
-            Where they differ in the number of freedoms or of contact points, or in components.
+            They differ in components, or in numbers of degrees of freedom or contact points.
         """
         first = assemblies[0]
         if any(a.component_names != first.component_names for a in assemblies):

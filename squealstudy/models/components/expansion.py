@@ -1,9 +1,9 @@
 """Displacements of all nodes of a component from its degrees of freedom.
 
 Without ties and couplings these are the same. A slave node of a tie has the displacement of its
-place on the master (node to surface, as in CalculiX); nodes of a rigid coupling have that of their
-reference node and its turn; the reference node of a distributing one follows the nodes' mean
-motion. What follows is eliminated: u = E q, K and M become E^T K E and E^T M E.
+point on the master (node to surface, as in CalculiX). Nodes of a rigid coupling move rigidly with
+their reference node. The reference node of a distributing coupling follows the nodes' mean motion.
+Displacements that follow others are eliminated: u = E q, and K and M become E^T K E and E^T M E.
 """
 
 from __future__ import annotations
@@ -34,18 +34,19 @@ MAX_FOLLOW_DEPTH = 20  # longest chain of nodes that follow each other
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """u = E q.
+    """The map u = E q from degrees of freedom q to displacements u of all nodes.
 
     Attributes
     ----------
     E : csr_matrix (3 n_nodes, n)
         Displacements 3 * node + axis from degrees of freedom.
     places : ndarray (n,) of int
-        Which 3 * node + axis a degree of freedom is; -1 for turns and modal coordinates.
+        3 * node + axis of each degree of freedom; -1 for rotations and modal coordinates.
     turns : csr_matrix (3 n_nodes, n)
-        Turns 3 * node + axis from degrees of freedom; rows of nodes that have none are empty.
+        Rotations 3 * node + axis from degrees of freedom; rows of nodes without them are empty.
     axes : ndarray (3, 3) or None
-        Turn of the component since `places` were the directions of its degrees of freedom.
+        Rotation matrix of the component by which its degrees of freedom are turned from the axes in
+        `places`; None where they are not.
     """
 
     E: sp.csr_matrix
@@ -59,7 +60,7 @@ class Expansion:
 
     @property
     def turning(self) -> np.ndarray:
-        """Nodes (n_nodes,) of bool that have turns."""
+        """Whether each node (n_nodes,) has rotations."""
         return np.asarray((np.diff(self.turns.indptr) > 0).reshape(-1, 3).any(axis=1))
 
     @property
@@ -76,7 +77,7 @@ class Expansion:
 
     @property
     def lacking(self) -> np.ndarray:
-        """Displacements (3 n_nodes,) of bool that no degree of freedom moves."""
+        """Whether each displacement (3 n_nodes,) is moved by no degree of freedom."""
         return np.diff(self.E.indptr) == 0
 
     def restricted(self, A: sp.csr_matrix) -> sp.csr_matrix:

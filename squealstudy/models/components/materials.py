@@ -1,4 +1,4 @@
-"""Elastic materials of components: moduli, each with the matrix that it multiplies; directions."""
+"""Elastic materials of components: moduli, each with its matrix in the stiffness, and axes."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Orthotropic:
     Raises
     ------
     ModelError
-        Numbers that are not finite, a density that is not positive, a stiffness that is not
-        positive definite.
+        Numbers are not finite, the density is not positive, or the stiffness is not positive
+        definite.
     """
 
     entries: tuple[float, ...]
@@ -85,13 +85,14 @@ Elastic = Isotropic | Orthotropic
 
 @dataclass(frozen=True)
 class Unfinished:
-    """A material of a file that lacks numbers.
+    """A material whose file does not state all numbers.
 
     Attributes
     ----------
     moduli : Isotropic, Orthotropic or None
-        With a density of 1.
+        Moduli, as a material with a density of 1; None where they are missing.
     density : float or None
+        Density; None where it is missing.
     missing : str
         What is missing, with file and line.
     """
@@ -103,7 +104,7 @@ class Unfinished:
 
 @dataclass(frozen=True)
 class Modulus:
-    """A factor of the stiffness: its name, its value, and what it multiplies (6, 6)."""
+    """A factor in the stiffness: its name, its value, and the matrix (6, 6) that it multiplies."""
 
     name: str
     value: float
@@ -153,7 +154,7 @@ class Orientation:
     Raises
     ------
     ModelError
-        Points that give no axes.
+        The points do not define axes.
     """
 
     system: Literal["rectangular", "cylindrical"]
@@ -173,7 +174,7 @@ class Orientation:
             raise ModelError("the points of an orientation lie on one line")
 
     def moved(self, turn: np.ndarray, shift: np.ndarray) -> Orientation:
-        """The same, fixed to a body whose points x go to turn x + shift."""
+        """The orientation of a body whose points x are moved to turn x + shift."""
         a, b, o = (_point(turn @ np.array(p) + shift) for p in (self.a, self.b, self.origin))
         return replace(self, a=a, b=b, origin=o)
 

@@ -2,8 +2,8 @@
 
 Materials are 6 x 6 stiffnesses in Voigt order xx, yy, zz, yz, xz, xy.
 
-scikit-fem's form loop visits each of the 60 x 60 shape function pairs; the contraction here does
-one scalar basis of 20 functions and the three directions together.
+scikit-fem's forms loop over all 60 x 60 pairs of shape functions; the contraction here takes a
+scalar basis of 20 functions and all three directions at once.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Isotropic:
     poisson_ratio : float
         nu, -1 < nu < 0.5.
     density : float
-        kg/m3, > 0.
+        Mass density, kg/m3, > 0.
     """
 
     young_modulus: float
@@ -84,7 +84,7 @@ class TransverselyIsotropic:
 
 
 Material = Isotropic | TransverselyIsotropic
-# relative: compliances below this are round-off, as with nu = 0.5
+# compliance over the largest one below which it is round-off, as with nu = 0.5
 SINGULAR_COMPLIANCE_RATIO = 1e-13
 
 
@@ -138,7 +138,7 @@ class Solid:
     M, K : csr_matrix (3 * n_nodes, 3 * n_nodes)
         Mass [kg] and stiffness [N/m], symmetric.
     energies : CellEnergies
-        By the quadrature of the stiffness.
+        Elastic energies of cells, by the quadrature of the stiffness.
     """
 
     grid: CylindricalMesh
@@ -148,9 +148,9 @@ class Solid:
     energies: CellEnergies
 
     def gyroscopic(self, rotors: Rotors, name: str) -> sp.csr_matrix:
-        """Gyroscopic matrix (3 n_nodes, 3 n_nodes) of 1 rad/s (`models.turning`), kg.
+        """Gyroscopic matrix (3 n_nodes, 3 n_nodes) [kg] at 1 rad/s (`models.turning`).
 
-        ModelError of a body `name` that is not symmetric about the axis.
+        ModelError where the body, called `name`, is not symmetric about the axis.
         """
         basis, materials = self.basis, self.energies.materials
         N = np.array([np.asarray(f[0])[0] for f in basis.basis]).T
@@ -194,7 +194,7 @@ class CellEnergies:
     grid : CylindricalMesh
     materials : mapping of name -> Material
     order : int
-        Of the quadrature of the stiffness.
+        Order of the quadrature of the stiffness.
     """
 
     grid: CylindricalMesh

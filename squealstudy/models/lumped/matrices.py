@@ -10,7 +10,7 @@ from squealstudy.models.lumped.numbers import Values, names_in, value_of
 from squealstudy.models.lumped.space import Structure
 from squealstudy.models.lumped.term_matrices import TermMatrices
 
-COMPONENT = "structure"  # what the matrices are of, in columns of tables
+COMPONENT = "structure"  # component name of the matrices in columns of tables
 # eigenvalues of matrices with a diagonal of ones: below them K is negative, not round-off, and M
 # cannot be divided by
 LEAST_ROOT, LEAST_MASS_ROOT = -1e-10, 1e-12
@@ -24,12 +24,12 @@ class MatrixSpace:
     ----------
     file : MatrixFile
     names : tuple of str
-        Of the coordinates, in the order of the rows.
+        Names of the coordinates in the order of the rows.
 
     Raises
     ------
     PlacedError
-        Names that are not as many as the coordinates, or there twice.
+        There are more or fewer names than coordinates, or a name is there twice.
     """
 
     def __init__(self, file: MatrixFile, terms: TermMatrices) -> None:
@@ -67,7 +67,7 @@ class MatrixSpace:
         Raises
         ------
         PlacedError
-            A coefficient without a value, M that is not positive definite, K that is negative.
+            A coefficient has no value, M is not positive definite, or K has a negative eigenvalue.
         """
         letters = {term.matrix for term in self.file.term}
         return Structure(
@@ -80,7 +80,7 @@ class MatrixSpace:
         )
 
     def _sum(self, letter: str, values: Values) -> np.ndarray:
-        """Sum (m or 1, n, n) of a letter's terms, checked."""
+        """Sum (m or 1, n, n) of the terms of M, K, C or G, checked."""
         if letter in self._constant:
             return self._constant[letter]
         numbers = [i for i, term in enumerate(self.file.term) if term.matrix == letter]
@@ -103,7 +103,7 @@ class MatrixSpace:
         return total
 
     def elongation(self, kind: str, i: int, values: Values) -> np.ndarray:
-        """Motion (m or 1, n) that a spring or damper acts against."""
+        """Row (m or 1, n) of the motion that a spring or damper resists."""
         return self._row(getattr(self.file, kind)[i].along, values, (kind, i, "along"))
 
     def contact_rows(self, i: int, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -127,7 +127,7 @@ class MatrixSpace:
         return opening, -slid, -across
 
     def load_row(self, i: int, values: Values) -> np.ndarray:
-        """Motion (m or 1, n) that a load does work along."""
+        """Row (m or 1, n) of the motion along which a load does work."""
         return self._row(self.file.load[i].along, values, ("load", i, "along"))
 
     def _row(self, motion: Motion, values: Values, keys: KeyPath) -> np.ndarray:

@@ -14,23 +14,23 @@ from squealstudy.models.lumped.number_types import LARGEST_NUMBER, Direction, Nu
 from squealstudy.models.lumped.tables import AXES, TRANSLATIONS, TURNS
 from squealstudy.models.matrices.expression import Expression, ExpressionError
 
-Values = Mapping[str, Any]  # of the parameters: numbers, or arrays (m,)
-LEAST_DIRECTION = 1e-12  # length of components up to which they are no direction
+Values = Mapping[str, Any]  # values of the parameters: numbers, or arrays (m,)
+LEAST_DIRECTION = 1e-12  # length of a vector up to which it has no direction
 
 
 @lru_cache(maxsize=1024)
 def expression(text: str) -> Expression:
-    """The expression of a text; ExpressionError where it is none."""
+    """The expression of a text; ExpressionError where the text is not one."""
     return Expression(text)
 
 
 def names_in(number: Number | None) -> tuple[str, ...]:
-    """Parameters that a number is made of; ExpressionError where it is no expression."""
+    """Names of the parameters in a number; ExpressionError where its text is no expression."""
     return expression(number).names if isinstance(number, str) else ()
 
 
 def value_of(number: Number, values: Values, keys: KeyPath) -> np.ndarray:
-    """The number (m,) or (); PlacedError where it has none."""
+    """The value (m,) or () of a number; PlacedError where it has none."""
     if not isinstance(number, str):
         return np.asarray(number, dtype=float)
     try:
@@ -57,7 +57,7 @@ def _got(number: Number, number_values: np.ndarray, i: int, values: Values) -> s
 def bounded(
     number: Number, values: Values, keys: KeyPath, unit: str, *, zero: bool = False
 ) -> np.ndarray:
-    """Value as of `value_of`, above zero, or with `zero` not below it; PlacedError otherwise."""
+    """`value_of` a number that must be above zero, or with `zero` not below; else PlacedError."""
     number_values = value_of(number, values, keys)
     wrong = np.flatnonzero(number_values < 0.0 if zero else number_values <= 0.0)
     if len(wrong):
@@ -69,13 +69,14 @@ def bounded(
 
 @dataclass(frozen=True)
 class Along:
-    """A direction of unit length, or a turn about an axis.
+    """A direction of motion, or a rotation about an axis.
 
     Attributes
     ----------
     vector : ndarray (m, 3) or (1, 3)
-        Of motion; the axis of a turn.
+        Unit vector of the motion, or of the axis of rotation.
     turn : bool
+        Whether it is a rotation.
     """
 
     vector: np.ndarray
@@ -83,7 +84,7 @@ class Along:
 
 
 def along(direction: Direction, values: Values, keys: KeyPath, *, turns: bool = False) -> Along:
-    """The direction at values of the parameters; PlacedError where it is none."""
+    """The direction at values of the parameters; PlacedError where there is no direction."""
     if isinstance(direction, str):
         name = direction.removeprefix("-")
         axes = AXES if turns else TRANSLATIONS
@@ -103,7 +104,7 @@ def along(direction: Direction, values: Values, keys: KeyPath, *, turns: bool = 
 
 
 def side_by_side(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Numbers or arrays (m,) side by side: (m or 1, k)."""
+    """Stack k numbers or arrays (m,) as columns: (m or 1, k)."""
     if not columns:
         return np.zeros((1, 0))
     return np.stack([np.atleast_1d(c) for c in np.broadcast_arrays(*columns)], axis=-1)
