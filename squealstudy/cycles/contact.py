@@ -163,14 +163,32 @@ class ContactOscillator:
             "energy": self.energy(motion),
         }
 
+    def levels_of_states(self, q: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """``torque_rms``, ``torque_peak``, ``contact_velocity`` of `levels`, of even samples.
+
+        `q`, `v` (S, n) are displacements and velocities over a period.
+        """
+        B = self.oscillator.rows
+        y, w = ((x @ B.T).reshape(len(x), *self.oscillator.B.shape[:2]) for x in (q, v))
+        torque, touching = self._torque(y, w), self.system.touching
+        return {
+            "torque_rms": float(torque.std()),
+            "torque_peak": float(np.abs(torque - torque.mean()).max()),
+            "contact_velocity": float(np.sqrt((w[:, touching] ** 2).sum(axis=2).max())),
+        }
+
     def torque(self, motion: PeriodicMotion, slip: float = 0.0) -> np.ndarray:
         """Torque (LEVEL_SAMPLES,) [N m] over the period, sliding faster by `slip` [m/s]."""
         y, w = self._observed(motion, LEVEL_SAMPLES)
+        w[:, :, 1] += slip
+        return self._torque(y, w)
+
+    def _torque(self, y: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Torque (S,) [N m] at displacements y and velocities w (S, nc, 3)."""
         forces = self.oscillator.forces
         assert isinstance(forces, ContactForces)
-        w[:, :, 1] += slip
-        rows = np.zeros((LEVEL_SAMPLES, len(layout.HISTORY)))
-        sampled_rows(forces.points, forces.law, y, w, rows, np.zeros((LEVEL_SAMPLES, 3)))
+        rows = np.zeros((len(y), len(layout.HISTORY)))
+        sampled_rows(forces.points, forces.law, y, w, rows, np.zeros((len(y), 3)))
         torque: np.ndarray = rows[:, layout.TORQUE]
         return torque
 

@@ -19,10 +19,11 @@ import numpy as np
 
 from squealstudy.cycles.contact import LEVEL_SAMPLES, ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.floquet import Floquet
+from squealstudy.cycles.floquet import SMALL_MAX_COORDINATES, Floquet
 from squealstudy.cycles.growth import MIN_REL_FREQUENCY, STANDSTILL
 from squealstudy.cycles.harmonics import most_finer
 from squealstudy.cycles.projection import Projection
+from squealstudy.cycles.time_nodes import N_NODES, cycle_at_nodes, has_corners
 from squealstudy.errors import ConvergenceError
 
 OK, INACCURATE = "ok", "inaccurate"
@@ -47,6 +48,8 @@ LEAST_FINER = 1.5  # least such factor where `most_finer` limits the number
 # samples of the finer series over those of the cycle: the samples of Hulten's contact that opens
 # cause an error of 3.5e-5 in frequency, of which twice as many show 1.3e-5
 FINER_SAMPLES = 4
+# error over the change to the cycle at nodes
+NODES_SAFETY_FACTOR = 1.5
 SOLVED = 1e-8  # relative error of a cycle's numbers by the tolerance of its balance
 
 
@@ -240,7 +243,7 @@ class SeriesErrors:
 
 @dataclass(frozen=True, eq=False)
 class CycleLevels:
-    """A cycle, and its `ContactOscillator.levels`."""
+    """A cycle, and its `ContactOscillator.levels`, or those of `levels_of_states`."""
 
     motion: PeriodicMotion
     levels: dict[str, float]
@@ -302,7 +305,29 @@ def errors_by_finer_series(
     errors = errors * FINER_SERIES_SAFETY_FACTOR
     if len(orders) == 1:
         errors = errors.larger(by_changes * (1.0 / (SERIES_SAFETY_FACTOR * MAX_CHANGE_RATIO)))
-    return errors, motion
+    at_nodes = errors_at_nodes(contact, cycle_levels.motion, cycle_levels.levels)
+    return errors.larger(at_nodes), motion
+
+
+def errors_at_nodes(
+    contact: ContactOscillator, motion: PeriodicMotion, levels: dict[str, float]
+) -> SeriesErrors:
+    """Errors by the cycle at nodes; zeros without corners, of many coordinates, or without it.
+
+    The rule of the nodes errs by the square of their distance: twice that tells how much.
+    """
+    osc, none = contact.oscillator, SeriesErrors(0.0, 0.0, 0.0, 0.0)
+    if osc.n > SMALL_MAX_COORDINATES or not has_corners(osc, motion):
+        return none
+    try:
+        coarse, fine = (cycle_at_nodes(osc, motion, n) for n in (N_NODES // 2, N_NODES))
+    except ConvergenceError:
+        return none
+    few, many = (contact.levels_of_states(s.q, s.v) for s in (coarse, fine))
+    limit = {name: many[name] + (many[name] - few[name]) / 3.0 for name in many}
+    at_nodes = replace(motion, omega=fine.omega + (fine.omega - coarse.omega) / 3.0)
+    by_nodes = change(CycleLevels(motion, levels), CycleLevels(at_nodes, limit))
+    return by_nodes * NODES_SAFETY_FACTOR
 
 
 def with_peak_and_tolerance(

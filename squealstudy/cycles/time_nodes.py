@@ -69,15 +69,15 @@ def has_corners(osc: Oscillator, cycle: PeriodicMotion) -> bool:
     return False
 
 
-def monodromy_at_nodes(osc: Oscillator, cycle: PeriodicMotion) -> np.ndarray:
-    """Matrix (2 n, 2 n) of `floquet.monodromy`, of the cycle at nodes that a series leads to.
+def cycle_at_nodes(osc: Oscillator, cycle: PeriodicMotion, count: int = N_NODES) -> NodeStates:
+    """The cycle at `count` nodes that a series leads to.
 
     Raises
     ------
     ConvergenceError
         Where Newton's method does not end near the series.
     """
-    states = _states_of(osc, cycle)
+    states = _states_of(osc, cycle, count)
     size, lacks = np.inf, _lacks(states)
     for _ in range(MAX_NEWTON_STEPS):
         size = _size(lacks, states)
@@ -91,15 +91,26 @@ def monodromy_at_nodes(osc: Oscillator, cycle: PeriodicMotion) -> np.ndarray:
         states, lacks = tried, _lacks(tried)
     if not (size < SOLVED and abs(states.omega / cycle.omega - 1.0) < MAX_FREQUENCY_CHANGE):
         raise ConvergenceError("not_converged", "no cycle at nodes near the series")
-    before, after = _step_matrices(osc, states)
+    return states
+
+
+def monodromy_at_nodes(osc: Oscillator, cycle: PeriodicMotion) -> np.ndarray:
+    """Matrix (2 n, 2 n) of `floquet.monodromy`, of `cycle_at_nodes`.
+
+    Raises
+    ------
+    ConvergenceError
+        Where there is no cycle at nodes near the series.
+    """
+    before, after = _step_matrices(osc, cycle_at_nodes(osc, cycle))
     period_map = np.eye(2 * osc.n)
     for step in np.linalg.solve(after, before):
         period_map = step @ period_map
     return period_map
 
 
-def _states_of(osc: Oscillator, cycle: PeriodicMotion) -> NodeStates:
-    synthesis, slope = period_at(N_NODES, cycle.harmonics)
+def _states_of(osc: Oscillator, cycle: PeriodicMotion, count: int = N_NODES) -> NodeStates:
+    synthesis, slope = period_at(count, cycle.harmonics)
     return _states(osc, synthesis @ cycle.Q, cycle.omega * (slope @ cycle.Q), cycle.omega)
 
 
