@@ -250,7 +250,14 @@ CURVES = (
 BRANCHES = (
     count("mode", "Number of the mode whose cycle the branch was begun with."),
     *ALONG,
-    ALONG_RMS,
+    *same_in(OF_A_CYCLE, "torque_rms"),
+    number(
+        "level_error",
+        "Relative error of torque_rms; missing at Hopf points, of projected models, and where "
+        "more harmonics do not converge.",
+        leaves_out="It is itself an error, from other harmonics and samples; regularisation is not "
+        "in it.",
+    ),
     number("value", "Value of the parameter along which the branch goes.", "value_error"),
     number(
         "value_error",

@@ -79,6 +79,7 @@ EVENTS = {
     "PD": "PD: twice the period",
     "BP": "BP: branch point",
 }
+MIN_SHADED_ERROR = 1e-3  # relative; less is hidden by the line
 MARKS = {SQUEALS: "s", IF_KICKED: "D", UNDECIDED: "x", NEUTRAL: "_", NO_CYCLE: "P"}  # of the strip
 VERDICTS = {  # heights and colours of the strip
     SQUEALS: COLOURS[0],
@@ -111,7 +112,8 @@ def cycle_levels(
 ) -> Figure:
     """Levels of the limit cycles of all families over a parameter, and the verdicts.
 
-    Branches along the parameter are lines, unstable parts dashed, with their events. Levels that
+    Branches along the parameter are lines, unstable parts dashed, with their events; a grey band is
+    the error of their levels. Levels that
     only runs in time tell, of this study or of `runs`, are crosses.
 
     Parameters
@@ -166,6 +168,8 @@ def cycle_levels(
         (axes[1], "contact_velocity", "Largest contact velocity [m/s]"),
     ):
         _draw_branches(panel, over, branches, column)
+        if column == "torque_rms":
+            _shade_errors(panel, over, branches)
         _cycles(panel, over.scaled(cycles[along]), cycles, column)
         if motions is not None and column in motions:
             panel.plot(over.scaled(motions[along]), motions[column], **RUN)
@@ -242,6 +246,21 @@ def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: s
                 fontsize=9,
                 color=DARK,
             )
+
+
+def _shade_errors(axes: Axes, over: Quantity, branches: pd.DataFrame) -> None:
+    """What the levels of branches may err by, about their lines, where that can be seen."""
+    if "level_error" not in branches:  # of results of before
+        return
+    label = "error of a branch's level"
+    for _, branch in branches.groupby("cycle_id", sort=False):
+        level, error = (branch[n].to_numpy(float) for n in ("torque_rms", "level_error"))
+        if not (error > MIN_SHADED_ERROR).any():
+            continue
+        low, high = level * np.maximum(1.0 - error, 0.0), level * (1.0 + error)
+        x = over.scaled(branch["value"])
+        axes.fill_between(x, low, high, color=GREY, alpha=0.3, linewidth=0, zorder=0, label=label)
+        label = ""
 
 
 def _cycles(axes: Axes, x: np.ndarray, cycles: pd.DataFrame, column: str) -> None:

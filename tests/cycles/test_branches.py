@@ -37,7 +37,7 @@ from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.moving import Moving
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.cycles.projection import CURVE_BASIS_ERROR
-from squealstudy.kinds.limit_cycles import continued, screen
+from squealstudy.kinds.limit_cycles import branch_words, continued
 
 MU = 0.02  # of van der Pol's oscillator: its cycle is 2 cos t, to first order
 
@@ -259,9 +259,13 @@ def test_a_screen_tells_a_closed_branch_once():
     names = ("cycle_id", "point_id", "along", "event", "value", "criticality", "branch_end")
     rows = [("a-1-1", "a", "p", "F", 0.2, "", CLOSED), ("a-1-1", "a", "p", "", 0.1, "", CLOSED)]
     branches, points = pd.DataFrame(rows, columns=list(names)), pd.DataFrame({"point_id": ["a"]})
+    branches = branches.assign(level_error=4e-4)
     results = SimpleNamespace(table=lambda _: branches, points=points, units={}, parameters=[])
-    (row,) = screen._branches(results)
-    assert row == ("branch", "along p: fold at 0.2; comes back to its start")
+    (row,) = branch_words.branch_rows(results)
+    assert row == (
+        "branch",
+        "along p: fold at 0.2; comes back to its start; its levels err by up to 0.04 %",
+    )
 
 
 def test_a_step_to_a_neighbour_on_a_closed_branch(isola):
@@ -373,14 +377,6 @@ def test_a_fold_of_a_cycle_that_sticks_is_within_its_error():
     (fold,) = [p for p in points if p.event == FOLD]
     assert fold.motion.parameter > 1.5896
     assert abs(fold.motion.parameter - 1.589575) < fold.apart < 1e-3
-
-
-def test_the_error_of_an_event_is_told_where_the_value_does_not_hold_it():
-    told = [screen._uncertainty({"value": 0.4163, "value_error": e}, "") for e in (0.0388, 1e-6)]
-    assert told == [" (+- 0.039)", ""]
-    assert screen._uncertainty({"value": 5e5}, "Pa") == ""
-    unknown = {"value": 0.4163, "value_error": np.nan}
-    assert screen._uncertainty(unknown, "") == " (error not known)"
 
 
 @pytest.mark.parametrize(("harmonics", "judges"), [(17, 39), (59, 100), (100, 67)])

@@ -21,6 +21,7 @@ from squealstudy.cycles.branch import (
     branch,
     cycles_along,
 )
+from squealstudy.cycles.branch_levels import level_on_branch
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.curve import between
 from squealstudy.cycles.cycle import Cycle, cycle_near
@@ -40,6 +41,7 @@ TURNED = "turned"  # why a step to a neighbour fails: the branch folds before it
 MAX_RETRACED_SHARE = 0.2  # share of the step that a branch may go back before it has turned
 # relative differences of frequency and contact velocity up to which a branch passes a cycle
 MAX_FREQUENCY_CHANGE, MAX_LEVEL_CHANGE = 1e-3, 0.05
+ZERO_AT_HOPF = "torque_rms", "contact_velocity", "open_share_max"  # levels of rows
 SAME_FOLD_SHARE = 1e-4  # distance over the range, within which two folds are the same
 
 
@@ -284,9 +286,9 @@ class Branch:
         return rows
 
     def _row(self, line: DesignLine, along: str, k: int, point: BranchPoint) -> dict[str, Any]:
+        contact = line.contact(point.motion.parameter)
+        point, levels, error = level_on_branch(contact, point, line.request.search(contact))
         motion, multipliers = point.motion, point.multipliers
-        contact = line.contact(motion.parameter)
-        levels = contact.levels(motion)
         row = {
             "point_id": self.start.point_id,
             "mode": self.start.mode,
@@ -296,12 +298,10 @@ class Branch:
             "value": motion.parameter,
             "value_error": point.apart,
             "event": point.event,
-            "criticality": "",
-            "branch_end": "",
+            **dict.fromkeys(("criticality", "branch_end"), ""),
             "frequency_hz": motion.omega / (2 * np.pi),
-            "torque_rms": levels["torque_rms"],
-            "contact_velocity": levels["contact_velocity"],
-            "open_share_max": levels["open_share_max"],
+            **{name: levels[name] for name in ZERO_AT_HOPF},
+            "level_error": error,
             "stable": multipliers.stable,
             "n_unstable": multipliers.n_unstable,
             "multiplier": multipliers.modulus,
@@ -315,7 +315,7 @@ class Branch:
             onset, hz, criticality = self.onsets[k]
             row |= {"value": onset, "frequency_hz": hz, "criticality": criticality}
             row["value_error"] = onset_error(line, onset, hz)
-            row |= dict.fromkeys(("torque_rms", "contact_velocity", "open_share_max"), 0.0)
+            row |= dict.fromkeys(ZERO_AT_HOPF, 0.0)
         return row
 
 

@@ -73,9 +73,7 @@ BRANCH_FIELDS = (
     ("criticality", TEXT),
     ("branch_end", TEXT),
     ("frequency_hz", REAL),
-    ("torque_rms", REAL),
-    ("contact_velocity", REAL),
-    ("open_share_max", REAL),
+    *((n, REAL) for n in ("torque_rms", "level_error", "contact_velocity", "open_share_max")),
     ("stable", FLAG),
     ("n_unstable", WHOLE_NUMBER),
     ("multiplier", REAL),
@@ -114,8 +112,8 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
     store.write_table(CYCLES, pa.Table.from_pandas(frame, cycles.schema, preserve_index=False))
     store.write_table(CURVES, nested(rows, "curves", CURVE_FIELDS))
     schema = pa.schema([("point_id", TEXT), *BRANCH_FIELDS])
-    frame = pa.Table.from_pylist(work.branches, schema=schema).to_pandas()
-    frame = frame.astype({"stable": "boolean"})
+    branches = pa.Table.from_pylist(work.branches, schema)
+    frame = branches.to_pandas().astype({"stable": "boolean"})
     store.write_table(BRANCHES, pa.Table.from_pandas(frame, schema, preserve_index=False))
     schema = pa.schema([("point_id", TEXT), *BORDER_FIELDS])
     store.write_table(BORDERS, pa.Table.from_pylist(work.borders, schema=schema))

@@ -14,11 +14,10 @@ import numpy as np
 import pandas as pd
 from rich.console import RenderableType
 
-from squealstudy.cycles.branch import CLOSED, RANGE, SHRUNK
-from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.verdicts import NOT_FOLLOWED
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.limit_cycles.branch_words import border_rows, branch_rows
 from squealstudy.kinds.limit_cycles.kick_words import untold_kicks
 from squealstudy.kinds.limit_cycles.larger import larger_in_words
 from squealstudy.screen import Rows, command_text, grid, notes
@@ -30,7 +29,6 @@ from squealstudy.wording import (
     TORQUE,
     VERDICT_LETTERS,
     all_of,
-    amount,
     band_text,
     error_percent,
     figure,
@@ -38,7 +36,6 @@ from squealstudy.wording import (
     in_digits,
     motion_frequency,
     plural,
-    setting,
     small_percent,
     with_unit,
 )
@@ -50,21 +47,6 @@ if TYPE_CHECKING:
 MAX_SHORT_REASON_CHARACTERS = 12
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
-MOST_BRANCHES, MOST_EVENTS = 6, 6  # branches listed, and events of each
-SHOWN_REL_ERROR = 1e-3  # relative error of an event's value from which it is shown
-EVENTS = {"F": "folds", "H": "Hopf points"}
-EVENT_WORDS = {
-    "H": "Hopf point",
-    "F": "fold",
-    "NS": "torus bifurcation",
-    "PD": "period doubling",
-    "BP": "branch point",
-}
-BRANCH_ENDS = {
-    SHRUNK: "where the cycle shrinks to steady sliding",
-    RANGE: "at the end of the sweep",
-    FAR: "beyond 'reach'",
-}
 MEASURED = re.compile(r"(?<![\w.])(?<!mode )(?<!modes )\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 MOST_FOLLOWED, SAME_FREQUENCY = 3, 0.02  # followed modes told; relative distance told as one
 MOST_COLUMNS = 2  # parameters with a column of their own
@@ -217,8 +199,8 @@ class LimitCyclesScreen(KindScreen):
             if bad:
                 said += f"; {bad} too inexact to use"
             rows.append(("cycles", said))
-        rows += _branches(results)
-        return [*rows, *_borders(results.table("borders"))]
+        rows += branch_rows(results)
+        return [*rows, *border_rows(results.table("borders"))]
 
 
 def _is_followed(verdicts: pd.DataFrame) -> np.ndarray:
@@ -243,71 +225,6 @@ def _served(results: ResultTables) -> str:
     return (
         f" ({plural(served, 'mode')} by the curve of a design nearby: `curve_of`)" if served else ""
     )
-
-
-def _branches(results: ResultTables) -> Rows:
-    """A row for each branch: its events, with their parameter values, and how it ends."""
-    branches, units, rows = results.table("branches"), results.units, []
-    points = results.points.set_index("point_id")
-    varied = [p for p in results.parameters if len(set(points[p])) > 1]
-    for _, branch in branches.groupby("cycle_id", sort=False):
-        along = str(branch["along"].iloc[0])
-        line = points.loc[branch["point_id"].iloc[0]]
-        others = [setting(p, line[p], units.get(p, "")) for p in varied if p != along]
-        fixed_text = f" at {', '.join(others)}" if others else ""
-        events = branch[(branch["event"] != "").to_numpy(bool)]
-        event_texts = [
-            f"{EVENT_WORDS.get(e['event'], e['event'])} at "
-            + amount(e["value"], units.get(along, ""))
-            + _uncertainty(e, units.get(along, ""))
-            + (f" ({e['criticality']})" if e["criticality"] else "")
-            for e in events.head(MOST_EVENTS).to_dict("records")
-        ]
-        more = len(events) - len(event_texts)
-        text = ", ".join(event_texts) or "no event"
-        ends = [str(v) for v in branch["branch_end"] if v]
-        words = [BRANCH_ENDS.get(end, end.replace("_", " ")) for end in dict.fromkeys(ends)]
-        ended = "comes back to its start" if CLOSED in ends else f"ends {' and '.join(words)}"
-        rows.append(
-            (
-                "branch",
-                f"along {along}{fixed_text}: {text}"
-                + (f", {more} more" if more > 0 else "")
-                + f"; {ended}",
-            )
-        )
-    if (n_more := len(rows) - MOST_BRANCHES) > 0:
-        rows[MOST_BRANCHES:] = [("", f"{n_more} more in the branches table")]
-    return rows
-
-
-def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:
-    """Error of an event's value in words, where it is larger than the digits shown."""
-    error = event.get("value_error", 0.0)  # results of before have none
-    if error != error:
-        return " (error not known)"
-    shown = error > SHOWN_REL_ERROR * abs(event["value"])
-    return f" (+- {amount(error, unit, digits=2)})" if shown else ""
-
-
-def _borders(borders: pd.DataFrame) -> Rows:
-    """The number of borders, and how much they differ from the branches they meet."""
-    if not len(borders):
-        return []
-    first = borders.drop_duplicates("border_id")
-    counts = {name: int((first["event"] == event).sum()) for event, name in EVENTS.items()}
-    counted_curves = (plural(n, f"curve of {k}", f"curves of {k}") for k, n in counts.items() if n)
-    text = " and ".join(counted_curves)
-    over = f"{text} over {first['along'].iloc[0]} and {first['over'].iloc[0]}"
-    largest_difference = borders["line_difference"].abs().max()
-    return [
-        (
-            "borders",
-            over
-            + f"; where they meet branches they differ by {largest_difference:.1g} at most"
-            * bool(largest_difference == largest_difference),
-        )
-    ]
 
 
 def levels_in_words(points: pd.DataFrame, unit: str) -> str:

@@ -1,0 +1,97 @@
+"""Levels of cycles on branches: their errors, and more harmonics where these are large.
+
+A branch keeps the number of harmonics that its first cycle needs. Away from that cycle the contact
+may stick, and its levels be wrong by a fifth. So each cycle of a small model has the error that a
+cycle of a design has (`cycle.errors_by_finer_series`), and where it is beyond the tolerance the
+cycle is solved with as many harmonics as it needs.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from squealstudy.cycles.branch import HOPF, BranchPoint
+from squealstudy.cycles.contact import ContactOscillator
+from squealstudy.cycles.cycle import (
+    Cycle,
+    CycleLevels,
+    Search,
+    SeriesErrors,
+    cycle_near,
+    errors_by_changes,
+    errors_by_finer_series,
+)
+from squealstudy.cycles.projection import Projection
+from squealstudy.errors import ConvergenceError
+
+FEWER_HARMONICS = 1.5  # harmonics over those of the series that its change is judged by
+# relative changes of frequency and contact velocity, beyond which more harmonics have led to
+# another cycle: the other side of a fold
+MAX_FREQUENCY_CHANGE, MAX_VELOCITY_CHANGE = 0.02, 0.05
+
+
+class BranchLevel(NamedTuple):
+    """A cycle on a branch, with as many harmonics as its level needs.
+
+    Attributes
+    ----------
+    point : BranchPoint
+        Its motion, multipliers and residual are those of more harmonics where these were needed.
+    levels : dict
+        `ContactOscillator.levels`.
+    error : float
+        Relative error of the level, as that of a `Cycle`; NaN where it is not known.
+    """
+
+    point: BranchPoint
+    levels: dict[str, float]
+    error: float
+
+
+def level_on_branch(contact: ContactOscillator, point: BranchPoint, search: Search) -> BranchLevel:
+    """The level of a point on a branch; of many coordinates and at a Hopf point as it is."""
+    motion = replace(point.motion, parameter=0.0)
+    levels = contact.levels(motion)
+    projection = Projection.on_harmonics_of(contact.oscillator, motion)
+    if not projection.complete or point.event == HOPF:
+        return BranchLevel(point, levels, np.nan)
+    error = _level_error(contact, projection, CycleLevels(motion, levels))
+    # an event is located on the branch, and harmonics that were asked for stay
+    if point.event or search.harmonics is not None or error < search.tolerance:
+        return BranchLevel(point, levels, error)
+    with suppress(ConvergenceError):
+        cycle = cycle_near(contact, projection, motion, search)
+        if _is_on_branch(cycle, point, levels) and not cycle.level_error >= error:
+            finer = replace(cycle.motion, parameter=point.motion.parameter)
+            point = replace(
+                point, motion=finer, multipliers=cycle.multipliers, residual=cycle.residual
+            )
+            return BranchLevel(point, cycle.levels, cycle.level_error)
+    return BranchLevel(point, levels, error)
+
+
+def _level_error(
+    contact: ContactOscillator, projection: Projection, cycle_levels: CycleLevels
+) -> float:
+    """Error of a level by fewer and more harmonics; NaN where these have no such cycle."""
+    motion, by_changes = cycle_levels.motion, SeriesErrors()
+    with suppress(ConvergenceError):
+        fewer, _ = projection.cycle_near(motion, max(1, round(motion.harmonics / FEWER_HARMONICS)))
+        by_changes = errors_by_changes([CycleLevels(fewer, contact.levels(fewer)), cycle_levels])
+    finer = errors_by_finer_series(contact, projection, cycle_levels, by_changes)
+    return np.nan if finer is None or np.isinf(finer[0].level) else finer[0].level
+
+
+def _is_on_branch(cycle: Cycle, point: BranchPoint, levels: dict[str, float]) -> bool:
+    """Whether a cycle with more harmonics is that of the point, not one beyond a fold."""
+    velocity = levels["contact_velocity"]
+    stabilities = {cycle.multipliers.stable, point.multipliers.stable} - {None}
+    return (
+        len(stabilities) < 2
+        and abs(cycle.motion.omega / point.motion.omega - 1.0) < MAX_FREQUENCY_CHANGE
+        and abs(cycle.levels["contact_velocity"] - velocity) < MAX_VELOCITY_CHANGE * velocity
+    )
