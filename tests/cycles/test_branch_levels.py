@@ -15,9 +15,11 @@ from event_reference import design, geometry, run
 from matplotlib.figure import Figure
 
 import squealstudy as sq
+from squealstudy.cycles import cycle
 from squealstudy.cycles.branch import FOLD, HOPF, BranchPoint
 from squealstudy.cycles.branch_levels import level_on_branch
 from squealstudy.cycles.cycle import Search
+from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.trials import state_of
 from squealstudy.kinds.limit_cycles.branch_words import _levels_error, _uncertainty
 from squealstudy.plots.cycle_levels import _shade_errors
@@ -51,9 +53,9 @@ def judged_rms(osc, motion):
 def of_seven():
     """Cycles of 7 harmonics, a point of a branch, and the judge's level."""
     found = sq.model("belt", **BELT).at().limit_cycles(7, reach=REACH)
-    ((_, cycle),) = [(k, c) for k, c in found.cycles if c.multipliers.stable]
-    point = BranchPoint(cycle.motion, cycle.multipliers, cycle.residual)
-    return found.contact, point, judged_rms(found.contact.oscillator, cycle.motion)
+    ((_, stable),) = [(k, c) for k, c in found.cycles if c.multipliers.stable]
+    point = BranchPoint(stable.motion, stable.multipliers, stable.residual)
+    return found.contact, point, judged_rms(found.contact.oscillator, stable.motion)
 
 
 def test_a_level_on_a_branch_has_more_harmonics_where_it_needs_them(of_seven):
@@ -113,3 +115,15 @@ def test_a_picture_shades_what_levels_of_a_branch_may_err_by():
     assert (min(ends[2.0]), max(ends[2.0])) == pytest.approx((16.0, 24.0))
     assert band[:, 0].max() == 2.0
     assert shaded(level_error=1e-5) == shaded() == []  # the line hides it; results of before
+
+
+def test_series_that_agree_by_chance_are_held_against_the_cycle_at_nodes(of_seven, monkeypatch):
+    contact, point, rms = of_seven
+    monkeypatch.setattr(cycle, "FINER_SERIES_SAFETY_FACTOR", 0.0)  # no series differs
+    levels = contact.levels(point.motion)
+    projection = Projection.on_harmonics_of(contact.oscillator, point.motion)
+    errors, _ = cycle.errors_by_finer_series(
+        contact, projection, cycle.CycleLevels(point.motion, levels), cycle.SeriesErrors()
+    )
+    error = abs(levels["torque_rms"] / rms - 1.0)
+    assert errors.level == pytest.approx(cycle.NODES_SAFETY_FACTOR * error, rel=0.02)

@@ -243,14 +243,15 @@ def test_of_limit_cycles_it_counts_verdicts():
 def test_of_limit_cycles_it_tells_events_of_branches_with_units():
     names = ("point_id", "cycle_id", "along", "event", "value", "criticality", "branch_end")
     rows = [("p", "c", "pressure", "F", 5e5, "", ""), ("p", "c", "pressure", "", 6e5, "", "bound")]
-    branches = pd.DataFrame(rows, columns=list(names))
+    branches = pd.DataFrame(rows, columns=list(names)).assign(level_error=0.012)
     cycles = pd.DataFrame({"same_as": [], "status": [], "level_error": []})
     verdicts = pd.DataFrame({"verdict": ["no_cycle_found"]})
     tables = {"branches": branches, "cycles": cycles, "verdicts": verdicts}
     tables["borders"] = pd.DataFrame()
     tables["points"] = pd.DataFrame({"point_id": ["p"]})
     results = made(kind="limit_cycles", units={"pressure": "Pa"}, **tables)
-    assert ("branch", "along pressure: fold at 500 kPa; ends bound") in CYCLES.facts(results)
+    text = "along pressure: fold at 500 kPa; ends bound; its levels err by up to 1.2 %"
+    assert ("branch", text) in CYCLES.facts(results)
     many = pd.concat([branches.assign(cycle_id=f"c{k}") for k in range(8)])
     facts = CYCLES.facts(results.with_tables(**tables | {"branches": many}))
     assert [name for name, _ in facts].count("branch") == 6
