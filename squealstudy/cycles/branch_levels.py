@@ -2,7 +2,7 @@
 
 A branch keeps the number of harmonics that its first cycle needs. Away from that cycle the contact
 may stick, and its levels be wrong by a fifth. So each cycle of a small model has the error that a
-cycle of a design has (`cycle.errors_by_finer_series`), and where it is beyond the tolerance the
+cycle of a design has (`cycle.series_errors`), and where it is beyond the tolerance the
 cycle is solved with as many harmonics as it needs.
 """
 
@@ -23,7 +23,7 @@ from squealstudy.cycles.cycle import (
     SeriesErrors,
     cycle_near,
     errors_by_changes,
-    errors_by_finer_series,
+    series_errors,
 )
 from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError
@@ -82,8 +82,8 @@ def _level_error(
     with suppress(ConvergenceError):
         fewer, _ = projection.cycle_near(motion, max(1, round(motion.harmonics / FEWER_HARMONICS)))
         by_changes = errors_by_changes([CycleLevels(fewer, contact.levels(fewer)), cycle_levels])
-    finer = errors_by_finer_series(contact, projection, cycle_levels, by_changes)
-    return np.nan if finer is None or np.isinf(finer[0].level) else finer[0].level
+    judged = series_errors(contact, projection, cycle_levels, by_changes)
+    return np.nan if judged is None or np.isinf(judged[0].level) else judged[0].level
 
 
 def _is_on_branch(cycle: Cycle, point: BranchPoint, levels: dict[str, float]) -> bool:

@@ -10,6 +10,7 @@ cycle itself, and on projected models, the error is estimated from the last two 
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Sequence
@@ -162,9 +163,9 @@ def cycle_near(
         errors, basis_error = errors_by_changes(rungs) + of_basis, of_basis.level
         other = rougher
         if errors.level < search.tolerance or harmonics == tried[-1]:
-            finer = errors_by_finer_series(contact, projection, rungs[-1], errors_by_changes(rungs))
-            if finer is not None:
-                errors, other = finer[0] + of_basis, finer[1]
+            judged = series_errors(contact, projection, rungs[-1], errors_by_changes(rungs))
+            if judged is not None:
+                errors, other = judged[0] + of_basis, judged[1] or rougher
         if errors.level < search.tolerance:
             break
         if not projection.complete and errors.level > GIVE_UP_ERROR_RATIO * search.tolerance:
@@ -305,29 +306,47 @@ def errors_by_finer_series(
     errors = errors * FINER_SERIES_SAFETY_FACTOR
     if len(orders) == 1:
         errors = errors.larger(by_changes * (1.0 / (SERIES_SAFETY_FACTOR * MAX_CHANGE_RATIO)))
-    at_nodes = errors_at_nodes(contact, cycle_levels.motion, cycle_levels.levels)
-    return errors.larger(at_nodes), motion
+    return errors, motion
 
 
-def errors_at_nodes(
-    contact: ContactOscillator, motion: PeriodicMotion, levels: dict[str, float]
-) -> SeriesErrors:
-    """Errors by the cycle at nodes; zeros without corners, of many coordinates, or without it.
+def errors_at_nodes(contact: ContactOscillator, cycle_levels: CycleLevels) -> SeriesErrors | None:
+    """Errors by the cycle at nodes; None without corners, of many coordinates, or without it.
 
     The rule of the nodes errs by the square of their distance: twice that tells how much.
     """
-    osc, none = contact.oscillator, SeriesErrors(0.0, 0.0, 0.0, 0.0)
+    osc, motion = contact.oscillator, cycle_levels.motion
     if osc.n > SMALL_MAX_COORDINATES or not has_corners(osc, motion):
-        return none
+        return None
     try:
-        coarse, fine = (cycle_at_nodes(osc, motion, n) for n in (N_NODES // 2, N_NODES))
+        fine = cycle_at_nodes(osc, motion)
     except ConvergenceError:
-        return none
-    few, many = (contact.levels_of_states(s.q, s.v) for s in (coarse, fine))
-    limit = {name: many[name] + (many[name] - few[name]) / 3.0 for name in many}
-    at_nodes = replace(motion, omega=fine.omega + (fine.omega - coarse.omega) / 3.0)
-    by_nodes = change(CycleLevels(motion, levels), CycleLevels(at_nodes, limit))
-    return by_nodes * NODES_SAFETY_FACTOR
+        return None
+    limit, omega = contact.levels_of_states(fine.q, fine.v), fine.omega
+    with contextlib.suppress(ConvergenceError):  # then the rule's error stays in, a part of 1e5
+        coarse = cycle_at_nodes(osc, motion, N_NODES // 2)
+        few = contact.levels_of_states(coarse.q, coarse.v)
+        limit = {name: level + (level - few[name]) / 3.0 for name, level in limit.items()}
+        omega += (omega - coarse.omega) / 3.0
+    at_nodes = CycleLevels(replace(motion, omega=omega), limit)
+    return change(cycle_levels, at_nodes) * NODES_SAFETY_FACTOR
+
+
+def series_errors(
+    contact: ContactOscillator,
+    projection: Projection,
+    cycle_levels: CycleLevels,
+    by_changes: SeriesErrors,
+) -> tuple[SeriesErrors, PeriodicMotion | None] | None:
+    """The larger errors of `errors_by_finer_series` and at nodes; its motion, None without it.
+
+    Where only nodes have the cycle errors are not less than `by_changes`; None without both.
+    """
+    finer = errors_by_finer_series(contact, projection, cycle_levels, by_changes)
+    at_nodes = errors_at_nodes(contact, cycle_levels)
+    if at_nodes is None:
+        return finer
+    errors, motion = (by_changes, None) if finer is None else finer
+    return errors.larger(at_nodes), motion
 
 
 def with_peak_and_tolerance(

@@ -122,7 +122,7 @@ def test_series_that_agree_by_chance_are_held_against_the_cycle_at_nodes(of_seve
     monkeypatch.setattr(cycle, "FINER_SERIES_SAFETY_FACTOR", 0.0)  # no series differs
     levels = contact.levels(point.motion)
     projection = Projection.on_harmonics_of(contact.oscillator, point.motion)
-    errors, _ = cycle.errors_by_finer_series(
+    errors, _ = cycle.series_errors(
         contact, projection, cycle.CycleLevels(point.motion, levels), cycle.SeriesErrors()
     )
     error = abs(levels["torque_rms"] / rms - 1.0)

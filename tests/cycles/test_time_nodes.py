@@ -1,4 +1,4 @@
-"""Multipliers of cycles that stick for a hundredth of a period are within their errors.
+"""Multipliers and levels of cycles that stick for a hundredth of a period are within their errors.
 
 Series of 7 to 60 harmonics do not see what the contact does there, and agree with each other.
 """
@@ -23,13 +23,19 @@ VALUES = {
 PERIODS, DEVIATION = 120, 1e-5  # until only the cycle is left; of its size
 
 
-def judged_sizes(damping_ratio, osc, motion):
-    """Sizes of the multipliers of the judge's own cycle: deviations a period later."""
+def judged_run(damping_ratio, osc, motion):
+    """The judge's run that leads to its own cycle."""
     d = design("hoffmann", "unilateral", **VALUES, damping_ratio=damping_ratio)
     normal, tangential, _ = osc.B[0]
     q, v = state_of(motion)
     start = np.array([tangential @ q, normal @ q, tangential @ v, normal @ v])
-    record = run(d, PERIODS * 2.0 * np.pi / motion.omega, start=start, tolerance=1e-10)
+    return run(d, PERIODS * 2.0 * np.pi / motion.omega, start=start, tolerance=1e-10)
+
+
+def judged_sizes(damping_ratio, osc, motion):
+    """Sizes of the multipliers of the judge's own cycle: deviations a period later."""
+    record = judged_run(damping_ratio, osc, motion)
+    d = record.design
     period, end = record.cycle().period, record.end
     size = np.ptp(record.rows[-1000:, :4], axis=0)
 
@@ -55,3 +61,12 @@ def test_multipliers_where_series_do_not_see_that_the_contact_sticks(damping_rat
     assert has_corners(osc, cycle.motion)
     at_nodes = np.sort(np.abs(np.linalg.eigvals(monodromy_at_nodes(osc, cycle.motion))))
     assert at_nodes == pytest.approx(sizes, abs=2e-3)
+
+
+def test_a_level_where_other_series_do_not_converge():
+    """7 harmonics have 153.78 N and 5 have 153.74, the cycle has 155.03; 16 have none."""
+    values = VALUES | {"damping_ratio": 0.0223756}
+    found = sq.model("hoffmann", contact_law="unilateral", **values).at().limit_cycles(7, reach=4.0)
+    (cycle,) = [c for _, c in found.cycles if c.attracts]
+    rms = judged_run(0.0223756, found.contact.oscillator, cycle.motion).cycle().levels.rms
+    assert 5e-3 < abs(cycle.levels["torque_rms"] / rms - 1.0) < cycle.level_error < 0.02
