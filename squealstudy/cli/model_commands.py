@@ -11,6 +11,8 @@ from squealstudy.cli.options import (
     FAULT,
 )
 
+PICTURE_SUFFIXES = (".png", ".svg")
+
 
 def inspect(
     model: Annotated[
@@ -18,7 +20,8 @@ def inspect(
         typer.Argument(metavar="MODEL", help="Model file (TOML), or a mesh alone: .inp, .bdf, ..."),
     ],
     picture: Annotated[
-        Path | None, typer.Option("--picture", "-p", help="Picture to draw, .png or .svg.")
+        Path | None,
+        typer.Option("--picture", "-p", help=f"Picture to draw, {' or '.join(PICTURE_SUFFIXES)}."),
     ] = None,
     measured: Annotated[
         Path | None,
@@ -53,6 +56,8 @@ def inspect(
     """
     if (measured is None) != (component is None):
         raise typer.BadParameter("--measured needs --component, and --component --measured")
+    if picture is not None and picture.suffix.lower() not in PICTURE_SUFFIXES:
+        raise typer.BadParameter(f"{picture}: a picture is {' or '.join(PICTURE_SUFFIXES)}")
     if measured is not None and component is not None:
         from squealstudy.cli.inspect import inspected as compared
 

@@ -271,7 +271,7 @@ def _signed(figure: Figure, results: ResultTables) -> Figure:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a PNG: never half a picture. Missing directories are made.
+    """Write a PNG, or an SVG by the suffix: never half a picture. Missing directories are made.
 
     OSError where the file cannot be written.
     """
@@ -279,6 +279,9 @@ def save_figure(figure: Figure, path: Path) -> None:
 
     def write(temporary: Path) -> None:
         figure.set_dpi(DPI)
-        FigureCanvasAgg(figure).print_png(temporary)  # draws once; `savefig` draws twice
+        if path.suffix.lower() == ".svg":
+            figure.savefig(temporary, format="svg")
+        else:
+            FigureCanvasAgg(figure).print_png(temporary)  # draws once; `savefig` draws twice
 
     write_atomic(path, write)

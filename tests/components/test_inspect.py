@@ -45,6 +45,16 @@ def said(capsys, path: Path, *more: str) -> tuple[int, str, str]:
     return code, " ".join(out.split()), " ".join(err.split())
 
 
+def test_a_picture_is_what_its_suffix_says(tmp_path, capsys):
+    drawn, refused = tmp_path / "blocks.svg", tmp_path / "blocks.pdf"
+    assert said(capsys, model(tmp_path), "--picture", str(drawn))[0] == 0
+    assert b"<svg" in drawn.read_bytes()
+    code, _, message = said(capsys, model(tmp_path), "--picture", str(refused))
+    assert code == 2
+    assert "a picture is .png or .svg" in message
+    assert not refused.exists()
+
+
 def test_what_was_read(tmp_path, capsys):
     picture = tmp_path / "blocks.png"
     code, facts, messages = said(capsys, model(tmp_path), "--picture", str(picture))
@@ -57,6 +67,7 @@ def test_what_was_read(tmp_path, capsys):
     assert "sliding: slider.BOTTOM on plate.TOP, 27 points, 1000 mm2, 100.0 % of the slave" in facts
     assert "normal of the slave [0, 0, -1]; gap" in facts
     assert "plate turns about [0, 0, 1] through [40, -100, 0]" in facts
+    assert picture.read_bytes().startswith(b"\x89PNG")
     assert "pressure pushes slider.TOP along [0, 0, -1]; no reaction" in facts
     assert "lining.E3 2e+09 Pa slider.materials.LINING.E[3]" in facts
     assert "477 degrees of freedom, 27 contact points; a reduction needs about 0.4 GB" in facts
