@@ -8,6 +8,7 @@ from squealstudy.columns.everywhere import ENERGY_SHARES, HEAD, VALIDITY
 STEPS = "It tells how the integration went, and needs no error."
 BASIS = "The error of the basis, where modes were left out."
 STEPPED = "The step's error."
+OF_ITS_TIME = "The step's error; motion that has not settled has another share later: see settled."
 AT_ROWS = "The step's error; it is of this instant alone."
 
 
@@ -136,7 +137,7 @@ CONTACT = (
         "stick_share",
         "Share of contact area and time in which contact sticks: friction is below its bound. "
         "Contacts without friction, and with a state, count in no share.",
-        leaves_out=STEPPED,
+        leaves_out=OF_ITS_TIME,
     ),
     number("stick_share_max", "Largest share of the area that sticks at once.", leaves_out=STEPPED),
     number(
@@ -148,7 +149,7 @@ CONTACT = (
         "open_share",
         "Share of contact area and time in which the pressure is below a hundredth of the mean "
         "of the design point's own steady sliding.",
-        leaves_out=STEPPED,
+        leaves_out=OF_ITS_TIME,
     ),
     number("open_share_max", "Largest share of the area that is open at once.", leaves_out=STEPPED),
 )
