@@ -62,7 +62,7 @@ class Sensitivities:
     finite : ndarray (k, p) complex
         Change of the root by that change, from solving again, 1/s; NaN where that gives no root.
     match : ndarray (k, p)
-        How far the mode of that root is still this mode: 1 is the mode itself.
+        Share in which the mode of that root is still this mode: 1 is the mode itself.
     validity : ndarray (k, p)
         Change, in the parameter's unit, at which the second-order term reaches a quarter of the
         first-order one; near a square-root coalescence the distance to it.
