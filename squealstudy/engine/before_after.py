@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from squealstudy.engine.comparison import value_elsewhere
+from squealstudy.engine.comparison import PARAMETERS, model_files, value_elsewhere
 from squealstudy.engine.result_tables import ResultTables
 from squealstudy.errors import ResultsError
 from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.before_after import SIDES, UnstableModes, paired, unstable_modes
 from squealstudy.tables.comparison import join_points
 from squealstudy.tables.mode_ranking import line_codes
-from squealstudy.wording import shown, units_of
+from squealstudy.wording import amount, shown, units_of
 
-PARAMETERS = "parameters"  # table of study files
 NAMES_ALONE = {("study", "name"), ("study", "description")}  # no change of what is computed
 
 
@@ -105,15 +104,19 @@ def _changes(before: ResultTables, after: ResultTables) -> list[str]:
     both = (before, after)
     settings = [dict(_settings(tomllib.loads(str(r.fact("study"))))) for r in both]
     names = [n for n in dict.fromkeys([*settings[0], *settings[1]]) if n not in NAMES_ALONE]
+    units = before.units | after.units
     texts = []
     for name in names:
         first, second = (of.get(name) for of in settings)
         if first != second and name == ("sweep",):
             texts.append("the sweeps")
         elif first != second:
-            ends = (_setting_text(r, of, name) for r, of in zip(both, settings, strict=True))
+            ends = (
+                _setting_text(r, of, name, other.get(name), units)
+                for r, of, other in zip(both, settings, settings[::-1], strict=True)
+            )
             texts.append(f"{'.'.join(name)} {' -> '.join(ends)}")
-    files = [(r.manifest.get("model_file") or {}).get("files") for r in both]
+    files = [model_files(r) for r in both]
     texts += ["the files of the model"] if files[0] != files[1] else []
     versions = [str(r.manifest.get("versions", {}).get("squealstudy", "")) for r in both]
     return texts + ([f"squealstudy {' -> '.join(versions)}"] if versions[0] != versions[1] else [])
@@ -133,10 +136,23 @@ def _settings(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> list[tupl
     return settings
 
 
-def _setting_text(results: ResultTables, settings: Mapping[Any, Any], name: tuple[str, ...]) -> str:
-    """A setting of a study in words; of a parameter that it leaves out the default."""
+def _setting_text(
+    results: ResultTables,
+    settings: Mapping[Any, Any],
+    name: tuple[str, ...],
+    other: object,
+    units: Mapping[str, str],
+) -> str:
+    """A setting of a study in words; of a parameter that it leaves out the default.
+
+    The default has the unit that the other study writes, if it does.
+    """
     if name in settings:
         return shown(settings[name])
-    if name[0] == PARAMETERS:
-        return f"{value_elsewhere(results, '.'.join(name[1:])):g}"
-    return "(left out)"
+    if name[0] != PARAMETERS:
+        return "(left out)"
+    parameter = ".".join(name[1:])
+    default = value_elsewhere(results, parameter)
+    if isinstance(other, str):
+        return shown(amount(default, units.get(parameter, "")))
+    return f"{default:g}"

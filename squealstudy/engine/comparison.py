@@ -12,7 +12,14 @@ from squealstudy.engine.result_names import MANIFEST
 from squealstudy.engine.result_tables import ResultTables
 from squealstudy.errors import ResultsError
 from squealstudy.models.operating import IN_TIME_ONLY
-from squealstudy.models.parameter_names import DAMPING_RATIO, ModeParameter, parse_parameter
+from squealstudy.models.parameter_names import (
+    ADDED,
+    DAMPING_RATIO,
+    ModeParameter,
+    parse_parameter,
+)
+from squealstudy.study.added_parts import named_mass
+from squealstudy.study.design_sections import ADDED_MASS
 from squealstudy.study.source import SourceText
 from squealstudy.study.tabled import take_tables
 from squealstudy.tables.comparison import compare
@@ -20,6 +27,7 @@ from squealstudy.tables.cycle_comparison import compare_cycles
 from squealstudy.wording import units_of
 
 AnyTables = TypeVar("AnyTables", bound=ResultTables)
+PARAMETERS = "parameters"  # table of study files
 LIMIT_CYCLES = "cycles"  # table that results of limit cycles have
 BOUNDS = {"low": "1/s", "high": "1/s"}  # of the fitted growth rate
 
@@ -36,7 +44,7 @@ def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
             f"{frequency.directory} is of model '{models[0]}', {transient.directory} of "
             f"'{models[1]}': expected two studies of one model"
         )
-    files = [r.manifest.get("model_file", {}).get("files") for r in (frequency, transient)]
+    files = [model_files(r) for r in (frequency, transient)]
     if files[0] != files[1]:
         raise ResultsError(
             f"{frequency.directory} and {transient.directory} are of model files that differ, or "
@@ -112,9 +120,27 @@ def _followed(results: ResultTables) -> dict[str, Any]:
     return {name: table for _, name, table in take_tables(source.tables)[1]}
 
 
+def model_files(results: ResultTables) -> list[str]:
+    """Hashes of a model's files; of masses that the study adds by name, not: they are parameters.
+
+    Empty of models without files.
+    """
+    named = [n for n in results.fact("nominal") if n.startswith(ADDED_MASS)]
+    source = SourceText(results.directory / MANIFEST, "")
+    masses = {named_mass(n, source, (PARAMETERS, n)).identity for n in named}
+    files = (results.manifest.get("model_file") or {}).get("files", [])
+    return [file_hash for file_hash in files if file_hash not in masses]
+
+
 def value_elsewhere(results: ResultTables, name: str) -> float:
-    """The value at which a study ran that neither sweeps nor sets the parameter."""
+    """The value at which a study ran that neither sweeps nor sets the parameter.
+
+    Of an added mass that it does not name it has none: 0.
+    """
     model = model_of(results.manifest)
+    declared = {parameter.name for parameter in model.parameters}
+    if name.split(".")[0] in ADDED and name not in declared:
+        return float(results.fact("nominal").get(name, 0.0))
     parameter = parse_parameter(name, model)
     values = model.defaults(version_of(results.manifest)) | results.fact("nominal")
     if isinstance(parameter, ModeParameter) and not parameter.component:  # instead of the uniform

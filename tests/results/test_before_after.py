@@ -6,12 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_results import made
+from own_blocks import STUDY, write_blocks
 from reference import MU_C
 from study_runs import solved
 from study_texts import study_text, sweep_text
 
+import squealstudy as sq
 from squealstudy.cli.before_after import before_after
 from squealstudy.engine.before_after import compare_modes
+from squealstudy.engine.manifest import _model_file
 from squealstudy.errors import ResultsError
 from squealstudy.screen import as_text
 from squealstudy.tables.before_after import UnstableModes, paired, unstable_modes
@@ -223,3 +226,60 @@ def test_points_that_are_not_in_common_are_told_by_their_side(nominal, tmp_path)
         ResultsError, match=r"before: friction = 0.1, .*; after: friction = 0.7, 0.9"
     ):
         nominal.compare(beyond)
+
+
+ON_BRIDGE = "added_mass.caliper.BRIDGE"
+NO_FILE, OF_FILE = {"model": "disc_brake"}, {"model": "components"}
+
+
+def relabelled(results, model, mass="", swept=None):
+    """The results as if they were of this model, with a mass of 100 g, with 0 g, or unnamed."""
+    facts = results.manifest | model
+    if mass:
+        facts["study"] += f'[parameters]\n"{ON_BRIDGE}" = "{mass}"\n'
+    if mass or swept is not None:
+        facts["nominal"] = facts["nominal"] | {ON_BRIDGE: 0.1 if mass == "100 g" else 0.0}
+        facts["units"] = facts["units"] | {ON_BRIDGE: "kg"}
+    points = results.points
+    if swept is not None:
+        facts["sweeps"] = [*facts["sweeps"], ON_BRIDGE]
+        points = points.assign(**{ON_BRIDGE: swept})
+    tables = {"modes": results.modes, "onsets": results.onsets}
+    return made(facts=facts).with_tables(points=points, **tables)
+
+
+def facts_of(study):
+    """Facts of a study of a model file, as a manifest has them."""
+    resolved = sq.read_study(study).resolved
+    return {"nominal": {**resolved.values}, **_model_file(resolved)}
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("bare", ["", "0 g"])
+def test_a_study_that_names_no_added_mass_has_none(nominal, bare, order):
+    """As one that names 0 g of it, on either side."""
+    sides = [relabelled(nominal, NO_FILE, mass) for mass in (bare, "100 g")][::order]
+    ends = " -> ".join(["'0 g'", "'100 g'"][::order])
+    assert compare_modes(*sides).attrs["changes"] == [f"parameters.{ON_BRIDGE} {ends}"]
+
+
+@pytest.mark.parametrize(("mass", "size"), [("", 0.0), ("100 g", 0.1)])
+def test_it_is_compared_with_the_points_of_a_sweep_that_have_as_much(nominal, mass, size):
+    given, swept = relabelled(nominal, NO_FILE, mass), relabelled(nominal, NO_FILE, swept=size)
+    other = relabelled(nominal, NO_FILE, swept=0.05)
+    for sides in ((given, swept), (swept, given)):
+        assert compare_modes(*sides).attrs["points"] == len(nominal.points)
+    with pytest.raises(ResultsError, match=f"must be {ON_BRIDGE} = {size:g}"):
+        compare_modes(given, other)
+
+
+def test_a_mass_added_by_name_is_no_other_file_of_the_model(nominal, tmp_path):
+    """A stiffness that differs in the model file is."""
+    mass = '[parameters]\n"added_mass.slider.TOP" = "1 g"\n[[sweep]]'
+    texts = (STUDY, STUDY.replace("[[sweep]]", mass))
+    facts = [facts_of(write_blocks(tmp_path, study=text)) for text in texts]
+    sides = [relabelled(nominal, OF_FILE | one) for one in facts]
+    assert compare_modes(*sides).attrs["changes"] == []  # of the study files: they are nominal's
+    other = write_blocks(tmp_path, ("normal = 2000.0", "normal = 1000.0"))
+    other = relabelled(nominal, OF_FILE | facts_of(other))
+    assert compare_modes(sides[0], other).attrs["changes"] == ["the files of the model"]
