@@ -250,8 +250,8 @@ def relabelled(results, model, mass="", swept=None):
 
 def facts_of(study):
     """Facts of a study of a model file, as a manifest has them."""
-    resolved = sq.read_study(study).resolved
-    return {"nominal": {**resolved.values}, **_model_file(resolved)}
+    plan = sq.read_study(study).plan()
+    return {"nominal": dict(plan.nominal_values), **_model_file(plan.study)}
 
 
 @pytest.mark.parametrize("order", [1, -1])
