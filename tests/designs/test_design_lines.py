@@ -68,6 +68,28 @@ def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
     assert "design: frequency_2; as it is: 75 Hz" in text
 
 
+@pytest.mark.parametrize("n_designs", [2, MOST_DESIGNS + 1])
+def test_where_nothing_is_unstable_that_is_said_before_the_designs(tmp_path, n_designs):
+    """And no blank line follows."""
+    seconds = [40.0 + second for second in range(n_designs)]
+    results = results_of(tmp_path / "r", [0.1, 0.2], seconds)
+    text = as_text(results.screen.findings(results))
+    none = (
+        f"No mode between 10 and 1000 Hz is unstable at any of the {2 * n_designs} solved points."
+    )
+    first, *tables = text.rstrip("\n").split("\n\n")
+    assert " ".join(first.split()) == none
+    assert len(tables) == 1
+    assert tables[0].count("none up to 0.2") == n_designs
+    assert not text.endswith("\n\n")
+    assert results.screen.verdict(results) == none
+    points = results.points.copy()
+    points.loc[0, "status"] = "working_point"
+    text = as_text(results.screen.findings(results.with_tables(points=points)))
+    assert text.startswith("No mode between")
+    assert "counts neither way" in text.split("\n\n")[0]
+
+
 def test_what_follows_the_parameter_of_a_design_is_named(tmp_path):
     """A row of designs is none of one value alone where a table moves another along."""
     table = "[parameters.stiffness_damping.table]\n"

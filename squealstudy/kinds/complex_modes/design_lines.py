@@ -304,6 +304,8 @@ def design_table(
     followers = [name for name, over in tables.items() if set(over) & set(names)]
     follow = "follows" if len(followers) == 1 else "follow"
     with_it = f", which {' and '.join(followers)} {follow}" if followers else ""
+    unit = units.get(along, "")
+    by_modes = _onsets_by_mode(designs, lines, modes_of_several_numbers(table), unit)
     meaning = f"design: {', '.join(names)}{with_it}"
     meaning += f"; as it is: {as_it_is}" if as_it_is else ""
     return [
@@ -311,9 +313,9 @@ def design_table(
         notes(
             meaning,
             f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
-            "all; Hz: where the mode grows fastest; unstable: share of its solved points\n",
+            "all; Hz: where the mode grows fastest; unstable: share of its solved points",
         ),
-        *_onsets_by_mode(designs, lines, modes_of_several_numbers(table), units.get(along, "")),
+        *(["", *by_modes] if by_modes else []),
     ]
 
 
@@ -374,7 +376,7 @@ def _onsets_by_mode(
         legend += [f"-: at this design {unknown}"]
     if len(fastest) > len(chosen):
         legend += [f"{plural(len(fastest) - len(chosen), 'mode')} left out"]
-    return [shown, notes("; ".join(legend) + "\n")]
+    return [shown, *([notes("; ".join(legend))] if legend else [])]
 
 
 def _onset_text(row: Row | None, unit: str = "") -> str:

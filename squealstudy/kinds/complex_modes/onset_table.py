@@ -67,7 +67,6 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
             f"<=: the least {along} of a solved point at which some mode is unstable"
             if INEXACT[FIRST_SEEN] in shown_marks
             else "",
-            "\n",
         ),
     ]
 

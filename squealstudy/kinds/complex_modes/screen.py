@@ -145,7 +145,8 @@ class ComplexModesScreen(KindScreen):
         if not len(table):
             beyond = "" if where else grows_outside(results.manifest, results.units)
             none = f"{_no_mode(results, where)}{beyond}"
-            return [none, notes(_doubt(results, where), _left_out(results))]
+            doubts = [text for text in (_doubt(results, where), _left_out(results)) if text]
+            return [none, notes(*doubts)] if doubts else [none]
         energies = tells_parts(table)
         shown = grid(
             *("mode", "Hz", "unstable", "growth 1/s", "damping %"),
@@ -168,12 +169,15 @@ class ComplexModesScreen(KindScreen):
             first = answer(results, table, lines)
             if not first and (table["kind"] != group_kind(1)).all() and len(table):
                 first = [self.verdict(results), ""]  # modes without numbers have no onsets
-            return [*first, *designs, *self.ranking(results)]
+            parts = [designs, self.ranking(results)]
+            parts = parts if len(table) else parts[::-1]  # a verdict before its table
+            return [*first, *parts[0], *([""] if all(parts) else []), *parts[1]]
         lost = _left_out(results)
+        left_out = [notes(lost)] if lost else []
         if not (results.points["status"] == "ok").any():
-            return [_no_mode(results, None), notes(lost)]
+            return [_no_mode(results, None), *left_out]
         where = "solved design point" if lost else "design point"
-        return [f"No mode lies {band_text(results.fact('band_hz'))} at any {where}.", notes(lost)]
+        return [f"No mode lies {band_text(results.fact('band_hz'))} at any {where}.", *left_out]
 
     def verdict(self, results: ResultTables) -> str:
         """How many modes are unstable, the most widespread, and the one that grows fastest."""
