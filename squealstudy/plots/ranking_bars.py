@@ -116,7 +116,7 @@ def _shares(axes: Axes, shown: pd.DataFrame) -> None:
     for y, x, row in zip(positions, share, shown.to_dict("records"), strict=True):
         text = f"{row['max_growth_rate']:+.3g} 1/s"
         if np.isfinite(row["threshold"]):
-            mark = INEXACT.get(row["threshold_kind"], "")
+            mark = "*" * bool(row["taken_over"]) + INEXACT.get(row["threshold_kind"], "")
             text += f", from {mark}{row['threshold']:.3g}"
         elif row["threshold_kind"]:
             text += f", {row['threshold_kind']}"

@@ -59,7 +59,7 @@ COLUMNS = (
     | {"at": "str", "threshold": "f8"}
     | {"threshold_kind": "str", "main_component": "str", "main_share": "f8"}
     | {"second_component": "str", "second_share": "f8", "ambiguous": "bool"}
-    | {"unstable_points_low": "int64", "unstable_points_high": "int64"}
+    | {"unstable_points_low": "int64", "unstable_points_high": "int64", "taken_over": "bool"}
     | {"family": "int64", "family_modes": "int64", "family_points": "int64"}
 )
 RANKED = (  # columns of modes that a ranking is made of, beside energies
@@ -119,9 +119,10 @@ def rank_modes(
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
         "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, it could
         not be located, or the points are `scattered`), "below range" (unstable at the first value
-        of a line; NaN), "first seen" (a track that begins unstable, or whose number an unstable
-        mode takes; an upper bound) or "broken" (on some line it begins so beside a track that
-        ends, the same mode perhaps; an upper bound).
+        of a line; NaN), "first seen" (a track that begins unstable; an upper bound) or "broken"
+        (on some line it begins so beside a track that ends, the same mode perhaps; an upper bound).
+        `taken_over`: at a smaller value of some line an unstable mode of another number takes this
+        one, which is no onset.
 
     Raises
     ------
@@ -161,6 +162,7 @@ def rank_modes(
         )
         table["threshold"] = thresholds["value"]
         table["threshold_kind"] = thresholds["kind"].reindex(table.index).fillna("")
+        table["taken_over"] = table.index.isin(thresholds.index[thresholds["taken_over"]])
     table["order"] = table[key]
     table["threshold"] = table["threshold"].mask(table["threshold_kind"] == BELOW_RANGE)
     table = table.sort_values(["order", "frequency_hz"], ascending=[ascending, True])
@@ -285,7 +287,7 @@ def _summary(
     table["mean_growth_rate"] = largest.groupby(level="track").sum() / max(n_points, 1)
     table["min_damping_ratio"] = by_track["damping_ratio"].min()
     table["ambiguous"] = by_track["track_ambiguous"].any()
-    table["threshold"], table["threshold_kind"] = np.nan, ""
+    table["threshold"], table["threshold_kind"], table["taken_over"] = np.nan, "", False
     worst = unstable.sort_values("growth_rate").drop_duplicates("track", keep="last")
     table["frequency_hz"] = worst.set_index("track")["frequency_hz"]
     alone = worst[worst["track"].to_numpy() < 0].set_index("track")  # a mean of several is no mode
@@ -359,16 +361,13 @@ def _thresholds(
     crossings = (
         crossings.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
     )
-    # where an unstable mode takes the number at a smaller x, that is a bound, and no crossing less
     renumbered_at = (
         pd.Series(x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy())
         .groupby(level=0)
         .min()
         .reindex(crossings.index)
     )
-    earlier = renumbered_at <= crossings["value"]
-    crossings["value"] = crossings["value"].mask(earlier, renumbered_at)
-    crossings["kind"] = crossings["kind"].mask(earlier, FIRST_SEEN)
+    crossings["taken_over"] = renumbered_at <= crossings["value"]
     return crossings
 
 

@@ -58,8 +58,10 @@ def test_each_design_has_its_first_onset_and_its_fastest_growth(tmp_path):
     text = as_text(results.screen.findings(results))
     told = " ".join(text.split())
     assert told.startswith("Unstable between 10 and 1000 Hz: with frequency_2 75 Hz T")
-    for line, end in zip(lines[:2], ("; with frequency_2 80 Hz T", "(91 Hz there); "), strict=True):
-        assert f"first at friction {line.onset:.4g}{' ' * ('(' in end)}{end}" in told
+    for line, end in zip(
+        lines[:2], ("(88 Hz there); with frequency_2 80 Hz T", "(91 Hz there); "), strict=True
+    ):
+        assert f"first at friction {line.onset:.4g} {end}" in told
     assert "with frequency_2 60 Hz nothing. The first onset is earliest" in told
     more = results_of(tmp_path / "more", [0.2, 0.4], [75.0, 80.0, 60.0, 70.0])
     told = as_text(more.screen.findings(more))
@@ -103,7 +105,7 @@ def test_a_design_that_is_unstable_from_the_first_value_says_so(tmp_path):
     results = results_of(tmp_path / "r", [0.32, 0.4], [75.0, 60.0])
     assert [line.kind for line in design_lines(results)] == ["below range", ""]
     text = " ".join(as_text(results.screen.findings(results)).split())
-    assert "Hz already at the least friction; with frequency_2 60 Hz nothing." in text
+    assert "already at the least friction (89 Hz there); with frequency_2 60 Hz nothing." in text
     assert results.screen.verdict(results).count("already at the least friction") == 1
 
 
@@ -139,7 +141,8 @@ def test_the_onset_of_a_mode_is_seen_where_another_is_first():
             m | {f"frequency_{end}_hz": m["frequency_hz"] for end in ("min", "max")} for m in rows
         ]
         found = {
-            m["track"]: m | {"threshold_kind": kind} for m, kind in zip(rows, KINDS, strict=False)
+            m["track"]: m | {"threshold_kind": kind, "taken_over": False}
+            for m, kind in zip(rows, KINDS, strict=False)
         }
         return DesignLine({}, 1, 1, True, 0.2, "", rows[0], rows[0], found)
 
@@ -193,6 +196,7 @@ def test_a_boundary_map_says_how_its_first_onset_is_known(kind, threshold, begin
             "threshold": [threshold, 0.41],
             "threshold_kind": [kind, "refined"],
             "family_points": [160, 70],
+            "taken_over": False,
             "points": 625,
             "max_growth_rate": [424.4, 464.6],
         }
@@ -204,7 +208,7 @@ def test_a_boundary_map_says_how_its_first_onset_is_known(kind, threshold, begin
 def test_one_design_has_no_table(tmp_path):
     one = results_of(tmp_path / "one", [0.2, 0.4], [75.0])
     assert design_lines(one) == []
-    assert "first at friction 0.2917." in as_text(one.screen.findings(one))
+    assert "first at friction 0.2917 (88 Hz there)." in as_text(one.screen.findings(one))
 
 
 def test_the_designs_that_turn_unstable_first_and_last_are_named(tmp_path):
@@ -323,7 +327,8 @@ def test_a_mode_has_the_frequency_of_its_onset_where_it_grows_at_another():
     )
     row = {"track": 1, "threshold": 0.4, "threshold_kind": "refined", "frequency_hz": 75.2}
     assert other_frequency(row, onsets) == " (116 Hz there)"
-    assert other_frequency(row | {"frequency_hz": 115.0}, onsets) == ""
+    assert other_frequency(row | {"frequency_hz": 115.8}, onsets) == " (116 Hz there)"  # 0.52 %
+    assert other_frequency(row | {"frequency_hz": 116.0}, onsets) == ""
     assert other_frequency(row | {"threshold": 0.45}, onsets) == ""  # interpolated: not refined
     assert other_frequency(row | {"threshold": np.nan}, onsets) == ""
     assert other_frequency(row, None) == ""

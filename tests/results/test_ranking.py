@@ -7,6 +7,7 @@ from made_results import made
 
 from squealstudy import screen
 from squealstudy.errors import ResultsError
+from squealstudy.kinds.complex_modes.onset_words import onset_cell, onset_in_words
 from squealstudy.tables.mode_ranking import (
     COLUMNS,
     frequency_text,
@@ -200,8 +201,11 @@ def test_a_refined_onset_counts_where_both_its_ends_do():
     assert row["threshold_kind"] == "crossing"
 
 
-def test_no_onset_is_told_above_a_point_where_the_number_was_unstable_before():
-    """On one line an unstable mode took the number between 0.2 and 0.4, on the other it crosses."""
+def test_a_number_that_an_unstable_mode_takes_has_no_onset_there_but_a_mark():
+    """On one line an unstable mode took the number between 0.2 and 0.4, on the other it crosses.
+
+    It has not turned unstable at 0.4 or less; nor is it told without a mark that 0.51 is the first.
+    """
     zeta = {1: lambda m, q: (0.3 if q == 1 else 0.5) - m}
     points, modes = linear_study(zeta, [0.2, 0.4, 0.6], [1, 2])
     ids = points.set_index(["friction", "pressure"])["point_id"]
@@ -222,10 +226,18 @@ def test_no_onset_is_told_above_a_point_where_the_number_was_unstable_before():
         for row in rows
     )
     (row,) = rank_modes(points, modes, "friction", onsets=onsets).to_dict("records")
-    assert (row["threshold"], row["threshold_kind"]) == (0.4, "first seen")
-    onsets.loc[0, ["status", "onset"]] = "refined", 0.31
-    (row,) = rank_modes(points, modes, "friction", onsets=onsets).to_dict("records")
-    assert (row["threshold"], row["threshold_kind"]) == (0.31, "refined")
+    assert (row["threshold"], row["threshold_kind"], row["taken_over"]) == (0.51, "refined", True)
+    assert onset_cell(row, "") == "*0.51"
+    told = " first at friction 0.51, save where an unstable mode takes its number"
+    assert onset_in_words(row, "friction", "", None) == told
+    for before, after in ((0.31, 0.51), (np.nan, 0.39)):  # an onset there; another before 0.4
+        onsets["onset"] = before, after
+        onsets.loc[0, "status"] = "renumbered" if np.isnan(before) else "refined"
+        (row,) = rank_modes(points, modes, "friction", onsets=onsets).to_dict("records")
+        first = np.nanmin([before, after])
+        assert (row["threshold"], row["threshold_kind"]) == (first, "refined")
+        assert not row["taken_over"]
+        assert onset_cell(row, "") == f"{first}"
 
 
 def test_failed_points_are_bridged_and_not_counted():

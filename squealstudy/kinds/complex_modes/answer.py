@@ -25,9 +25,8 @@ from squealstudy.kinds.complex_modes.design_lines import (
 )
 from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,
-    first_at,
     last_at,
-    other_frequency,
+    onset_in_words,
 )
 from squealstudy.kinds.complex_modes.outside_text import grows_outside
 from squealstudy.kinds.complex_modes.random_screen import random_answer
@@ -85,7 +84,8 @@ def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
     fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
     along = results.along or ""
     row = first_onset(table)
-    first = first_at(row, along, results.units.get(along, "")).strip() if row else ""
+    unit = results.units.get(along, "")
+    first = onset_in_words(row, along, unit, None).strip() if row else ""
     share = in_digits(100 * wide["family_points"] / wide["points"])
     fastest = f"{row_text(fast)} fastest, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
     text = f"{first}{', ' * bool(first)}{row_text(wide)} most widespread ({share} % of the nodes)"
@@ -125,8 +125,8 @@ def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[Desi
                 name = str(row.get("name", track_number(track))).replace(", ", "/")
                 hz, unit = frequency_text(row), results.units.get(along, "")
                 modes_in_words.append(
-                    f"{name}{f' at {hz} Hz' if hz else ''}{first_at(row, along, unit)}"
-                    f"{other_frequency(row, on_line)}"
+                    f"{name}{f' at {hz} Hz' if hz else ''}"
+                    f"{onset_in_words(row, along, unit, on_line)}"
                     f"{last_at(row, on_line if '/' not in name else None, unit)}"
                 )
         n_told = len(modes_in_words) if len(modes_in_words) == MOST_MODES + 1 else MOST_MODES

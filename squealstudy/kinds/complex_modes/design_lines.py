@@ -17,7 +17,7 @@ from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,
     first_at,
     last_at,
-    other_frequency,
+    onset_in_words,
 )
 from squealstudy.screen import grid, notes
 from squealstudy.shown_units import prefixed
@@ -147,8 +147,8 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     tracks_of = table["family"].value_counts()  # of one mode whose number changes, several
     n_told = len(tracked) if len(tracked) == MOST_MODES + 1 else MOST_MODES
     texts = [
-        f"{track_number(row['track'])} at {frequency_text(row)} Hz{first_at(row, along, unit)}"
-        f"{other_frequency(row, onsets)}"
+        f"{track_number(row['track'])} at {frequency_text(row)} Hz"
+        f"{onset_in_words(row, along, unit, onsets)}"
         f"{last_at(row, line if tracks_of[row['family']] == 1 else None, unit)}"
         for row in tracked[:n_told].to_dict("records")
     ]
@@ -334,7 +334,7 @@ def by_mode(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> dict
         if of_mode:
             fastest = max(of_mode, key=lambda row: float(row["max_growth_rate"]))
             first = first_onset(pd.DataFrame(of_mode)) or fastest
-            onset: Row = {name: first[name] for name in ("threshold", "threshold_kind")}
+            onset: Row = {n: first[n] for n in ("threshold", "threshold_kind", "taken_over")}
             rows[number] = {**fastest, **onset, "name": ", ".join(map(track_number, tracks))}
     return rows
 

@@ -21,9 +21,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SAME_ONSET = 1e-9  # relative: values of an onset in two tables
-OTHER_FREQUENCY = 0.02  # relative, of a mode at its onset: it is told beside that of its growth
+OTHER_FREQUENCY = 0.004  # relative, of a mode at its onset: it is told beside that of its growth
+TAKEN_OVER_NOTE = (
+    "* before an onset: on some line the number is unstable at less, where an unstable mode of "
+    "another number takes it: no onset"
+)
 
 Row = Mapping[Hashable, Any]
+
+
+def onset_in_words(row: Row, along: str, unit: str, onsets: pd.DataFrame | None) -> str:
+    """Where a mode turns unstable first, with its frequency there; empty where not known."""
+    save = ", save where an unstable mode takes its number" if row["taken_over"] else ""
+    return f"{first_at(row, along, unit)}{other_frequency(row, onsets)}{save}"
 
 
 def first_at(row: Row, along: str, unit: str) -> str:
@@ -39,6 +49,17 @@ def first_at(row: Row, along: str, unit: str) -> str:
     mark = INEXACT.get(kind, "")
     about, below = "about " if mark == "~" else "", " or less" if mark == "<= " else ""
     return f" first at {along} {about}{amount(onset, unit)}{below}"
+
+
+def onset_cell(row: Row, unit: str) -> str:
+    """The onset of a row of a ranking in a table, with its marks."""
+    threshold, kind = row["threshold"], row["threshold_kind"]
+    if kind == BELOW_RANGE:
+        return BELOW_RANGE
+    if not isinstance(threshold, float) or threshold != threshold:
+        return "-"
+    mark = "*" * bool(row["taken_over"]) + INEXACT.get(kind, "")
+    return f"{mark}{amount(round(threshold, 9), unit)}"
 
 
 def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:

@@ -25,6 +25,7 @@ from squealstudy.kinds.complex_modes.error_text import (
     unseen_text,
 )
 from squealstudy.kinds.complex_modes.onset_table import onset_table
+from squealstudy.kinds.complex_modes.onset_words import TAKEN_OVER_NOTE, onset_cell
 from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_text
 from squealstudy.kinds.complex_modes.random_screen import (
     DOUBTFUL_NUMBER,
@@ -49,7 +50,6 @@ from squealstudy.tables.stability import (
     BROKEN,
     CROSSING,
     FIRST_SEEN,
-    INEXACT,
     REFINED_ONSETS,
     is_uncertain,
     uncertain_points,
@@ -134,8 +134,10 @@ class ComplexModesScreen(KindScreen):
             results.onsets,
         ).set_index("track")
         is_solved = table["track"].isin(solved.index)
-        for name in ("at", "frequency_hz", "max_growth_rate", "threshold", "threshold_kind"):
-            table[name] = table["track"].map(solved[name]).where(is_solved, table[name])
+        onset = ("threshold", "threshold_kind", "taken_over")
+        for name in ("at", "frequency_hz", "max_growth_rate", *onset):
+            of_solved = table["track"].map(solved[name]).where(is_solved, table[name])
+            table[name] = of_solved.astype(table[name].dtype)
         return table
 
     def listed(
@@ -313,6 +315,7 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
         texts += ["in brackets: from points where it is so whatever its error, to where it may be"]
     texts += [_doubt(results, where), _left_out(results)]
     texts += ["growth, Hz, worst at: where growth is fastest; damping: least of all points"]
+    texts[-1] += "; energy in: mean of the mode's unstable points" * tells_parts(table)
     names = ", ".join(settings_of(table["at"].iloc[0], {}))
     texts += [f"worst at: {names}"] if names else []
     if along := results.along:
@@ -320,6 +323,8 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
             f"onset: least {along} at which the mode turns unstable{_onset_error(table, results)}"
         )
         texts += _onset_kinds(set(table["threshold_kind"]), results, query)
+        if table["taken_over"].any():
+            texts.append(TAKEN_OVER_NOTE)
         if (table["threshold"].isna() & (table["threshold_kind"] != BELOW_RANGE)).any():
             texts.append(
                 "- for an onset: none is known; the mode is untracked, or an unstable mode only "
@@ -332,7 +337,9 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
         )
     texts += families_in_words(table)
     if table["ambiguous"].any():
-        texts.append(f"{DOUBTFUL_NUMBER}; stability and onsets do not depend on it")
+        swapped = table["ambiguous"] & table["family"].duplicated(keep=False)
+        also = " does" if swapped.any() else " and onsets do"  # a number's onsets are by label
+        texts.append(f"{DOUBTFUL_NUMBER}; stability{also} not depend on it")
     return [*texts, *named_tracks(table["track"], results.track_names)]
 
 
@@ -379,19 +386,10 @@ def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]
         share,
         in_digits(row["max_growth_rate"], 1),
         f"{100 * row['min_damping_ratio']:.3g}",
-        *([_threshold(row, units.get(along, ""))] if along else []),
+        *([onset_cell(row, units.get(along, ""))] if along else []),
         *([energy] if energies else []),
         held_together(settings_of(row["at"], units).values()),
     ]
-
-
-def _threshold(row: Row, unit: str) -> str:
-    threshold, kind = row["threshold"], row["threshold_kind"]
-    if kind == BELOW_RANGE:
-        return BELOW_RANGE
-    if not isinstance(threshold, float) or threshold != threshold:
-        return "-"
-    return f"{INEXACT.get(kind, '')}{amount(round(threshold, 9), unit)}"
 
 
 SCREEN = ComplexModesScreen()
