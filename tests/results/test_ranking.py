@@ -421,6 +421,41 @@ def test_what_is_said_of_onsets_is_of_the_query_and_of_the_design(capsys):
     assert "where it was found" not in text  # a track is found at smaller values, too
 
 
+def test_the_legend_of_a_mode_whose_number_changes_is_true_of_its_other_number(capsys):
+    """T1 begins at 0.31 and goes on as T2 from 0.6 on; T2 begins by itself on the other line."""
+    zeta = {
+        1: lambda m, q: 0.3 - m if q == 1 and m < 0.5 else 0.1,
+        2: lambda m, q: 0.7 - m if q == 2 else (0.1 if m < 0.5 else -0.1),
+    }
+    points, modes = linear_study(zeta, [0.2, 0.4, 0.6, 0.8], [1, 2])
+    ids = points.set_index(["friction", "pressure"])["point_id"]
+    onsets = pd.DataFrame(
+        {"track": number, "direction": way, "status": status, "onset": onset, "frequency_hz": 1e3}
+        | {"pressure": q, "point_before": ids[low, q], "point_after": ids[round(low + 0.2, 1), q]}
+        for number, way, status, onset, low, q in (
+            (1, "in", "refined", 0.31, 0.2, 1),
+            (1, "out", "renumbered", np.nan, 0.4, 1),
+            (2, "in", "renumbered", np.nan, 0.4, 1),
+            (2, "in", "refined", 0.71, 0.6, 2),
+        )
+    )
+    doubtful = modes.assign(track_ambiguous=True)
+    tables = {"points": points.assign(n_unstable_high=1), "modes": doubtful, "onsets": onsets}
+    results = made(**tables, facts={"sweeps": ["friction"]})
+    screen.show(*results.screen.ranking(results))
+    text = " ".join(capsys.readouterr().out.split())
+    assert " *0.71 " in text
+    assert "<= " not in text
+    assert "* before an onset: on some line the number is unstable at less" in text
+    assert text.endswith("stability does not depend on it")
+    assert "energy in: mean of the mode's unstable points" in text
+    results = made(**tables | {"onsets": onsets[onsets["track"] == 3]}, facts=results.manifest)
+    screen.show(*results.screen.ranking(results))
+    text = " ".join(capsys.readouterr().out.split())
+    assert "* before" not in text
+    assert text.endswith("stability and onsets do not depend on it")
+
+
 def test_modes_that_are_not_listed_are_counted(capsys):
     points, modes = linear_study(STUDY, MU, P)
     results = made(points=points, modes=modes, onsets=NO_ONSETS, facts={"sweeps": ["friction"]})
