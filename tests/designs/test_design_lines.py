@@ -23,7 +23,13 @@ from squealstudy.kinds.complex_modes.design_lines import (
     onsets_in_words,
 )
 from squealstudy.kinds.complex_modes.onset_table import first_onsets, onset_table
-from squealstudy.kinds.complex_modes.onset_words import alike_together, last_at, other_frequency
+from squealstudy.kinds.complex_modes.onset_words import (
+    alike_together,
+    last_at,
+    onset_and_end,
+    other_frequency,
+    rows_with_ends,
+)
 from squealstudy.screen import as_text
 
 
@@ -252,6 +258,37 @@ def test_a_mode_that_is_unstable_from_the_first_value_says_until_where(tmp_path)
     assert last_at(row, at_an_end, "m/s") == ""
     again = pd.DataFrame({"track": [1] * 3, "onset": [np.nan, 0.2, 0.3], "status": "refined"})
     assert last_at(row, again.assign(direction=["in", "out", "in"]), "") == ""
+
+
+def test_of_many_designs_the_onset_of_a_mode_has_its_end_beside_it():
+    """With one of two designs mode 1 stops at .6975; else none does."""
+    onsets = pd.DataFrame(
+        {
+            "track": [1, 1, 1, 2, 2],
+            "scale": [0.8, 0.8, 1.0, 0.8, 1.0],
+            "onset": [0.3409, 0.6975, 0.2901, 0.2548, 0.2876],
+            "direction": ["in", "out", "in", "in", "in"],
+            "status": "refined",
+        }
+    )
+    lines = []
+    for scale, (first, second) in {0.8: (0.3409, 0.2548), 1.0: (0.2901, 0.2876)}.items():
+        table = pd.DataFrame({"track": [1, 2, -1], "threshold": [first, second, 0.1]})
+        table = table.assign(threshold_kind="refined", kind="mode", max_growth_rate=[9.0, 8.0, 7.0])
+        table = table.assign(frequency_hz=3e3, frequency_min_hz=3e3, frequency_max_hz=3e3)
+        rows = rows_with_ends(table, onsets, {"scale": scale}, "")
+        assert list(rows) == [1, 2]
+        lines.append(DesignLine({}, 1, 1, True, 0.2, "", rows[1], rows[1], rows))
+    told = as_text(_onsets_by_mode(["0.8", "1"], lines)).splitlines()
+    assert [" ".join(line.split()) for line in told[1:3]] == [
+        "0.8 0.3409 to 0.6975 0.2548",
+        "1 0.2901 0.2876",
+    ]
+    assert told[3] == "to: where the mode is stable again"
+    assert onset_and_end({"threshold_kind": "below range", "threshold": 0, "end": "2"}, "") == (
+        "below range to 2"
+    )
+    assert onset_and_end(None, "") == "-"
 
 
 @pytest.fixture(scope="module")

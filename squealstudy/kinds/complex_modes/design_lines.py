@@ -17,7 +17,9 @@ from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,
     first_at,
     last_at,
+    onset_and_end,
     onset_in_words,
+    rows_with_ends,
 )
 from squealstudy.screen import grid, notes
 from squealstudy.shown_units import prefixed
@@ -73,7 +75,7 @@ class DesignLine(NamedTuple):
     kind: str
     first: Row | None
     fastest: Row | None
-    modes: dict[int, Row]
+    modes: Mapping[int, Row]
 
 
 def design_lines(results: ResultTables) -> list[DesignLine]:
@@ -98,6 +100,7 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
     largest_count = solved["n_unstable"]
     table = rank_modes(*results.ranked(where), results.along, "growth", None, where, results.onsets)
     first = first_onset(table)
+    unit = results.units.get(results.along or "", "")
     return DesignLine(
         design=values,
         unstable=int((solved["n_unstable"] > 0).sum()),
@@ -111,7 +114,7 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
         kind=str(first["threshold_kind"]) if first else "",
         first=first,
         fastest=table.iloc[0].to_dict() if len(table) else None,
-        modes={int(row["track"]): row for row in table.to_dict("records") if row["track"] > 0},
+        modes=rows_with_ends(table, results.onsets, values, unit),
     )
 
 
@@ -335,7 +338,8 @@ def by_mode(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> dict
             fastest = max(of_mode, key=lambda row: float(row["max_growth_rate"]))
             first = first_onset(pd.DataFrame(of_mode)) or fastest
             onset: Row = {n: first[n] for n in ("threshold", "threshold_kind", "taken_over")}
-            rows[number] = {**fastest, **onset, "name": ", ".join(map(track_number, tracks))}
+            name = ", ".join(map(track_number, tracks))
+            rows[number] = {**fastest, **onset, "name": name, "end": ""}
     return rows
 
 
@@ -361,31 +365,25 @@ def _onsets_by_mode(
     others = sorted(by_growth[1:], key=lambda t: all(t in modes for modes in by_line))
     chosen = sorted([by_growth[0], *others[: MOST_ONSETS - 1]], key=by_growth.index)
     of_design = [[modes.get(track) for track in chosen] for modes in by_line]
-    onsets = [[_onset_text(row, unit) for row in rows] for rows in of_design]
+    onsets = [[onset_and_end(row, unit) for row in rows] for rows in of_design]
     title, unknown = "onset of", "no onset is known of a mode of this number"
     if not {text for texts in onsets for text in texts} - {"-", BELOW_TEXT}:  # no value moves
         title, unknown = "growth 1/s of", "no mode of this number grows"
         onsets = [[_growth_text(row) for row in rows] for rows in of_design]
+    has_ends = any(" to " in text for texts in onsets for text in texts)
     shown = grid(
         f"text:{title}",
-        *(f"value:{_mode_text(fastest[track])}" for track in chosen),
+        *(f"{'text' if has_ends else 'value'}:{_mode_text(fastest[track])}" for track in chosen),
         rows=([design, *texts] for design, texts in zip(designs, onsets, strict=True)),
     )
     legend = []
     if any("-" in texts for texts in onsets):
         legend += [f"-: at this design {unknown}"]
+    if has_ends:
+        legend += ["to: where the mode is stable again"]
     if len(fastest) > len(chosen):
         legend += [f"{plural(len(fastest) - len(chosen), 'mode')} left out"]
     return [shown, *([notes("; ".join(legend))] if legend else [])]
-
-
-def _onset_text(row: Row | None, unit: str = "") -> str:
-    if row is None:
-        return "-"
-    kind, onset = str(row["threshold_kind"]), row["threshold"]
-    if kind == BELOW_RANGE:
-        return BELOW_TEXT
-    return f"{INEXACT.get(kind, '')}{amount(onset, unit)}" if np.isfinite(onset) else "-"
 
 
 def _growth_text(row: Row | None) -> str:

@@ -90,6 +90,23 @@ def _elsewhere(frequencies: list[float], hz: float) -> str:
 
 def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
     """Where a mode of one line is unstable last, in words; empty where that is not known."""
+    end = _end(row, onsets, unit)
+    return f", no longer from {end} on" if end else ""
+
+
+def rows_with_ends(
+    table: pd.DataFrame, onsets: pd.DataFrame, design: Mapping[str, float], unit: str
+) -> dict[int, dict[Hashable, Any]]:
+    """Rows of the tracks of a design's ranking, with the `end` of what begins to grow there."""
+    line = onsets
+    for name, number in design.items():
+        line = line[(line[name] == number).to_numpy(bool)] if len(line) else line
+    rows = table[(table["track"] > 0).to_numpy(bool)].to_dict("records")
+    return {int(row["track"]): {**row, "end": _end(row, line, unit)} for row in rows}
+
+
+def _end(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
+    """The value from which on a mode of one line is stable again; empty where not known."""
     if onsets is None:
         return ""
     of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
@@ -102,7 +119,18 @@ def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
     if status not in (*REFINED_ONSETS, INTERPOLATED):  # others have the value of one end
         return ""
     about = "about " if status == INTERPOLATED else ""
-    return f", no longer from {about}{amount(float(ends[0]), unit)} on"
+    return f"{about}{amount(float(ends[0]), unit)}"
+
+
+def onset_and_end(row: Row | None, unit: str) -> str:
+    """Where a mode begins to grow at a design and where it ends, in a table; "-" for none known."""
+    if row is None:
+        return "-"
+    kind, onset = str(row["threshold_kind"]), row["threshold"]
+    end = f" to {row['end']}" if row.get("end") else ""
+    if kind == BELOW_RANGE:
+        return f"{BELOW_RANGE}{end}"
+    return f"{INEXACT.get(kind, '')}{amount(onset, unit)}{end}" if np.isfinite(onset) else "-"
 
 
 def alike_together(texts: list[str], along: str) -> list[str]:
