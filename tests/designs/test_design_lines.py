@@ -17,11 +17,11 @@ from squealstudy.kinds.complex_modes.design_lines import (
     ALIKE_ONSETS,
     MOST_DESIGNS,
     DesignLine,
-    _onsets_by_mode,
     design_lines,
     extremes_in_words,
     onsets_in_words,
 )
+from squealstudy.kinds.complex_modes.design_table import _onsets_by_mode
 from squealstudy.kinds.complex_modes.onset_table import first_onsets, onset_table
 from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,

@@ -11,17 +11,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from rich.console import RenderableType
 
 from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,
     first_at,
     last_at,
-    onset_and_end,
     onset_in_words,
     rows_with_ends,
 )
-from squealstudy.screen import grid, notes
 from squealstudy.shown_units import prefixed
 from squealstudy.tables.mode_ranking import (
     OVERDAMPED_GROUP,
@@ -39,7 +36,6 @@ if TYPE_CHECKING:
 GRID = "grid"
 MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
 MOST_MODES = 4  # named in the answer
-MOST_ONSETS = 4  # modes whose onsets stand beside each other, a row a design
 BELOW_TEXT = "below range"  # in place of an onset
 ALIKE_ONSETS = 2e-3  # relative: designs whose first onsets are as near are not told apart
 
@@ -266,62 +262,6 @@ def _first_value(line: DesignLine) -> float:
     return np.inf if line.sure and line.solved and not line.unstable else np.nan
 
 
-def design_table(
-    results: ResultTables, lines: list[DesignLine], table: pd.DataFrame
-) -> list[RenderableType]:
-    """A row a design: its first onset and fastest growth; what `design` stands for.
-
-    `table` is the ranking over all designs, which tells what tracks are one mode.
-    """
-    along = results.along or ""
-    units, top = results.units, float(results.points[along].max())
-    names, most = list(lines[0].design), amount(top, units.get(along, ""))
-    designs = [", ".join(amount(v, units.get(n, "")) for n, v in x.design.items()) for x in lines]
-    rows = []
-    for design, line in zip(designs, lines, strict=True):
-        is_sure = line.sure and line.solved > 0
-        onset = f"none up to {most}" if is_sure else "none known"
-        onset = BELOW_TEXT if line.kind == BELOW_RANGE else onset
-        if np.isfinite(line.onset):
-            onset = f"{INEXACT.get(line.kind, '')}{amount(line.onset, units.get(along, ''))}"
-        elif line.first is None and line.fastest is not None:
-            onset = "-"
-        rows.append(
-            [
-                design,
-                onset,
-                _mode_text(line.first),
-                in_digits(line.fastest["max_growth_rate"], 1) if line.fastest else "-",
-                _mode_text(line.fastest),
-                f"{100 * line.unstable / line.solved:.0f} %" if line.solved else "-",
-            ]
-        )
-    shown = grid(
-        *("text:design", "first onset", "text:of", "growth 1/s", "text:of", "unstable"), rows=rows
-    )
-    today = results.nominal_others(along)
-    as_it_is = ""
-    if set(names) <= set(today):
-        as_it_is = ", ".join(amount(today[n], units.get(n, "")) for n in names)
-    tables: Mapping[str, list[str]] = results.manifest.get("tables", {})
-    followers = [name for name, over in tables.items() if set(over) & set(names)]
-    follow = "follows" if len(followers) == 1 else "follow"
-    with_it = f", which {' and '.join(followers)} {follow}" if followers else ""
-    unit = units.get(along, "")
-    by_modes = _onsets_by_mode(designs, lines, modes_of_several_numbers(table), unit)
-    meaning = f"design: {', '.join(names)}{with_it}"
-    meaning += f"; as it is: {as_it_is}" if as_it_is else ""
-    return [
-        shown,
-        notes(
-            meaning,
-            f"first onset: least {along} at which a mode turns unstable; growth: the fastest of "
-            "all; Hz: where the mode grows fastest; unstable: share of its solved points",
-        ),
-        *(["", *by_modes] if by_modes else []),
-    ]
-
-
 def modes_of_several_numbers(table: pd.DataFrame) -> dict[int, list[int]]:
     """Tracks of each mode whose number changes, by the least of them."""
     single_modes = table[((table["track"] > 0) & (table["family_modes"] == 1)).to_numpy(bool)]
@@ -341,58 +281,3 @@ def by_mode(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> dict
             name = ", ".join(map(track_number, tracks))
             rows[number] = {**fastest, **onset, "name": name, "end": ""}
     return rows
-
-
-def _onsets_by_mode(
-    designs: list[str],
-    lines: list[DesignLine],
-    families: Mapping[int, list[int]] | None = None,
-    unit: str = "",
-) -> list[RenderableType]:
-    """The onset of each mode at each design; nothing where the row of a design has it all.
-
-    A mode may turn unstable later than another by a change that leaves the first onset alone. Of
-    many modes the fastest has a column, then those that some design silences.
-    """
-    by_line = [by_mode(line.modes, families or {}) for line in lines]
-    fastest: dict[int, Row] = {}
-    for track, row in ((t, row) for modes in by_line for t, row in modes.items()):
-        if track not in fastest or row["max_growth_rate"] > fastest[track]["max_growth_rate"]:
-            fastest[track] = row
-    if len(fastest) < 2:
-        return []
-    by_growth = sorted(fastest, key=lambda t: -float(fastest[t]["max_growth_rate"]))
-    others = sorted(by_growth[1:], key=lambda t: all(t in modes for modes in by_line))
-    chosen = sorted([by_growth[0], *others[: MOST_ONSETS - 1]], key=by_growth.index)
-    of_design = [[modes.get(track) for track in chosen] for modes in by_line]
-    onsets = [[onset_and_end(row, unit) for row in rows] for rows in of_design]
-    title, unknown = "onset of", "no onset is known of a mode of this number"
-    if not {text for texts in onsets for text in texts} - {"-", BELOW_TEXT}:  # no value moves
-        title, unknown = "growth 1/s of", "no mode of this number grows"
-        onsets = [[_growth_text(row) for row in rows] for rows in of_design]
-    has_ends = any(" to " in text for texts in onsets for text in texts)
-    shown = grid(
-        f"text:{title}",
-        *(f"{'text' if has_ends else 'value'}:{_mode_text(fastest[track])}" for track in chosen),
-        rows=([design, *texts] for design, texts in zip(designs, onsets, strict=True)),
-    )
-    legend = []
-    if any("-" in texts for texts in onsets):
-        legend += [f"-: at this design {unknown}"]
-    if has_ends:
-        legend += ["to: where the mode is stable again"]
-    if len(fastest) > len(chosen):
-        legend += [f"{plural(len(fastest) - len(chosen), 'mode')} left out"]
-    return [shown, *([notes("; ".join(legend))] if legend else [])]
-
-
-def _growth_text(row: Row | None) -> str:
-    return in_digits(float(row["max_growth_rate"]), 1) if row else "-"
-
-
-def _mode_text(row: Row | None) -> str:
-    if row is None:
-        return ""
-    name = track_number(row["track"]) if row["kind"] == group_kind(1) else str(row["kind"])
-    hz = frequency_text(row)  # empty of growth without oscillation
-    return f"{row.get('name', name)} {hz} Hz" if hz else name

@@ -17,7 +17,8 @@ from squealstudy.kinds.complex_modes.answer import (
     row_text,
     what_is_unstable,
 )
-from squealstudy.kinds.complex_modes.design_lines import design_lines, design_table
+from squealstudy.kinds.complex_modes.design_lines import design_lines
+from squealstudy.kinds.complex_modes.design_table import design_table
 from squealstudy.kinds.complex_modes.error_text import (
     full_order_error_text,
     method_rows,
