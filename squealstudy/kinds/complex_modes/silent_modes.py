@@ -39,7 +39,7 @@ def silent_tracks(
     modes["sure"] = (modes["stability"] == STABLE) & ~modes["track_ambiguous"].astype(bool)
     silent: list[set[int]] = []
     for line in lines:
-        of_design = [points[name].to_numpy() == value for name, value in line.design.items()]
+        of_design = [points[name].to_numpy() == number for name, number in line.design.items()]
         on_line = np.logical_and.reduce(of_design)
         solved = bool((points["status"][on_line] == "ok").all())
         bends = results.along in results.manifest.get("knots_between", {})
