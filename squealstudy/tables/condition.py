@@ -23,7 +23,8 @@ from squealstudy.wording import did_you_mean
 
 # most characters of a condition, and of its beginning in messages
 MAX_CONDITION_CHARACTERS, MAX_SHOWN_CHARACTERS = 1000, 80
-UNLIKE = "text and numbers cannot be compared; numbers are in SI units, without a unit"
+BARE = "numbers are in SI units (kg, m, s, Pa, Hz; angles in deg), without a unit"
+UNLIKE = f"text and numbers cannot be compared; {BARE}"
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     name: getattr(np, name) for name in ("abs", "sqrt", "exp", "log", "log10", "sin", "cos", "tan")
 }
@@ -50,6 +51,10 @@ OPERATORS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
 }
 MARK = "\u03bc{}_"  # a name that stands for a column; no text that is read has such a letter
 JOINTS = {"&": " and ", "|": " or "}
+# a number and a word that is none of a condition's: a unit
+_WITH_UNIT = re.compile(
+    r"(?<![\w.])[0-9.]+(?:e[+-]?[0-9]+)?\s*(?!(?:and|or|not|in)\b)(?:[A-Za-z]+|%\s*$)"
+)
 _QUOTED = r"`[^`]*`|'[^']*'|\"[^\"]*\""
 
 
@@ -176,7 +181,10 @@ def conditions(text: str, column_names: Collection[str]) -> list[Condition]:
         parsed = [Condition(part, _shortened(text), marked) for part in _conjuncts(tree)]
         columns = set().union(*(condition.columns for condition in parsed))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise _unusable(text, getattr(error, "msg", None) or "nested too deeply") from None
+        reason = getattr(error, "msg", None) or "nested too deeply"
+        if with_unit := _WITH_UNIT.search(re.sub(_QUOTED, "''", text)):
+            reason = f"{reason} at '{_shortened(with_unit[0])}'; {BARE}"
+        raise _unusable(text, reason) from None
     if unknown := [*_dotted(tree, marked), *sorted(columns - set(column_names))]:
         names = list(dict.fromkeys(map(str, column_names)))
         hint = did_you_mean(unknown[0], names) or f", expected {', '.join(names)}"

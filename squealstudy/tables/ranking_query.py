@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -53,3 +53,12 @@ def counted_points(points: pd.DataFrame, modes: Collection[str], where: str | No
     """Points (n,) of bool that count within a query; `modes` are the names of that table."""
     selected = _points_that_count(points, query(where, points.columns, modes))
     return selected & (points["status"] == "ok").to_numpy(bool)
+
+
+def units_in_query(
+    where: str, points: Collection[str], modes: Collection[str], units: Mapping[str, str]
+) -> str:
+    """In which units the numbers of a query are, to follow a sentence; empty of pure numbers."""
+    names = set().union(*(condition.columns for condition in query(where, points, modes)))
+    texts = [f"{name} in {units[name]}" for name in sorted(names) if units.get(name)]
+    return f", which has {', '.join(texts)}" if texts else ""

@@ -488,6 +488,9 @@ def test_an_empty_ranking_says_over_what_it_is(capsys):
     assert text.endswith("is unstable at the 1 solved point.")
     text = screen_of(capsys, points, modes, "friction > 9")
     assert text == "No design point is solved and within the query."
+    results = made(points=points, modes=modes, onsets=NO_ONSETS, units={"pressure": "Pa"})
+    text, *_ = results.screen.ranking(results, where="pressure > 1e9 and friction < 9")
+    assert text == "No design point is solved and within the query, which has pressure in Pa."
     failed = points.assign(status="failed")
     text = screen_of(capsys, failed, modes.iloc[:0])
     counted = "24 design points are not ok and count neither way (24 failed)"

@@ -199,3 +199,24 @@ def test_text_has_no_arithmetic(text):
     (condition,) = conditions(text, table.columns)
     with pytest.raises(ResultsError, match="text and lists have no arithmetic"):
         condition.holds(table)
+
+
+@pytest.mark.parametrize(
+    ("text", "at"),
+    [
+        ("friction == 100 g", "100 g"),
+        ("friction > 1.5e3kHz and unstable", "1.5e3kHz"),
+        ("friction < 5 %", "5 %"),
+        ("status == 'a 3 m' and friction == 2 bar", "2 bar"),
+    ],
+)
+def test_a_number_with_a_unit_is_told_from_other_faults(text, at):
+    with pytest.raises(ResultsError, match=f" at '{at}'; numbers are in SI units .kg, "):
+        conditions(text, COLUMNS)
+
+
+@pytest.mark.parametrize("text", ["friction == = 3", "3 and and friction", "status == '3 m' )"])
+def test_of_other_faults_no_unit_is_told(text):
+    with pytest.raises(ResultsError, match="cannot be used") as caught:
+        conditions(text, COLUMNS)
+    assert "SI units" not in str(caught.value)

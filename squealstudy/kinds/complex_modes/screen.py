@@ -44,7 +44,7 @@ from squealstudy.tables.mode_ranking import (
     settings_of,
 )
 from squealstudy.tables.point_rows import ROW, point_codes
-from squealstudy.tables.ranking_query import counted_points, query, selection
+from squealstudy.tables.ranking_query import counted_points, query, selection, units_in_query
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
@@ -249,7 +249,11 @@ def _unrefined(manifest: Mapping[str, Any]) -> Rows:
 def _no_mode(results: ResultTables, where: str | None) -> str:
     """Why a ranking has no row."""
     if not _counted_points(results, where):
-        return f"No design point is {'solved and within the query' if where else 'solved'}."
+        if not where:
+            return "No design point is solved."
+        names = results.points.columns, results.columns("modes")
+        units = units_in_query(where, *names, results.units)
+        return f"No design point is solved and within the query{units}."
     none = "Within the query no mode" if where else "No mode"
     none += f" {band_text(results.fact('band_hz'))}"  # what lies outside may well be unstable
     if results.boundary is None:
