@@ -348,8 +348,8 @@ def pairs_inside(C: np.ndarray, K: np.ndarray, radius: float) -> Eigenpairs:
     """All pairs with |lam| <= radius [rad/s], and perhaps others.
 
     Left vectors are right ones of the transposed problem, combined by their products with the right
-    ones, G_ij = y_i^H (lam_i + lam_j + C) x_j, which vanish for different roots (THEORY.md
-    eq. (33)).
+    ones, G_ij = y_i^H (lam_i + lam_j + C) x_j, which vanish for different roots
+    (THEORY.md eq. (33)).
     """
     right, left = roots_inside(C, K, radius), roots_inside(C.T, K.T, radius)
     if right is None or left is None or len(right[0]) != len(left[0]):
