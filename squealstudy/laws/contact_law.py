@@ -89,7 +89,7 @@ class ContactLawDefinition(LawDefinition):
         """ModelError where the law's functions contradict each other at a gap g [m].
 
         `values` are those of the parameters. The mean pressure is tried over an interval of `width`
-        [m], by default half of |p| over the tangent.
+        [m], by default half of ``|p|`` over the tangent.
         """
         (pressure, potential), where = self._tried, f"at g = {g:g} m"
         p, tangent = pressure(g, *values)
