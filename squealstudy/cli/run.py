@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 
-from squealstudy.engine.pictures import plots
 from squealstudy.screen import Rows, facts, heading
 from squealstudy.tables.validity import outside_validity
 from squealstudy.wording import failure_counts, plural
@@ -93,6 +92,8 @@ def _files_text(directory: Path, names: list[str]) -> str:
 
 def _by_plot(drawn: list[Path]) -> list[str]:
     """Names of pictures; many of one plot, as of each run, as ``spectrogram_*.png (9)``."""
+    from squealstudy.engine.pictures import plots  # with pandas: `check` needs none
+
     by_plot: dict[str, list[str]] = {}
     for path in drawn:
         fitting = [name for name in plots() if path.name.startswith(name)]
