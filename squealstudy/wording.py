@@ -200,8 +200,10 @@ def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
 
 def with_error(value: float, error: float) -> str:
     """A number with two digits of its error, ``165.2 +- 4.6``; alone where four digits hold it."""
+    if not math.isfinite(error):
+        return f"{figure(value)} (error not known)"
     if not error > 5e-4 * abs(value):
-        return figure(value) + " (error not known)" * (error != error)
+        return figure(value)
     decimals = 1 - int(f"{error:.1e}".partition("e")[2])
     if decimals > LEAST_DIGITS:
         return f"{value:.4g} +- {error:.2g}"

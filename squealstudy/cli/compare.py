@@ -44,7 +44,7 @@ def comparison(
         *TITLES,
         "text:in time",  # it gives way first: figures are never cut
         rows=(
-            [*(in_column(row[n], units[n]) for n in varied), *_cells(row)]
+            [*(in_column(row[n], units.get(n, "")) for n in varied), *_cells(row)]
             for row in table.to_dict("records")
         ),
     )
@@ -72,7 +72,7 @@ def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
         "word:bistable",
         "word:",
         rows=(
-            [*(in_column(row[n], units[n]) for n in varied), *_cycle_cells(row)]
+            [*(in_column(row[n], units.get(n, "")) for n in varied), *_cycle_cells(row)]
             for row in table.to_dict("records")
         ),
     )

@@ -87,7 +87,7 @@ def cycle_spectrum(results: Results, cycle: str, ax: Axes | None = None) -> Figu
     how = {True: "stable", False: "unstable"}.get(cycle_row["stable"], "stability not known")
     title = f"{design_text}: {how} cycle" if design_text else f"{how.capitalize()} cycle"
     title = f"{title}, RMS {cycle_row['torque_rms']:.4g} {unit}"
-    if design["torque_rms"] > DISTINCT_RATIO * cycle_row["torque_rms"]:
+    if design.get("torque_rms", np.nan) > DISTINCT_RATIO * cycle_row["torque_rms"]:
         title += f"; louder motion lasts there, {design['torque_rms']:.4g} {unit}"
     axes.set_title(title, fontsize=10)
     return figure

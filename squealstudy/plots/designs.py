@@ -120,7 +120,7 @@ def _draw_line(
     x, y = over.scaled(line[along]), growth[line.index.to_numpy()]
     colour, marker = COLOURS[number], MARKERS[number]
     axes.plot(x, y, marker, color=colour, markersize=4.5)
-    cross_out(axes, x[np.isnan(y)])
+    cross_out(axes, x[(line["status"] != "ok").to_numpy(bool)])
     text = describe(line.iloc[0], points, list(map(str, design)), results.units)
     onset = _first_onset(results, design) * over.factor
     row_after = _crossing(x, y, onset)

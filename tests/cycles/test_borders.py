@@ -306,3 +306,9 @@ def test_the_error_of_an_onset_of_cycles_holds_what_counts_as_growth():
     told = tolerance / slope
     error = onset.onset_error(way, told, omega / (2.0 * np.pi))
     assert told < error == pytest.approx(told, rel=1e-2)
+
+    def refused(value):
+        raise ConvergenceError("no_steady_sliding", "there is none beyond")
+
+    beside_nothing = SimpleNamespace(oscillator=refused, bounds=way.bounds, request=way.request)
+    assert np.isnan(onset.onset_error(beside_nothing, told, omega / (2.0 * np.pi)))

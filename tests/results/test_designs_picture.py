@@ -50,6 +50,19 @@ def test_of_designs_without_onset_no_bars_are_told(two, tmp_path):
     assert "largest growth rate over friction, a line a design" in drawn(calm.plot.designs())
 
 
+def test_points_without_a_mode_in_the_band_are_not_crossed_out_as_failed(two, tmp_path):
+    text = study_text("narrow", "complex_modes", "hulten") + (
+        '[[sweep]]\nparameter = "friction"\nvalues = [0.2, 0.3, 0.4]\n'
+        '[[sweep]]\nparameter = "frequency_2"\nvalues = [75.0, 200.0]\n'
+        "[modes]\nband = [150.0, 1000.0]\n"
+    )
+    narrow = solved(text, tmp_path / "r")
+    assert set(narrow.points["status"]) == {"ok"}
+    assert set(narrow.modes["point_id"]) < set(narrow.points["point_id"])
+    crosses = [line for line in narrow.plot.designs().axes[0].lines if line.get_marker() == "x"]
+    assert crosses == []
+
+
 def test_many_designs_are_refused_and_not_drawn(tmp_path):
     many = results_of(tmp_path / "r", [60.0 + k for k in range(9)], [0.2])
     assert "designs" not in [name for name, _, _ in pictures(many)]

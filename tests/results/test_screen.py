@@ -172,6 +172,7 @@ def test_a_number_has_two_digits_of_its_error():
         (39.53, 0.9996): "39.5 +- 1.0",
         (114.03, 0.015): "114",
         (114.03, float("nan")): "114 (error not known)",
+        (114.03, float("inf")): "114 (error not known)",
         (1.4798e-5, 3.1e-7): "1.48e-05 +- 3.1e-07",
     }
     assert {numbers: with_error(*numbers) for numbers in told} == told

@@ -154,9 +154,8 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     n_untold = len(tracked) - len(texts)
     others = f" and {plural(n_untold, 'other')}" if n_untold else ""
     real_roots = table[(table["kind"] == group_kind(OVERDAMPED_GROUP)).to_numpy(bool)]
-    divergence = [
-        f"without oscillation{first_at(row, along, unit)}" for row in real_roots.to_dict("records")
-    ]
+    begins = [first_at(row, along, unit) for row in real_roots.to_dict("records")]
+    divergence = [f"without oscillation{text}" for text in begins if text]
     return "; ".join(filter(None, [", ".join(alike_together(texts, along)) + others, *divergence]))
 
 

@@ -8,6 +8,7 @@ from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.onset import criticality
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.designs import DesignLine
+from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 
@@ -85,12 +86,16 @@ def onset_error(designs: DesignLine, value: float, frequency_hz: float) -> float
     """Error of the onset at a value as that of cycles: of its search, and of what counts as growth.
 
     A mode is unstable where its damping ratio is below minus the tolerance; cycles begin at zero.
+    NaN where a value beside it cannot be solved.
     """
     width, omega = abs(designs.bounds[1] - designs.bounds[0]), 2.0 * np.pi * frequency_hz
     step = MIN_BRACKET_HALF_WIDTH * width
     zeta = []
     for beside in (value - step, value + step):
-        lam, _ = designs.oscillator(beside).steady_modes(2.0 * omega)
+        try:
+            lam, _ = designs.oscillator(beside).steady_modes(2.0 * omega)
+        except FAILURES:
+            return np.nan
         nearest = lam[int(np.argmin(np.abs(lam - 1j * omega)))]
         zeta.append(-nearest.real / abs(nearest))
     change = abs(zeta[1] - zeta[0])
