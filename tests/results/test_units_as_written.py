@@ -13,6 +13,7 @@ from squealstudy.cli.check import _constant, _ranges
 from squealstudy.engine.parameter_units import units_of_study
 from squealstudy.engine.report import _tables
 from squealstudy.kinds.limit_cycles.screen import SCREEN as CYCLES
+from squealstudy.kinds.transient.screen import _energy
 from squealstudy.kinds.transient.screen import points as run_rows
 from squealstudy.plots.style import quantity
 from squealstudy.screen import as_text
@@ -85,6 +86,13 @@ def test_columns_of_screens_and_reports():
     page = "".join(_tables(SimpleNamespace(tables=["points"], table=lambda _: points)))
     assert ">pressure [bar]<" in page
     assert "<td>7</td>" in page
+
+
+def test_where_a_mode_has_most_energy_is_in_the_unit_of_the_file():
+    row = {"mode": 1, "frequency_hz": 2e3, "energy_share": 0.5, "energy_share_max": 0.6}
+    row |= {"dominant_points": 2, "worst": "friction=0.4, pressure=1.2e+06"}
+    cells = _energy(row, True, False, results_of(HEAD + SWEEP).units)
+    assert cells[-1].replace("\xa0", " ") == "friction 0.4, pressure 12 bar"
 
 
 def test_check_tells_the_range_in_the_unit_of_the_file():

@@ -54,7 +54,7 @@ def _above(facts: Mapping[str, Any], high: float) -> str:
 def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """Text for one side of the band: how many modes grow, and the fastest."""
     settings = ", ".join(f"{n} {amount(v, units.get(n, ''))}" for n, v in worst["at"].items())
-    setting_text = f" at {settings}" if settings else ""
+    setting_text = f" at {settings}, where growth is largest" if settings else ""
     grow = "grow" if worst["count"] > 1 else "grows"
     fastest = "the fastest " if worst["count"] > 1 else ""
     how = f"{in_digits(worst['frequency_hz'])} Hz"

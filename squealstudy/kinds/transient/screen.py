@@ -13,8 +13,9 @@ from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
 from squealstudy.kinds.transient.answer import lasting_in_words, level_error
 from squealstudy.kinds.transient.window_screen import in_words, windows
-from squealstudy.screen import Rows, command_text, facts, grid, notes
+from squealstudy.screen import Rows, command_text, facts, grid, held_together, notes
 from squealstudy.tables.energy_ranking import rank_energy, tells_parts
+from squealstudy.tables.mode_ranking import settings_of
 from squealstudy.wording import (
     CHANGING,
     CLASS_LETTERS,
@@ -89,7 +90,9 @@ class TransientScreen(KindScreen):
             *("mode", "Hz", "energy %", "most %", "leads at"),
             *(["word:energy in"] if energies else []),
             *(["text:most where"] if varied else []),
-            rows=(_energy(row, varied, energies) for row in table.to_dict("records")),
+            rows=(
+                _energy(row, varied, energies, results.units) for row in table.to_dict("records")
+            ),
         )
         legend = notes(
             "mode: R1 is the lowest real mode at the nominal working point, or at less friction if "
@@ -306,7 +309,10 @@ def _leader(row: Mapping[Hashable, Any]) -> str:
     return f"{real_mode_number(row['dominant_mode'])} {share} %"
 
 
-def _energy(row: dict[Hashable, Any], varied: bool, energies: bool) -> list[str]:
+def _energy(
+    row: dict[Hashable, Any], varied: bool, energies: bool, units: Mapping[str, str]
+) -> list[str]:
+    where = held_together(map(" ".join, settings_of(row["worst"], units).items()))
     return [
         real_mode_number(row["mode"]),
         in_digits(row["frequency_hz"]),
@@ -314,7 +320,7 @@ def _energy(row: dict[Hashable, Any], varied: bool, energies: bool) -> list[str]
         f"{100 * row['energy_share_max']:.1f}",
         str(row["dominant_points"]),
         *([str(row["main_component"])] if energies else []),
-        *([str(row["worst"])] if varied else []),
+        *([where] if varied else []),
     ]
 
 
