@@ -89,7 +89,7 @@ def explore(results: Results, where: str | None = None) -> Exploration:
     content = {
         "kind": results.kind,
         "directory": str(results.directory),
-        "where": where or "",
+        "where": " and ".join(f"({c.in_pandas})" for c in query(where, points.columns, ())),
         "study": study_head(results),
         "table": {"name": kind.table, "columns": results.columns(kind.table)},
         "points": points_content(results, points),

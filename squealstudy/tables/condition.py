@@ -7,6 +7,7 @@ makes the syntax tree, and only listed kinds of nodes are evaluated.
 from __future__ import annotations
 
 import ast
+import copy
 import operator
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -83,6 +84,15 @@ class Condition:
         called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
         names = (n.id for n in nodes if isinstance(n, ast.Name) and id(n) not in called)
         return {self.marked.get(name, name) for name in names}
+
+    @property
+    def in_pandas(self) -> str:
+        """The condition as `DataFrame.query` reads it: columns with dots in backticks."""
+        tree = copy.deepcopy(self.tree)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name) and node.id in self.marked:
+                node.id = f"`{self.marked[node.id]}`"
+        return ast.unparse(tree)
 
     def holds(self, table: pd.DataFrame) -> np.ndarray:
         """Mask (n_rows,) of the rows of a table for which the condition holds.

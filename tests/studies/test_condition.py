@@ -220,3 +220,21 @@ def test_of_other_faults_no_unit_is_told(text):
     with pytest.raises(ResultsError, match="cannot be used") as caught:
         conditions(text, COLUMNS)
     assert "SI units" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "pad.scale == 1",
+        "`pad.scale` > 0.5 and friction < 0.35 | friction == 0.4",
+        "abs(pad.scale - 1) < 0.1 & ~(friction in [0.2, 0.4])",
+        "friction > 0.2 or pad.scale * friction < 0.05",
+    ],
+)
+def test_a_condition_for_pandas_chooses_the_same_rows(text):
+    table = pd.DataFrame({"friction": [0.1, 0.2, 0.3, 0.4] * 2, "pad.scale": [0.4] * 4 + [1.0] * 4})
+    parts = conditions(text, table.columns)
+    held = np.logical_and.reduce([part.holds(table) for part in parts])
+    chosen = table.query(" and ".join(f"({part.in_pandas})" for part in parts))
+    assert chosen.index.tolist() == np.flatnonzero(held).tolist()
+    assert 0 < len(chosen) < len(table)
