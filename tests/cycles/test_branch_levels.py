@@ -43,8 +43,8 @@ def judged_rms(osc, motion):
     rows = osc.B[:, :2].reshape(-1, osc.n)  # normal and tangential, of each contact point
     d = design("belt", **BELT)
     _, _, N, T, _ = geometry(d)
-    there = np.stack([N, T], axis=1).reshape(-1, 2)
-    start = np.concatenate([np.linalg.lstsq(there, rows @ x, rcond=None)[0] for x in (q, v)])
+    judged_rows = np.stack([N, T], axis=1).reshape(-1, 2)
+    start = np.concatenate([np.linalg.lstsq(judged_rows, rows @ x, rcond=None)[0] for x in (q, v)])
     record = run(d, PERIODS * 2.0 * np.pi / motion.omega, start=start, tolerance=1e-9)
     return record.cycle().levels.rms
 
