@@ -344,6 +344,12 @@ def test_a_point_that_grows_below_all_onsets_is_a_bound_and_what_is_not_refined_
     assert "<= 0.2" in as_text(onset_table(many.with_tables(points=points, onsets=later)))
     rough = many.onsets.assign(status="interpolated")
     assert first_onsets(many.with_tables(onsets=rough), "friction").loc[second, "mark"] == "~"
+    for status in ("bracketed", "first_seen"):  # put at the unstable point, as design_table says
+        bounds = many.with_tables(onsets=many.onsets.assign(status=status))
+        assert first_onsets(bounds, "friction").loc[second, "mark"] == "<= "
+        shown = as_text(onset_table(bounds))
+        assert "~" not in shown
+        assert "<=: the least friction of a solved point" in shown
 
 
 def test_of_several_parameters_that_of_most_values_runs_down(tmp_path):

@@ -21,7 +21,11 @@ from squealstudy.kinds.complex_modes import reduction_errors as reduction
 from squealstudy.kinds.complex_modes.error_text import percent_or_times
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening
 from squealstudy.kinds.complex_modes.kind import ComplexModes
-from squealstudy.kinds.complex_modes.reduction_errors import CARRIED, ReductionErrors, carried
+from squealstudy.kinds.complex_modes.reduction_errors import (
+    CARRIED_SAFETY_FACTOR,
+    ReductionErrors,
+    carried,
+)
 from squealstudy.kinds.complex_modes.rows import read_columns
 from squealstudy.kinds.complex_modes.tables import build_tables
 from squealstudy.laws import contact_law, friction_curve
@@ -329,9 +333,9 @@ def test_a_sample_point_has_its_own_errors_and_others_lie_between():
     point = np.repeat(np.arange(3), 3)
     found = carried(np.tile(lam, 3) * 1.001, point, distance, samples).reshape(3, 3)
     assert found[0] == pytest.approx([1e-6, 1e-4, 1e-5])
-    assert found[1] == pytest.approx(CARRIED * np.array([1e-5, 1e-5, 1e-5]))
-    assert (found[2, :2] > CARRIED * np.array([1e-5, 1e-6])).all()
-    assert (found[2, :2] < CARRIED * np.array([1e-4, 1e-5])).all()
+    assert found[1] == pytest.approx(CARRIED_SAFETY_FACTOR * np.array([1e-5, 1e-5, 1e-5]))
+    assert (found[2, :2] > CARRIED_SAFETY_FACTOR * np.array([1e-5, 1e-6])).all()
+    assert (found[2, :2] < CARRIED_SAFETY_FACTOR * np.array([1e-4, 1e-5])).all()
 
 
 def test_missing_and_zero_errors_of_a_reduction(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Answers of complex modes, in sentences."""
+"""Answers of complex-mode studies, in sentences."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from squealstudy.wording import amount, band_text, in_digits, plural, track_numb
 
 OPEN, LARGEST_PRESSURE = "open_share", "contact_pressure_max"  # columns of points
 MOST_TOLD_DESIGNS = 3  # in the answer, each with its modes
-LEAST_CONTACT_CHANGE = 0.1  # percent: less is no news
+LEAST_CONTACT_CHANGE = 0.1  # percent; smaller changes are not told
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 
 def how_many(results: ResultTables, table: pd.DataFrame) -> str:
-    """How many modes are unstable, in which band, and from where on each."""
+    """How many modes are unstable, in which band, and where each turns unstable."""
     tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
     named = int(tracked.drop_duplicates("family")["family_modes"].sum())
     others, points = len(table) - len(tracked), results.points
@@ -63,7 +63,7 @@ def how_many(results: ResultTables, table: pd.DataFrame) -> str:
 def answer(
     results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]
 ) -> list[RenderableType]:
-    """Answer in a sentence; empty where the ranking alone says it."""
+    """Answer in sentences; empty where the ranking alone says it."""
     if results.design in RANDOM_DESIGNS and len(table):
         outside = grows_outside(results.manifest, results.units)
         return [*(f"{text}{outside}" for text in random_answer(results)), ""]
@@ -79,7 +79,7 @@ def answer(
 
 
 def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
-    """The first onset on a boundary map, its most widespread mode, and the fastest growth."""
+    """First onset, most widespread mode and fastest growth on a boundary map."""
     wide = table.iloc[int(table["family_points"].to_numpy().argmax())]
     fast = table.iloc[int(table["max_growth_rate"].to_numpy().argmax())]
     along = results.along or ""
@@ -93,16 +93,16 @@ def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
 
 
 def what_is_unstable(results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]) -> str:
-    """Which modes are unstable, of few designs those of each, without a full stop."""
+    """Which modes are unstable, for each design where designs are few; without a full stop."""
     return _of_each_design(results, table, lines) or (
         f"{f'Over all {len(lines)} designs ' if lines else ''}{how_many(results, table)}"
     )
 
 
 def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]) -> str:
-    """The modes of each of few designs in the order of their onsets.
+    """Unstable modes of each of few designs, in the order of their onsets.
 
-    Empty where designs are many, or where modes without a number are unstable too.
+    Empty for more than MOST_TOLD_DESIGNS designs, or where modes without a number are unstable too.
     """
     along, onsets = results.along or "", results.onsets
     if not 2 <= len(lines) <= MOST_TOLD_DESIGNS or (table["kind"] != group_kind(1)).any():
@@ -115,13 +115,11 @@ def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[Desi
         rows = list(by_mode(line.modes, families).items())
         rows.sort(key=lambda item: _first_value(item[1]))
         modes_in_words: list[str] = []
-        numbered_of: Counter[int] = (
-            Counter()
-        )  # of tracks that swap numbers so many as there are modes
+        n_named: Counter[int] = Counter()  # by family
         for track, row in rows:
             family, most = map(int, at_once.loc[track])
-            numbered_of[family] += 1
-            if numbered_of[family] <= most:
+            n_named[family] += 1
+            if n_named[family] <= most:  # of tracks that stand for n modes, n are named
                 name = str(row.get("name", track_number(track))).replace(", ", "/")
                 hz, unit = frequency_text(row), results.units.get(along, "")
                 modes_in_words.append(
@@ -142,7 +140,7 @@ def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[Desi
 
 
 def _first_value(row: Row) -> float:
-    """Where a mode turns unstable, to sort by; last where that is not known."""
+    """Sort key: where a mode turns unstable; inf where that is not known."""
     if row["threshold_kind"] == BELOW_RANGE:
         return -math.inf
     onset = float(row["threshold"])
@@ -150,7 +148,7 @@ def _first_value(row: Row) -> float:
 
 
 def row_text(row: pd.Series) -> str:
-    """A line of the ranking in words."""
+    """Name and frequency of the mode in a row of the ranking."""
     values = row.to_dict()
     hz = frequency_text(values)
     name = track_number(values["track"]) if values["track"] > 0 else str(values["kind"])
@@ -158,9 +156,9 @@ def row_text(row: pd.Series) -> str:
 
 
 def _growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
-    """Where the fastest mode grows least and most, where all designs are unstable throughout.
+    """A sentence on where the fastest mode grows least and most.
 
-    To follow others; empty elsewhere.
+    Empty unless some mode is unstable at every solved point of every design.
     """
     if not lines or any(line.kind != BELOW_RANGE or line.unstable < line.solved for line in lines):
         return ""
@@ -179,7 +177,7 @@ def _growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
 
 
 def contact_rows(results: ResultTables, lines: list[DesignLine]) -> Rows:
-    """How much of the contact is open, and what designs change of it; nothing where none is."""
+    """Row on the open share of the contact, and how designs change it; none where all is closed."""
     points, along = results.points, results.along or ""
     if not lines or not {OPEN, LARGEST_PRESSURE} <= set(points.columns):
         return []

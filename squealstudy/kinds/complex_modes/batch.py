@@ -1,8 +1,8 @@
 """Complex modes of small models, all design points of a task at once: rows as one Arrow table.
 
-Structures of a few coordinates cost microseconds: they are made with their points, and no cache
-knows them (`Plan.stacked`). What is asked of one design point besides, its prepared model, is made
-when it is asked for.
+Structures of a few coordinates take microseconds to make. They are made together with their points
+and are not kept in the cache (`Plan.stacked`). The prepared model of a single design point is made
+when it is asked for (`prepared_point`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ class BatchTask:
     Attributes
     ----------
     points : DesignPoints
+        Points of a small model.
     band_hz : (low, high)
+        Frequency band of the modes, Hz.
     """
 
     points: DesignPoints
@@ -44,14 +46,15 @@ class BatchTask:
 
 
 def batch_tasks(plan: Plan, points: DesignPoints, jobs: int) -> Iterator[BatchTask]:
-    """Consecutive points in tasks, as `batch_parts` cuts them."""
+    """Tasks of consecutive points, as `batch_parts` cuts them."""
     return (BatchTask(part, plan.band_hz) for part in batch_parts(points, jobs))
 
 
 def solve_batch(task: BatchTask) -> Solved:
     """Rows of the points of a task, in their order.
 
-    What fails as a whole raises, so that each point is solved alone; one that does so is its row.
+    Where a batch of several points fails as a whole its error is raised: the points are then solved
+    one by one. A single point that fails has a row with its error.
     """
     started = time.perf_counter()
     points = task.points
@@ -66,12 +69,12 @@ def solve_batch(task: BatchTask) -> Solved:
 
 
 def system_of(points: DesignPoints) -> StackedSystem:
-    """The linearised systems of design points; SquealstudyError where none has a structure."""
+    """The linearised systems of design points; SquealstudyError where none can be assembled."""
     return stacked_system(points.model, points.options, points.columns, len(points))
 
 
 def modes_at(design: DesignPoint, band_hz: tuple[float, float]) -> Modes:
-    """Oscillating modes of one design point; ConvergenceError where it has none."""
+    """Oscillating modes of one design point in the band; ConvergenceError where it fails."""
     system = _alone(design)
     roots = system.roots(band_hz)
     oscillating = np.flatnonzero(roots.held[0] & (roots.lam[0].imag != 0))
@@ -87,7 +90,7 @@ def _alone(design: DesignPoint) -> StackedSystem:
 
 
 def seconds_a_point(plan: Plan) -> float | None:
-    """Seconds a design point of a batch, as timed for a forecast; None where none is solved."""
+    """Seconds for each point of a first batch, timed for a forecast; None where none is solved."""
     points = plan.tasks.at(slice(0, MIN_BATCH_POINTS))
     started = time.perf_counter()
     try:
@@ -102,7 +105,7 @@ def seconds_a_point(plan: Plan) -> float | None:
 def wider_roots(
     points: DesignPoints, band_hz: tuple[float, float]
 ) -> list[tuple[np.ndarray, np.ndarray] | None]:
-    """Roots (k,) [rad/s] and errors of each design point in a wider band; None where it failed."""
+    """Roots (k,) and their errors, rad/s, of each design point in a band; None where it failed."""
     try:
         system = system_of(points)
     except FAILURES:
@@ -172,7 +175,7 @@ def _lists(values: np.ndarray, count: np.ndarray) -> pa.Array:
 
 
 def _binaries(rows: np.ndarray, count: np.ndarray) -> pa.Array:
-    """The rows of each point as bytes."""
+    """One binary value for each point: the bytes of its `count` rows."""
     ends = _ends(count * rows.shape[1] * rows.itemsize)
     buffers = [None, ends.buffers()[1], pa.py_buffer(rows.tobytes())]
     return pa.Array.from_buffers(pa.binary(), len(count), buffers)

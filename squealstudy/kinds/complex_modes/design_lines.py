@@ -1,7 +1,8 @@
-"""The answer of a grid along one parameter: from which value on, and what each design does to it.
+"""The answer of a grid along one parameter: where modes turn unstable, and how designs change it.
 
-Along the parameter of the onsets, friction as a rule, every choice of the other parameters is a
-design. What a change of the brake is worth is read from a row a design, not from a line a mode.
+The parameter is that of the onsets, as a rule friction. Every choice of the other parameters is a
+design. What a change of the brake is worth is read from one row for each design, not from one line
+for each mode.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 GRID = "grid"
-MOST_DESIGNS = 12  # of a table on a screen; each is a ranking of its own
+MOST_DESIGNS = 12  # in a table on a screen; each needs a ranking of its own
 MOST_MODES = 4  # named in the answer
 BELOW_TEXT = "below range"  # in place of an onset
-ALIKE_ONSETS = 2e-3  # relative: designs whose first onsets are as near are not told apart
+ALIKE_ONSETS = 2e-3  # relative difference up to which two first onsets count as the same
 
 Row = Mapping[Hashable, Any]
 
@@ -49,18 +50,23 @@ class DesignLine(NamedTuple):
     ----------
     design : dict of str -> float
         Values of the other parameters.
-    unstable, solved : int
-        Solved points, and those at which some mode is unstable.
+    unstable : int
+        Number of solved points at which some mode is unstable.
+    solved : int
+        Number of solved points.
     sure : bool
-        All points are solved, stability is certain at each, and no table bends between them.
+        All points are solved, stability is certain at each, and no table of values has a knot
+        between them.
     onset : float
-        Least value from which on a mode is unstable; NaN for none.
+        Least value at which a mode turns unstable; NaN where none is known, or where one is
+        unstable already at the first value.
     kind : str
-        How it is known (`tables.stability`); BELOW_RANGE where all values are beyond it.
+        How the onset is known (`tables.stability`): BELOW_RANGE where a mode is unstable at the
+        first value; empty where no onset is known.
     first, fastest : dict or None
-        Rows of the ranking: of the mode of the onset, and of the one that grows fastest.
+        Rows of the ranking: of the mode with this onset, and of the one that grows fastest.
     modes : dict of int -> dict
-        Row of each unstable track.
+        Row of the ranking of each unstable track, with its `end` (`rows_with_ends`).
     """
 
     design: dict[str, float]
@@ -75,7 +81,7 @@ class DesignLine(NamedTuple):
 
 
 def design_lines(results: ResultTables) -> list[DesignLine]:
-    """A row a design of a grid; none where there is one design alone, or too many for a screen."""
+    """One line for each design of a grid; none for a single design or more than MOST_DESIGNS."""
     along = results.along
     if not along or results.design != GRID or results.boundary is not None:
         return []
@@ -115,7 +121,7 @@ def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
 
 
 def first_onset(table: pd.DataFrame) -> Row | None:
-    """The row of a ranking whose mode turns unstable first; None where no onset is known."""
+    """Row of the mode of a ranking that turns unstable first; None where no onset is known."""
     below = table[(table["threshold_kind"] == BELOW_RANGE).to_numpy(bool)]
     if len(below):
         return below.iloc[0].to_dict()
@@ -128,7 +134,7 @@ def first_onset(table: pd.DataFrame) -> Row | None:
 
 
 def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
-    """The modes of a ranking in the order in which they turn unstable; empty without onsets."""
+    """Modes of a ranking in the order in which they turn unstable; empty where none is known."""
     along = results.along
     if not along or results.design != GRID or results.boundary is not None:
         return ""
@@ -136,14 +142,13 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     tracked = tracked.assign(first=tracked["threshold"])
     tracked.loc[(tracked["threshold_kind"] == BELOW_RANGE).to_numpy(bool), "first"] = -np.inf
     tracked = tracked.sort_values("first", kind="stable")
-    number_in_family = tracked.groupby(
-        "family", sort=False
-    ).cumcount()  # of tracks that are one mode, one
+    # of tracks that stand for n modes, n are named
+    number_in_family = tracked.groupby("family", sort=False).cumcount()
     tracked = tracked[(number_in_family < tracked["family_modes"]).to_numpy(bool)]
     unit = results.units.get(along, "")
     onsets = results.onsets if "onsets" in results.tables else None
     line = onsets if parameter_columns(results.points, varied=True) == [along] else None
-    tracks_of = table["family"].value_counts()  # of one mode whose number changes, several
+    tracks_of = table["family"].value_counts()  # several where a mode changes its number
     n_told = len(tracked) if len(tracked) == MOST_MODES + 1 else MOST_MODES
     texts = [
         f"{track_number(row['track'])} at {frequency_text(row)} Hz"
@@ -160,9 +165,10 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
 
 
 def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
-    """Which design turns unstable first and which last, to follow others.
+    """A sentence on which design turns unstable first and which last.
 
-    Empty where that is not known of each, of a bound neither, or where they are alike.
+    Empty where the first onset of a design is not known or is only a bound, or where all designs
+    have the same one.
     """
     along = results.along or ""
     if len(lines) < 2:
@@ -189,9 +195,9 @@ def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
 
 
 def growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
-    """Which design's fastest mode grows fastest, and which one's slowest, to follow others.
+    """A sentence on the designs whose fastest mode grows fastest and slowest.
 
-    Empty where some design has no mode that grows, or points that failed, or where they are alike.
+    Empty where no mode grows at some design, where points failed, or where growth is alike.
     """
     fastest = [float(x.fastest["max_growth_rate"]) if x.fastest else np.nan for x in lines]
     if len(lines) < 2 or np.isnan(fastest).any() or len({line.solved for line in lines}) > 1:
@@ -209,9 +215,9 @@ def growth_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
 
 
 def quiet_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
-    """Points of designs at which no mode is unstable, though one is at the least value.
+    """A sentence on points without an unstable mode, of designs unstable at the least value.
 
-    To follow others; empty where no design has such points.
+    Empty where no design has such points.
     """
     along, points = results.along or "", results.points
     unit = results.units.get(along, "")
@@ -230,7 +236,7 @@ def quiet_in_words(results: ResultTables, lines: list[DesignLine]) -> str:
         designs_at.setdefault(f"{first}{several}", []).append(design_text(results, line))
     if not designs_at:
         return ""
-    name = f"{next(iter(lines[0].design))} "  # once, where designs differ by it alone
+    name = f"{next(iter(lines[0].design))} "  # named once where designs differ in it alone
     texts = [
         f"{quiet} with {of[0]}"
         + "".join(f" or {d.removeprefix(name) if len(lines[0].design) == 1 else d}" for d in of[1:])
@@ -247,13 +253,13 @@ def design_text(results: ResultTables, line: DesignLine) -> str:
 
 
 def _same_onset(onset: float, other: float) -> bool:
-    """Whether two values, infinite ones too, are not told apart."""
+    """Whether two onsets, which may be infinite, count as the same."""
     is_near = np.isfinite([onset, other]).all() and abs(onset - other) <= ALIKE_ONSETS * abs(other)
     return bool(onset == other or is_near)
 
 
 def _first_value(line: DesignLine) -> float:
-    """Where a design turns unstable, infinite where beyond the range; NaN where not known."""
+    """Where a design turns unstable: -inf below the range, inf for never; NaN where not known."""
     if line.kind == BELOW_RANGE:
         return -np.inf
     if np.isfinite(line.onset):
@@ -262,14 +268,14 @@ def _first_value(line: DesignLine) -> float:
 
 
 def modes_of_several_numbers(table: pd.DataFrame) -> dict[int, list[int]]:
-    """Tracks of each mode whose number changes, by the least of them."""
+    """Tracks of each single mode that changes its number, by its least track number."""
     single_modes = table[((table["track"] > 0) & (table["family_modes"] == 1)).to_numpy(bool)]
     families = {int(str(n)): sorted(rows["track"]) for n, rows in single_modes.groupby("family")}
     return {number: tracks for number, tracks in families.items() if len(tracks) > 1}
 
 
 def by_mode(modes: Mapping[int, Row], families: Mapping[int, list[int]]) -> dict[int, Row]:
-    """Rows of a design by mode: of tracks that are one the first onset, and the fastest growth."""
+    """Rows of a design by mode; tracks that are one mode share their first onset and top growth."""
     rows = dict(modes)
     for number, tracks in families.items():
         of_mode = [rows.pop(track) for track in tracks if track in rows]

@@ -1,4 +1,4 @@
-"""Tables of few designs: a row each with its first onset, and with the onset of each mode."""
+"""Tables of few designs: one with the first onset of each, one with the onset of each mode."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ from squealstudy.wording import amount, in_digits, plural, track_number
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-MOST_ONSETS = 4  # modes whose onsets stand beside each other, a row a design
+MOST_ONSETS = 4  # modes with a column of onsets
 NONE = "none"  # in place of the onset of a mode that is stable at every point of a design
 
 
 def design_table(
     results: ResultTables, lines: list[DesignLine], table: pd.DataFrame
 ) -> list[RenderableType]:
-    """A row a design: its first onset and fastest growth; what `design` stands for.
+    """Tables with a row for each design, and their legends.
 
-    `table` is the ranking over all designs, which tells what tracks are one mode.
+    The first has the first onset and the fastest growth, the second the onset of each mode. `table`
+    is the ranking over all designs, which tells which tracks are one mode.
     """
     along = results.along or ""
     units, top = results.units, float(results.points[along].max())
@@ -63,10 +64,10 @@ def design_table(
     shown = grid(
         *("text:design", "first onset", "text:of", "growth 1/s", "text:of", "unstable"), rows=rows
     )
-    today = results.nominal_others(along)
+    nominal = results.nominal_others(along)
     as_it_is = ""
-    if set(names) <= set(today):
-        as_it_is = ", ".join(amount(today[n], units.get(n, "")) for n in names)
+    if set(names) <= set(nominal):
+        as_it_is = ", ".join(amount(nominal[n], units.get(n, "")) for n in names)
     tables: Mapping[str, list[str]] = results.manifest.get("tables", {})
     followers = [name for name, over in tables.items() if set(over) & set(names)]
     follow = "follows" if len(followers) == 1 else "follow"
@@ -101,11 +102,12 @@ def _onsets_by_mode(
     silent: Sequence[set[int]] = (),
     largest: str = "",
 ) -> list[RenderableType]:
-    """The onset of each mode at each design; nothing where the row of a design has it all.
+    """Table of the onset of each mode at each design; none for a single unstable mode.
 
-    A mode may turn unstable later than another by a change that leaves the first onset alone. Of
-    many modes the fastest has a column, then those that some design silences. `silent` are the
-    tracks that are so at each design up to `largest`, in words.
+    A change of design may move the onset of a mode and leave the first onset of all as it is. Where
+    modes are many the fastest has a column, then those come first that some design silences.
+    `silent` are the tracks of `silent_tracks` for each design, and `largest` is the parameter's
+    largest value, in words.
     """
     by_line = [by_mode(line.modes, families or {}) for line in lines]
     fastest: dict[int, Row] = {}
@@ -126,7 +128,7 @@ def _onsets_by_mode(
         for rows, silent_there in zip(of_design, silent or [set()] * len(lines), strict=True)
     ]
     title, unknown = "onset of", "no onset is known of the mode, which may have another number"
-    if not {text for texts in onsets for text in texts} - {"-", NONE, BELOW_TEXT}:  # no value moves
+    if not {text for texts in onsets for text in texts} - {"-", NONE, BELOW_TEXT}:  # no values
         title, unknown = "growth 1/s of", "no mode of this number grows"
         onsets = [[_growth_text(row) for row in rows] for rows in of_design]
     has_ends = any(" to " in text for texts in onsets for text in texts)

@@ -1,4 +1,4 @@
-"""Texts of screens on methods and errors of complex modes."""
+"""Texts on methods and errors of complex modes, for screens."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 JUDGED = "modes that grow or have little damping"
-NEGLIGIBLE_METHOD_ERROR = 1e-9  # relative error of a method below which nothing is left to check
-# of the largest estimate: points that err by less say little about the method
+NEGLIGIBLE_METHOD_ERROR = 1e-9  # relative error of a method below which it needs no check
+# share of the largest estimate; checked points that err by less say little about the method
 MIN_CHECK_ERROR_SHARE = 0.1
 OTHER_MESH = "; the error of the mesh is not in it"
 OF_MESH = "; the error of the mesh is not in it, `squealstudy check --mesh-error` tells it"
 
 
 def method_rows(manifest: Mapping[str, Any]) -> Rows:
-    """Which rungs served the points, and what an audit of them found."""
+    """Rows on the rungs that solved the points, on what an audit found, and on estimated errors."""
     method = manifest.get("method")
     if not method:
         return []
@@ -47,7 +47,7 @@ def method_rows(manifest: Mapping[str, Any]) -> Rows:
 
 
 def _estimates(manifest: Mapping[str, Any]) -> Rows:
-    """Largest estimated errors, of the rung and of the reduction; the mesh's is in neither."""
+    """Row on the largest estimated errors of the rung and the reduction; neither has the mesh's."""
     errors = manifest.get("errors")
     if not errors or errors["largest_rung"] is None:
         return []
@@ -107,7 +107,7 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
 
 
 def turning_rows(manifest: Mapping[str, Any]) -> Rows:
-    """Row that left-out gyroscopic terms decide whether a mode grows; else nothing."""
+    """Row on gyroscopic terms that are left out; none where they decide on no mode's growth."""
     facts = manifest.get("turning")
     if not facts or not facts["decided_points"]:
         return []
@@ -130,7 +130,10 @@ def _missed(modes: int) -> str:
 
 
 def unseen_text(results: ResultTables) -> str:
-    """Text that the method hardly errs at the checked points, as at nodes of an interpolation."""
+    """Text where the method errs much less at the checked points than elsewhere; else empty.
+
+    They may be nodes of its interpolation.
+    """
     checked = [c["point_id"] for c in results.manifest.get("reference", []) if "roots" in c]
     if not checked or "error_rung" not in results.columns("modes"):
         return ""
@@ -146,9 +149,9 @@ def unseen_text(results: ResultTables) -> str:
         and highest > NEGLIGIBLE_METHOD_ERROR
         and highest_there < MIN_CHECK_ERROR_SHARE * highest
     ):
-        return ""  # or the method has no light mode at these points
+        return ""  # estimates are alike, negligible, or missing at the checked points
     at_checks, elsewhere = error_percent(highest_there), error_percent(highest)
-    if at_checks == elsewhere:  # both too small to be told
+    if at_checks == elsewhere:  # as both are rounded
         return ""
     return (
         f"; by its own estimate the method errs by {at_checks} there, but by {elsewhere} "
@@ -157,7 +160,7 @@ def unseen_text(results: ResultTables) -> str:
 
 
 def percent_or_times(factor: float) -> str:
-    """How much a factor raises a number, in words; empty where that is less than 1 %."""
+    """How much a factor raises a number, in words; empty for less than 1 %."""
     if factor < 1.01:
         return ""
     return f"by {100 * (factor - 1):.0f} %" if factor < 2 else f"to {factor:.2g} times that"

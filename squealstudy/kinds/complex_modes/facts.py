@@ -1,4 +1,4 @@
-"""Facts of a manifest of complex modes: what they must be, whoever wrote them."""
+"""Types of the facts that complex-mode studies write to a manifest; a read manifest must fit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Range, Text
 
-MOST_LEVELS = 16  # of a boundary design: a cell is halved so often
+MOST_LEVELS = 16  # how often a cell of a boundary design may be halved
 Root = Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 
@@ -96,7 +96,7 @@ class Check(FactGroup):
 
 
 class Side(FactGroup):
-    """The fastest growth below or above the band."""
+    """The fastest growing mode below or above the band, and how many grow at its point."""
 
     count: Count
     frequency_hz: float
@@ -114,7 +114,7 @@ class OutsideBand(FactGroup):
 
 
 class Refined(FactGroup):
-    """Facts of the refinement of onsets and tracks."""
+    """How many onsets or steps of tracks the refinement left unrefined."""
 
     left: Count = 0
 
@@ -129,7 +129,7 @@ class Boundary(FactGroup):
 
 
 class ComplexModesFacts(FactGroup):
-    """Beside those of every kind."""
+    """Facts of complex-mode studies, beside those of every kind."""
 
     method: Method | None = None
     audit: Audit | None = None

@@ -1,8 +1,8 @@
-"""Bases for the points that tracking inserts into steps of a study.
+"""Bases in which tracking solves the points that it inserts between those of a study.
 
 Where many steps of a structure are in doubt, its modes at a few design points of the study, far
-from each other, span a basis. It is used where it reproduces the modes of other solved points;
-otherwise, and where a step stays in doubt, inserted points are solved exactly.
+from each other, span a basis. It is used if it reproduces the modes of other solved points.
+Otherwise, and where a step stays in doubt, inserted points are solved exactly.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ from squealstudy.modes.tracking.snapshot_model import (
 from squealstudy.reduction.prepared import PreparedModel
 
 MIN_COORDINATES = 200  # smaller models are solved exactly as fast as in a basis
-MAX_BASIS_SHARE = 0.5  # vectors of a basis over coordinates
-MAX_CORNER_PARAMETERS = 3  # a basis begins with 2^p + 1 points, p varied parameters up to this
+MAX_BASIS_SHARE = 0.5  # largest number of vectors of a basis, over that of coordinates
+# a basis begins with 2^p + 1 points; p is the number of varied parameters, at most this
+MAX_CORNER_PARAMETERS = 3
 MIN_SNAPSHOTS, MAX_SNAPSHOTS = 3, 12  # design points of a basis
 N_CHECKED_POINTS = 3  # design points at which a basis is compared with exact modes
-STEPS_PER_SNAPSHOT = 2  # steps in doubt for which a snapshot pays: a step takes two inserted points
-MAX_UNLIKENESS = 2e-3  # at checked points; tracking distinguishes pairs by hundredths
-# relative distance from an end of the band within which a mode may be out of it
+STEPS_PER_SNAPSHOT = 2  # steps in doubt that pay for a snapshot: each takes two inserted points
+MAX_UNLIKENESS = 2e-3  # allowed at checked points; tracking tells pairs apart by hundredths
+# relative distance from an end of the band within which a mode may be in it or not
 BAND_END_REL_DISTANCE = 0.01
-MAX_MODELS_IN_MEMORY = 2  # models that a process holds
+MAX_MODELS_IN_MEMORY = 2  # models on a basis that a process holds
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,13 @@ class Basis:
     Attributes
     ----------
     name : str
-        Hash of what it is made from.
+        Hash of what the basis is made from.
     key : str
-        Of the prepared model in the cache.
+        Key of the prepared model in the cache.
     V : ndarray (n, r)
+        Basis vectors in the coordinates of the prepared model.
     band_hz : (low, high)
+        Frequency band of the modes, Hz.
     """
 
     name: str
@@ -62,7 +65,7 @@ class Basis:
     band_hz: tuple[float, float]
 
     def solver(self, neighbourhood: PointNeighbourhood) -> Callable[[np.ndarray], Modes]:
-        """Modes at coordinates in the neighbourhood of a design point, in this basis."""
+        """A function that gives the modes at coordinates near a design point, in this basis."""
         return partial(
             _modes_at, _model(self), neighbourhood, known_gap(self.key, neighbourhood.design)
         )
@@ -94,12 +97,15 @@ class Bases:
     Parameters
     ----------
     plan : Plan
+        Plan of the study.
     neighbourhoods : StudyNeighbourhoods
+        Neighbourhoods of the plan's points.
     solved : callable
-        Oscillating modes of a design point of the plan, as they were solved.
+        Returns the oscillating modes of a design point of the plan, as they were solved.
     counts : ndarray (n,) of int
-        Number of such modes of each point.
+        Number of these modes at each point.
     workers : Workers
+        Workers that solve and check points.
     """
 
     def __init__(
@@ -116,7 +122,10 @@ class Bases:
         self._basis_of_structure: dict[int, Basis | None] = {}
 
     def prepare(self, steps: Sequence[int]) -> None:
-        """Make bases of structures with many steps in doubt; `steps` are points at their ends."""
+        """Make a basis for each structure with many steps in doubt.
+
+        `steps` has one design point of each step.
+        """
         structures, counts = np.unique(self._structure[np.asarray(steps, int)], return_counts=True)
         for structure, count in zip(structures.tolist(), counts.tolist(), strict=True):
             if (
@@ -128,13 +137,14 @@ class Bases:
                 )
 
     def of(self, point: int) -> Basis | None:
-        """The basis of a point's structure, where there is one."""
+        """The basis of a point's structure; None where there is none."""
         return self._basis_of_structure.get(int(self._structure[point]))
 
     def _basis(self, structure: int, max_points: int) -> Basis | None:
-        """A basis of a structure from `max_points` design points at most; None if none is good.
+        """A basis of a structure from at most `max_points` design points; None if none is good.
 
-        It begins with the middle and corners of the design; points are added while it fails.
+        The first points are the middle of the design and those far from it; more are added while
+        the checks fail.
         """
         points = np.flatnonzero((self._structure == structure) & (self._counts > 0))
         neighbourhood_of_first = self._near.of(int(points[0]))
@@ -175,9 +185,9 @@ class Bases:
 
 
 def far_apart(x: np.ndarray, count: int) -> np.ndarray:
-    """Choose points of x (n, p): the nearest to the middle, then the farthest from all chosen ones.
+    """Choose points of x (n, p): the nearest to the middle, then always the farthest from those.
 
-    Coordinates are divided by their ranges.
+    Distances are those of coordinates divided by their ranges.
 
     Returns
     -------
@@ -195,7 +205,7 @@ def far_apart(x: np.ndarray, count: int) -> np.ndarray:
 
 
 def snapshot_task(task: tuple[int, PointNeighbourhood]) -> tuple[int, np.ndarray]:
-    """Number of a task, and the snapshots (n, m) of its design point; none where that fails."""
+    """Number of a task, and the snapshots (n, m) of its design point; (n, 0) where that fails."""
     number, neighbourhood = task
     key = neighbourhood.structure.key
     prepared, gap = load_prepared(key), known_gap(key, neighbourhood.design)
@@ -209,18 +219,18 @@ def snapshot_task(task: tuple[int, PointNeighbourhood]) -> tuple[int, np.ndarray
 
 @dataclass(frozen=True)
 class CheckTask:
-    """A solved design point at which a worker checks a basis."""
+    """A design point and its exact modes `solved`, to compare with those in a basis."""
 
     basis: Basis
-    near: PointNeighbourhood
+    neighbourhood: PointNeighbourhood
     solved: Modes
 
 
 def check_task(task: CheckTask) -> float:
-    """Unlikeness of the modes of a design point, in a basis and solved; infinite if it fails."""
+    """How far the modes of a design point in the basis are from exact ones; inf if it fails."""
     low, high = task.basis.band_hz
     try:
-        modes_in_basis = task.basis.solver(task.near)(task.near.x)
+        modes_in_basis = task.basis.solver(task.neighbourhood)(task.neighbourhood.x)
     except FAILURES:
         return np.inf
     return unlikeness(

@@ -53,14 +53,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# of the least and the longest time: exact complex modes; reanalysis
+# factors on the forecast time for its least and its longest value: exact modes; reanalysis
 EXACT_TIME_FACTORS, REANALYSIS_TIME_FACTORS = (0.9, 1.1), (0.5, 1.5)
-# exact points that tracking and onsets may solve for each of the study, at most
+# largest number of exact solves for tracking and onsets, for each design point of the study
 MAX_EXTRA_SOLVES_PER_POINT = 1.5
-# exact solves that a sample point of the reduction's error costs: of two models
+# cost of a sample point of the reduction's error, at which two models are solved, in exact solves
 REDUCTION_SAMPLE_COST = 3.0
 SOURCES = ("kinds/complex_modes",)
-FULL_ORDER = 60.0  # exact solves of a reduced brake that one of the full-order model costs, about
+FULL_ORDER = 60.0  # cost of a full-order solve, about, in exact solves of a reduced brake
 
 
 class ComplexModes(ModelKind):
@@ -76,11 +76,11 @@ class ComplexModes(ModelKind):
     needs_contact = False
 
     def stacks(self, plan: Plan) -> bool:
-        """Small models that are solved exactly, unless a kind from outside solves its own tasks."""
+        """Whether points are solved in batches: small models, exactly, by this class's `solve`."""
         return type(self).solve is ComplexModes.solve and stacks(plan)
 
     def check(self, plan: Plan) -> None:
-        """Modes of the assembly must be held by every basis; component modes are, in any kind."""
+        """Check that each basis holds the modes of the assembly that parameters name."""
         if not plan.first.assembly_parameters() or plan.method.rung.unreduced:
             return
         if plan.stacked:
@@ -91,11 +91,11 @@ class ComplexModes(ModelKind):
                 plan.check_assembly_modes(load_any(key).model.n)
 
     def identity(self, plan: Plan) -> list[Any]:
-        """The code of boxes and charts, and of what a basis must reach."""
+        """Hash of this kind's code, which decides on boxes, charts and the tolerance of a basis."""
         return [source_hash(SOURCES)]
 
     def warnings(self, plan: Plan) -> list[str]:
-        """A method that keeps no tolerance."""
+        """A warning of a method that keeps no tolerance."""
         if plan.method.rung.keeps_tolerance:
             return []
         return [
@@ -104,10 +104,10 @@ class ComplexModes(ModelKind):
         ]
 
     def accurate(self, plan: Plan, failures: Mapping[str, str], workers: Workers) -> Plan:
-        """The plan, with an enriched basis where that of the study errs by more than its tolerance.
+        """The plan, with an enriched basis where the reduction errs by more than the tolerance.
 
-        What no rung of reanalysis can lower is lowered once for all points of the study. A basis
-        that the study chooses itself, by any key of [reduction], stays as it is.
+        No rung can lower the error of the reduction, so it is lowered once for all points. A basis
+        that the study chooses itself, by any key of [reduction] but shared_basis, stays as it is.
         """
         keys = plan.study.definition.reduction.model_fields_set
         if plan.enriched or keys - {"shared_basis"}:
@@ -119,7 +119,7 @@ class ComplexModes(ModelKind):
         return Plan(plan.study, plan.swept, True) if worst > plan.method.largest_error else plan
 
     def prepare(self, plan: Plan, report: Progress) -> None:
-        """The sweep bases of rungs that need them."""
+        """Make the sweep bases, where the method needs them."""
         if plan.method.rung.over_a_basis:
             with threadpool_limits(1):  # matrices are small: more threads wait for each other
                 for structure in swept_structures(plan):
@@ -146,7 +146,7 @@ class ComplexModes(ModelKind):
             ) from error
 
     def reads_meshes(self, plan: Plan) -> bool:
-        """Rungs that solve the unreduced model."""
+        """Whether the method solves the unreduced model."""
         return plan.method.rung.unreduced
 
     def tasks(
@@ -165,7 +165,7 @@ class ComplexModes(ModelKind):
         return solve_points(task)
 
     def extended_plan(self, plan: Plan, store: Store) -> Plan:
-        """With the further nodes of a boundary design."""
+        """The plan with the nodes of a boundary design that are to be solved next."""
         if not plan.study.grows:
             return plan
         from squealstudy.kinds.complex_modes.boundary import extended_plan
@@ -173,7 +173,7 @@ class ComplexModes(ModelKind):
         return extended_plan(plan, store)
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
-        """The grid of a boundary design, and how much of it is solved."""
+        """Facts of any model, with the grid of a boundary design and how much of it is solved."""
         facts = super().manifest(plan)
         if not plan.study.grows:
             return facts
@@ -184,7 +184,7 @@ class ComplexModes(ModelKind):
     def verify(
         self, plan: Plan, store: Store, failures: Mapping[str, str], workers: Workers
     ) -> list[dict[str, Any]]:
-        """Solve the chosen points at full order, those not checked before; all their errors."""
+        """Solve chosen points at full order where that was not done; the checks of all of them."""
         from squealstudy.kinds.complex_modes.full_order_check import (
             FullOrderTask,
             at_once,
@@ -209,7 +209,7 @@ class ComplexModes(ModelKind):
             if t.structure not in failures and (lam := roots_of.get(t.point_id)) is not None
         ]
         workers = with_files(plan, workers)
-        if workers.cluster is None:  # whose workers have a memory each
+        if workers.cluster is None:  # workers of a cluster each have a memory of their own
             workers = replace(workers, jobs=min(workers.jobs, at_once(tasks)))
         for check in workers.each(check_reference, tasks, "full-order check"):
             store.write_json(f"{REFERENCES}/{check['point_id']}.json", check)
@@ -221,7 +221,7 @@ class ComplexModes(ModelKind):
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write points, modes and onsets."""
+        """Write the tables of points, modes and onsets; the points' table, and facts."""
         from squealstudy.kinds.complex_modes.errors import audited
         from squealstudy.kinds.complex_modes.reduction_errors import make_samples
         from squealstudy.kinds.complex_modes.tables import build_tables
@@ -247,7 +247,7 @@ class ComplexModes(ModelKind):
         return points, {**facts, "method": {**method, "tolerance": plan.method.tolerance}}
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
-        """The method, and why it."""
+        """The method, and why it was chosen."""
         rung = plan.method.rung
         tolerance_text = (
             f", to {plan.method.tolerance:g}" if rung.keeps_tolerance and not rung.exact else ""
@@ -255,11 +255,11 @@ class ComplexModes(ModelKind):
         return [("method", f"{plan.method.name}{tolerance_text}: {plan.method.reason}")]
 
     def solves(self, plan: Plan) -> Solves:
-        """Solves by the method of the study."""
+        """Cost of the study's solves by its method."""
         return mode_solves(plan)
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
-        """Seconds of one design point by the exact method."""
+        """Seconds of a design point by the exact method (in a batch if small); None if it fails."""
         if plan.stacked:
             return seconds_a_point(plan)
         method = plan.method
@@ -276,15 +276,16 @@ class ComplexModes(ModelKind):
 
 
 def _of_its_structure(plan: Plan, point: DesignPoint) -> DesignPoint:
-    """A design point with the key of a structure that is its own, of a batch too."""
+    """A design point with the key of its own structure, which points of a batch do not have."""
     return replace(point, structure=plan.structure_key(point)) if plan.stacked else point
 
 
 def mode_solves(plan: Plan) -> Solves:
-    """Points of reanalysis take their share of an exact one, after a basis for each structure.
+    """Cost of a study in exact solves.
 
-    Tracking and onsets solve others between exact points; those checked at full order and the
-    sample points of the reduction's error come on top.
+    A point of reanalysis costs a share of an exact one, after a basis for each structure. Tracking
+    and onsets solve points in between; points checked at full order and sample points of the
+    reduction's error come on top.
     """
     rung, share = plan.method.rung, point_share(plan, plan.method.rung)
     shortest, longest = EXACT_TIME_FACTORS if share is None else REANALYSIS_TIME_FACTORS
@@ -312,7 +313,7 @@ def mode_solves(plan: Plan) -> Solves:
 
 
 def point_share(plan: Plan, rung: Rung) -> float | None:
-    """Seconds of a point of a plan by a rung over those of an exact one; None where it is exact."""
+    """Cost of a point by a rung over that of an exact one; None for an exact rung."""
     if rung.exact:
         return None
     varied = sum(not sweep.parameter.structural for sweep in plan.study.sweeps)

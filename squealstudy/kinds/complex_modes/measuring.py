@@ -1,4 +1,4 @@
-"""How a method of complex-mode studies is timed, and what it finds."""
+"""How a method of complex-mode studies is timed, and how its results are read."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from squealstudy.tables.families import RENUMBERED
 from squealstudy.tables.method_quality import onset_errors, root_errors
 from squealstudy.tables.stability import BROKEN, FIRST_SEEN, INTO
 
-# s: the first call of a process may owe a part of that to imports and what is kept
+# s; of a shorter time imports and first reads from the cache may be a large part
 MIN_RELIABLE_TIMING_S = 5.0
 
 
@@ -48,10 +48,10 @@ def measure_modes(plan: Plan, measured: Sequence[int], request: MeasurementReque
     Parameters
     ----------
     plan : Plan
-        The structures of those points are in the cache; where points share work, all are.
+        Plan whose structures of those points are in the cache; all of them where points share work.
     measured : sequence of int
         Positions of the points among the plan's.
-    request : Asked
+    request : MeasurementRequest
         Lines on which onsets are sought.
     """
     kind = ComplexModes()
@@ -92,7 +92,7 @@ def measure_modes(plan: Plan, measured: Sequence[int], request: MeasurementReque
 
 
 def onset_finding(line: LinePlan, store: Store) -> tuple[dict[str, Any], float]:
-    """Part of a finding that holds the onset on a line of solved points, and seconds."""
+    """Part of a finding: the onset on a line of solved points, or why none; processor seconds."""
     started = time.process_time()
     try:
         with threadpool_limits(1):
@@ -106,7 +106,7 @@ def onset_finding(line: LinePlan, store: Store) -> tuple[dict[str, Any], float]:
 
 
 def _made_ready(tasks: Sequence[SolveTask]) -> float:
-    """Seconds until problems and bases of the tasks are in memory."""
+    """Processor seconds to read problems and bases of the tasks into memory."""
     started = time.process_time()
     for task in tasks:
         rung = rung_named(task.rung)
@@ -117,9 +117,9 @@ def _made_ready(tasks: Sequence[SolveTask]) -> float:
 
 
 def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list[dict[str, Any]]]:
-    """Processor seconds of solving tasks, and the rows.
+    """Processor seconds of solving the tasks, and their rows.
 
-    What is brief is solved once more, now that all is imported.
+    Where this takes less than MIN_RELIABLE_TIMING_S it is done twice, and the shorter time counts.
     """
     spent: list[float] = []
     rows: list[dict[str, Any]] = []
@@ -133,17 +133,17 @@ def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list
 
 
 def reduction_seconds(plan: Plan) -> float:
-    """Seconds that making the structures of a study took, or will take by those made."""
+    """Seconds to make all structures of a study, estimated from those that are made."""
     made_keys = [key for key in plan.structures if is_prepared(key)]
     spent = sum(sum(load_any(key).timings.values()) for key in made_keys)
     return float(spent) * len(plan.structures) / max(len(made_keys), 1)
 
 
 def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
-    """Finding of the finer model of its structure at a point; None where there is none.
+    """Finding of the finer model at a point; None where its structure has none.
 
-    The distance of a reduced model's roots to these is its error but for a factor SAFETY
-    (complex_modes/reduction.py).
+    The error of a reduced model is estimated by its roots' distance from these, times
+    FINER_MODEL_SAFETY_FACTOR (modes/full_order/finer_model.py).
     """
     task = plan.tasks[point]
     prepared = prepared_model(task.structure)
@@ -161,7 +161,7 @@ def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
 
 
 def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
-    """Modes on which errors are measured, from a chunk row of a complex-mode study."""
+    """Finding of a point: its oscillating modes, from a chunk row of a complex-mode study."""
     oscillates = ~np.array(row["overdamped"], dtype=bool)
     roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[oscillates]
     estimates = np.array(row["error_rung"], dtype=float)[oscillates]
@@ -194,13 +194,14 @@ Interval = tuple[float | None, float | None, float | None]  # value, bounds; Non
 
 
 class LinePlan(Plan):
-    """Some design points of a plan that differ in the onset's parameter alone.
+    """Some design points of a plan that differ only in the parameter of the onset.
 
-    Their identities, structures and method are those that they have in the whole plan.
+    Their identities, structures and method are those of the whole plan.
 
     Parameters
     ----------
     whole : Plan
+        The whole plan.
     rows : sequence of int
         Positions of the points among the whole plan's.
     """
@@ -211,7 +212,7 @@ class LinePlan(Plan):
 
     @property
     def whole(self) -> Plan:
-        """The plan that these points are of."""
+        """The plan that these points belong to."""
         return self._whole
 
     @property
@@ -223,7 +224,7 @@ class LinePlan(Plan):
 
     @cached_property
     def method(self) -> RungChoice:
-        """The rung by which the whole plan's points are solved."""
+        """The rung that solves the whole plan's points."""
         return self.whole.method
 
     @cached_property
@@ -233,19 +234,19 @@ class LinePlan(Plan):
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
-        """A grid of one line."""
+        """Shape of a grid with this one line."""
         return tuple(
             len(self._rows) if sweep.name == self.along else 1 for sweep in self.study.sweeps
         )
 
 
 def find_onset(plan: LinePlan, store: Store) -> tuple[Interval, float]:
-    """The first onset on a line whose points are solved, and the range searched.
+    """The first onset on a line whose points are finished, and the length of the line.
 
     Raises
     ------
     ConvergenceError
-        Where a point of the line has no modes: the onset may lie there.
+        Where a point of the line is not ok: the onset may lie there.
     """
     columns = read_columns(store, [task.point_id for task in plan.tasks])
     points = columns.points.select(["point_id", "status", "message"]).to_pandas()
@@ -291,7 +292,7 @@ def first_onset(onsets: pd.DataFrame, x: np.ndarray) -> Interval:
 
 
 def _bounds(row: pd.Series, value: float, x: np.ndarray) -> tuple[float, float]:
-    """From the onset's own error estimate, or the points between which it lies."""
+    """Bounds of an onset: by its error estimate, else the points between which it lies."""
     if np.isfinite(row["error_estimate"]):
         error = float(row["error_estimate"])
         return value - error, value + error

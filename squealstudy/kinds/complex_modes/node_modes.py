@@ -1,4 +1,4 @@
-"""Modes of the finished nodes of a map, with shapes that can be compared from node to node."""
+"""Modes at the finished nodes of a map, with shapes that can be compared between nodes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from squealstudy.reduction.prepared import PreparedFamily
 
 
 class FinishedNodes:
-    """Oscillating modes of the points of a boundary design, all of them finished.
+    """Oscillating modes of the points of a boundary design, all of which are finished.
 
     Parameters
     ----------
     plan : Plan
+        Plan of the points.
     store : Store
+        Store with the chunk files of all these points.
     nodes : list of Node
-        Of the plan's points, in their order.
+        Nodes of the plan's points, in their order.
     """
 
     def __init__(self, plan: Plan, store: Store, nodes: list[Node]) -> None:
@@ -44,7 +46,7 @@ class FinishedNodes:
         return NodeModes(lam, raw @ to_orthogonal, raw @ to_seen)
 
     def close(self) -> None:
-        """Remove the file of shapes, where they were asked for."""
+        """Remove the temporary file of shapes, if it was written."""
         if "_columns" in self.__dict__ and self._columns.shapes is not None:
             self._columns.shapes.remove()
 
@@ -67,11 +69,11 @@ class FinishedNodes:
 
     @cached_property
     def _counts(self) -> np.ndarray:
-        """Oscillating modes of each point; they come first."""
+        """Number of oscillating modes (n,) of each point; they come before the real roots."""
         return self._columns.oscillating().counts
 
     def _coordinates(self, key: str) -> tuple[np.ndarray, np.ndarray]:
-        """Matrices from a structure's shapes to those of NodeModes, (k, k) and (k, s)."""
+        """Matrices that turn a structure's shapes into `shapes` and `seen` of NodeModes."""
         if self._plan.stacked:
             identity = np.eye(self._plan.first.assembly().n_dof)
             return identity, identity
@@ -84,8 +86,8 @@ class FinishedNodes:
                     / np.where(prepared.scale > 0, prepared.scale, np.inf)[:, None]
                 )
                 mass = basis.T @ (M @ basis)
-                turned = _root(mass)
-                self._known[key] = turned, turned
+                mass_root = _root(mass)
+                self._known[key] = mass_root, mass_root
             else:
                 sensors = prepared.sensor_shapes
                 self._known[key] = np.eye(sensors.shape[1]), sensors.T
@@ -97,7 +99,7 @@ class FinishedNodes:
 
 
 def _root(mass: np.ndarray) -> np.ndarray:
-    """L with L L^T = mass (k, k); one where the mass of some shapes vanishes."""
+    """L with L L^T = mass (k, k); the identity where the mass matrix is not positive definite."""
     try:
         root: np.ndarray = la.cholesky((mass + mass.T) / 2, lower=True)
     except la.LinAlgError:

@@ -1,6 +1,6 @@
-"""First onsets of a grid of many designs: a row a value of one parameter, a column the others'.
+"""First onsets of a grid of many designs: rows are values of one parameter, columns of the others.
 
-Of few designs `design_lines` tells more, a row each.
+For few designs `design_table` tells more, with a row for each.
 """
 
 from __future__ import annotations
@@ -14,18 +14,26 @@ from rich.console import RenderableType
 from squealstudy.kinds.complex_modes.design_lines import GRID, MOST_DESIGNS
 from squealstudy.screen import grid, notes
 from squealstudy.tables.mode_ranking import parameter_columns
-from squealstudy.tables.stability import CROSSING, FIRST_SEEN, INEXACT, INTO, REFINED_ONSETS
+from squealstudy.tables.stability import (
+    BRACKETED,
+    CROSSING,
+    FIRST_SEEN,
+    INEXACT,
+    INTO,
+    REFINED_ONSETS,
+)
 from squealstudy.wording import amount, in_column, with_unit
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-MOST_ROWS, MOST_COLUMNS = 13, 6  # of the table; of more values some are shown
+MOST_ROWS, MOST_COLUMNS = 13, 6  # of the table; of more rows some are shown, of more columns none
 BELOW, NEVER = -np.inf, np.inf  # in place of an onset
+BOUNDS = (FIRST_SEEN.replace(" ", "_"), BRACKETED)  # status of onsets put at an unstable point
 
 
 def onset_table(results: ResultTables) -> list[RenderableType]:
-    """First onset of each design; nothing where there are few, or too many for a table."""
+    """Table of the first onset of each design; empty where designs are few, or columns too many."""
     along = results.along
     if not along or results.design != GRID or results.boundary is not None:
         return []
@@ -63,7 +71,10 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
         shown,
         notes(
             f"least {along} at which a mode turns unstable{columns}{fewer}",
-            "~: interpolated, not refined" if INEXACT[CROSSING] in shown_marks else "",
+            "~: interpolated between two design points, or put at a point that grows by less than "
+            "its error; not refined"
+            if INEXACT[CROSSING] in shown_marks
+            else "",
             f"<=: the least {along} of a solved point at which some mode is unstable"
             if INEXACT[FIRST_SEEN] in shown_marks
             else "",
@@ -72,11 +83,13 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
 
 
 def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
-    """Least `onset` by the values of all other varied parameters, and its `mark`.
+    """First `onset` of each design and its `mark`, indexed by the other varied parameters.
 
-    BELOW where a mode is unstable at the least value; NEVER where all points are solved and surely
-    stable; NaN where none is known. Where a mode grows at a lesser value than that of any onset
-    (real roots have none), that point is a bound, marked so, as is what is not refined.
+    `onset` is BELOW where a mode is unstable at the least value, NEVER where all points are solved
+    and surely stable, and NaN where it is not known. It is the value of an unstable point, an upper
+    bound with the mark of one, where a mode grows at a smaller value than that of any onset (real
+    roots have none), and where an onset is only bracketed or first seen there. Other onsets that
+    are not refined are marked too.
     """
     points = results.points
     names = [n for n in parameter_columns(points, varied=True) if n != along]
@@ -94,8 +107,9 @@ def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
     into = into.sort_values("onset", kind="stable").drop_duplicates(names).set_index(names)
     first = into[["onset", "status"]].reindex(surely_quiet.index)
     exact = first["status"].isin(REFINED_ONSETS) | first["onset"].isna()
-    is_bound = ~(first["onset"] <= least_unstable) & least_unstable.notna()
-    onset = first["onset"].where(~is_bound, least_unstable)
+    is_beyond = ~(first["onset"] <= least_unstable) & least_unstable.notna()
+    is_bound = is_beyond | first["status"].isin(BOUNDS)
+    onset = first["onset"].where(~is_beyond, least_unstable)
     is_below = least_unstable == start_values
     onset = onset.where(~is_below, BELOW)
     onset = onset.where(onset.notna() | ~surely_quiet, NEVER)
@@ -105,7 +119,7 @@ def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
 
 
 def _title(column: object, others: list[str], units: dict[str, str], along: str) -> str:
-    """The values of the other parameters, or what stands in the only column."""
+    """Title of a column: the values of the other parameters; without any, what it shows."""
     if not others:
         return f"first onset {along}"
     values = column if isinstance(column, tuple) else (column,)

@@ -1,4 +1,4 @@
-"""Where a mode turns unstable and stable again, in words."""
+"""Where a mode turns unstable and where stable again, in words."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from squealstudy.wording import amount, in_digits
 if TYPE_CHECKING:
     import pandas as pd
 
-SAME_ONSET = 1e-9  # relative: values of an onset in two tables
-OTHER_FREQUENCY = 0.004  # relative, of a mode at its onset: it is told beside that of its growth
+SAME_ONSET = 1e-9  # relative difference of the same onset in two tables
+# relative difference from which a mode's frequency at its onset is told beside that of its growth
+OTHER_FREQUENCY = 0.004
 TAKEN_OVER_NOTE = (
     "* before an onset: on some line the number is unstable at less, where an unstable mode of "
     "another number takes it: no onset"
@@ -31,15 +32,15 @@ Row = Mapping[Hashable, Any]
 
 
 def onset_in_words(row: Row, along: str, unit: str, onsets: pd.DataFrame | None) -> str:
-    """Where a mode turns unstable first, with its frequency there; empty where not known."""
+    """Where a mode first turns unstable, with another frequency there; empty where not known."""
     save = ", save where an unstable mode takes its number" if row["taken_over"] else ""
     return f"{first_at(row, along, unit)}{other_frequency(row, onsets)}{save}"
 
 
 def first_at(row: Row, along: str, unit: str) -> str:
-    """Where a mode turns unstable first, in words; empty where that is not known.
+    """Where a mode first turns unstable, in words; empty where that is not known.
 
-    It may be stable again further on.
+    It may be stable again at larger values.
     """
     kind, onset = str(row["threshold_kind"]), row["threshold"]
     if kind == BELOW_RANGE:
@@ -52,7 +53,7 @@ def first_at(row: Row, along: str, unit: str) -> str:
 
 
 def onset_cell(row: Row, unit: str) -> str:
-    """The onset of a row of a ranking in a table, with its marks."""
+    """Table cell with the onset of a row of a ranking, with its marks."""
     threshold, kind = row["threshold"], row["threshold_kind"]
     if kind == BELOW_RANGE:
         return BELOW_RANGE
@@ -63,7 +64,7 @@ def onset_cell(row: Row, unit: str) -> str:
 
 
 def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
-    """The frequency of a mode at its first onset, where it is not that of its fastest growth."""
+    """The frequency of a mode at its first onset; empty where it is that of its fastest growth."""
     if onsets is None:
         return ""
     of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
@@ -81,7 +82,7 @@ def other_frequency(row: Row, onsets: pd.DataFrame | None) -> str:
 
 
 def _elsewhere(frequencies: list[float], hz: float) -> str:
-    """The frequencies of a mode at one place where they are not its frequency; else empty."""
+    """Ascending frequencies of a mode at its onset, in words; empty where all are near `hz`."""
     if not frequencies or max(abs(other - hz) for other in frequencies) <= OTHER_FREQUENCY * hz:
         return ""
     ends = dict.fromkeys(in_digits(end) for end in (frequencies[0], frequencies[-1]))
@@ -89,7 +90,7 @@ def _elsewhere(frequencies: list[float], hz: float) -> str:
 
 
 def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
-    """Where a mode of one line is unstable last, in words; empty where that is not known."""
+    """The value from which on a mode of one line is stable again, in words; empty if not known."""
     end = _end(row, onsets, unit)
     return f", no longer from {end} on" if end else ""
 
@@ -97,7 +98,7 @@ def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
 def rows_with_ends(
     table: pd.DataFrame, onsets: pd.DataFrame, design: Mapping[str, float], unit: str
 ) -> dict[int, dict[Hashable, Any]]:
-    """Rows of the tracks of a design's ranking, with the `end` of what begins to grow there."""
+    """Rows of the tracks in a design's ranking, each with the `end` of its instability in words."""
     line = onsets
     for name, number in design.items():
         line = line[(line[name] == number).to_numpy(bool)] if len(line) else line
@@ -114,16 +115,16 @@ def _end(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
     begins = of_mode["onset"][(of_mode["direction"] == INTO).to_numpy(bool)].to_numpy(float)
     begins = np.nan_to_num(begins, nan=-np.inf)  # below the range
     if len(ends) != 1 or len(begins) > 1 or not (begins < ends[0]).all():
-        return ""  # or it comes back
+        return ""  # it is unstable again further on, or throughout
     status = of_mode["status"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].iloc[0]
-    if status not in (*REFINED_ONSETS, INTERPOLATED):  # others have the value of one end
+    if status not in (*REFINED_ONSETS, INTERPOLATED):  # others have the value of a design point
         return ""
     about = "about " if status == INTERPOLATED else ""
     return f"{about}{amount(float(ends[0]), unit)}"
 
 
 def onset_and_end(row: Row | None, unit: str) -> str:
-    """Where a mode begins to grow at a design and where it ends, in a table; "-" for none known."""
+    """Table cell: where a mode turns unstable at a design, and stable again; "-" if not known."""
     if row is None:
         return "-"
     kind, onset = str(row["threshold_kind"]), row["threshold"]
@@ -134,7 +135,7 @@ def onset_and_end(row: Row | None, unit: str) -> str:
 
 
 def alike_together(texts: list[str], along: str) -> list[str]:
-    """Modes in words, those that are unstable already at the least value first, and as one text."""
+    """Texts of modes; those of modes unstable already at the least value are joined, and first."""
     ending = _at_start(along)
     names = [text.removesuffix(ending) for text in texts if text.endswith(ending)]
     if len(names) < 2:

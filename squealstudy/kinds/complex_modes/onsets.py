@@ -34,14 +34,14 @@ from squealstudy.tables.stability import (
     REFINED,
 )
 
-ONSET_TOLERANCE = 1e-4  # of the parameter's range; of friction, and of logarithms, as it is
-WITHIN_ERROR = "within_error"
-UNKNOWN_REL_ERROR = 1e6  # relative error of a root: as good as infinite, and finite
+ONSET_TOLERANCE = 1e-4  # a share of the parameter's range; absolute for friction and logarithms
+WITHIN_ERROR = "within_error"  # status of an onset put at a point that grows by less than its error
+UNKNOWN_REL_ERROR = 1e6  # largest relative error of a root, finite in place of infinite
 UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen"}  # status in the table
 UNREFINED |= {kind: kind for kind in (BRACKETED, BROKEN)}
-EXPECTED_SOLVES_PER_ONSET = 8  # evaluations an onset
+EXPECTED_SOLVES_PER_ONSET = 8  # design points
 BRACKETS_PER_BATCH = 4096  # brackets of small models that are refined together as arrays
-BRACKETS_PER_ROUND = 32  # refined together; fixed: results do not depend on the workers
+BRACKETS_PER_ROUND = 32  # handed to workers at once; fixed, as results must not depend on workers
 
 Cells = dict[str, np.ndarray]  # columns of the table of onsets while it is made
 
@@ -52,9 +52,12 @@ class OnsetSearch:
     Parameters
     ----------
     plan : Plan
+        Plan of the study.
     follower : Follower
+        Follows the modes of the study between its design points.
     tracks : Tracks
-        A mode that turns out to change its number between two points is marked ambiguous at both.
+        Tracks of the modes. Where a mode turns out to change its number between two points it is
+        marked ambiguous at both.
     points : DataFrame
         The points' table.
     along : str
@@ -62,12 +65,12 @@ class OnsetSearch:
     lam : ndarray (N,) complex
         Oscillating roots of all points as they are judged (`settled`), rad/s.
     error : ndarray (N,)
-        Their estimated errors, rad/s; NaN where there is none.
+        Their estimated errors, rad/s; NaN, which counts as zero, where there is none.
 
     Attributes
     ----------
     seconds : float
-        Spent on root finding so far.
+        Time spent on refining onsets so far, s.
     """
 
     def __init__(
@@ -93,32 +96,32 @@ class OnsetSearch:
         self._track = tracks.labels.flat
         self._ambiguous = tracks.ambiguous.flat
         self._lam, self._zeta = lam, damping_ratios(lam)
-        self._has_unstable = np.zeros(len(lams), dtype=bool)  # of each point
+        self._has_unstable = np.zeros(len(lams), dtype=bool)  # for each point
         self._has_unstable[self._point[self._zeta < -self._tolerance]] = True
         self._neutral = (damping_ratios(lams.flat) < -self._tolerance) & (lam.real == 0)
         self._line = line_codes(points, along)
         ok = (points["status"] == "ok").to_numpy(bool)
         begins = plan.study.definition.design.type not in RANDOM_DESIGNS
         self._crossings = TrackCrossings(follower, tracks, points, along, begins)
-        self._ok = ok[self._point]  # of their points
+        self._ok = ok[self._point]  # for each mode: whether its point is
 
     def table(
         self, refine: bool, budget: RefinementBudget, spent: int, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """The table of onsets, and how they came about.
+        """The table of onsets, and a summary of how they were found.
 
-        `spent` design points of the `budget` are used already. The summary counts onsets by
-        status, evaluations, and onsets ``left`` unrefined.
+        `spent` is the number of design points of the `budget` that are used already. The summary
+        counts onsets by status, evaluations, and onsets ``left`` unrefined.
 
         Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low``,
         ``bracket_high`` (values at both ends), ``frequency_hz``, ``direction`` ("in" or "out" of
         instability as the parameter ascends), ``status``, ``error_estimate`` of the onset (by the
         method and the roots; NaN where not known), ``evaluations``, ``point_before``,
-        ``point_after``. A line of one design point has none. What a status means:
+        ``point_after``. A line with a single design point has no onsets. What a status means:
         docs/reference/words-in-tables.md. Beyond that: the bracket of "within_error" reaches to the
-        next point whose growth is not within its error, NaN where there is none; "failed" keeps the
-        value from before; "bracketed" has that of the unstable end, "first_seen" an upper bound;
-        "renumbered", "below_range" and "broken" have NaN.
+        next point whose growth is not within its error, NaN where there is none. Onsets of "failed"
+        keep their value from before; "bracketed" has the unstable end, "first_seen" an upper bound,
+        "renumbered", "below_range" and "broken" NaN.
         """
         events = self._crossings.events(self._zeta, self._tolerance)
         table = self._unrefined(events)
@@ -170,7 +173,7 @@ class OnsetSearch:
         return table
 
     def _place_neutral(self, events: pd.DataFrame, table: Cells) -> None:
-        """Put crossings at their stable end where its growth is within its error."""
+        """Put a crossing at its stable end if the growth there is within its error."""
         into = (events["direction"] == INTO).to_numpy()
         before, after = (events[end].to_numpy() for end in ("before", "after"))
         stable = np.where(into, before, after)
@@ -249,10 +252,9 @@ class OnsetSearch:
         spent: int,
         workers: Workers,
     ) -> int:
-        """Refine crossings within the budget; the number of those that are left.
+        """Refine crossings within the budget; return how many are left.
 
-        First come those that bound stability: at one of their ends no mode is unstable. Of the
-        others the first of each track comes first.
+        Those with no unstable mode at one end come first, then the first of each track.
         """
         brackets = self._brackets(events, table)
         bounding = self._bounding(events)
@@ -266,7 +268,7 @@ class OnsetSearch:
         return n_unrefined
 
     def _bounding(self, events: pd.DataFrame) -> set[int]:
-        """Rows of crossings at one end of which no mode is unstable."""
+        """Rows of crossings that have unstable modes at one end only."""
         ends = events[events["before"] >= 0]
         before, after = (self._has_unstable[self._point[ends[end]]] for end in ("before", "after"))
         return set(ends.index[before != after].tolist())
@@ -279,9 +281,9 @@ class OnsetSearch:
         table: Cells,
         workers: Workers,
     ) -> tuple[int, int]:
-        """Refine brackets in order, with at most `budget` design points.
+        """Refine brackets in order until about `budget` points are solved; these and rows left.
 
-        Returns the number of points solved and that of rows left.
+        The budget may be exceeded by what solving the last brackets takes beyond expectation.
         """
         spent = done = 0
         batch_size = BRACKETS_PER_BATCH if self._plan.stacked else BRACKETS_PER_ROUND
@@ -310,7 +312,7 @@ class OnsetSearch:
     def _refine_batch(
         self, brackets: list[list[int]], events: pd.DataFrame, table: Cells
     ) -> tuple[list[list[int]], int]:
-        """Refine crossings of small models as arrays; brackets left, and points solved."""
+        """Refine crossings of small models as arrays; return brackets left and points solved."""
         rows = np.array([row for bracket_rows in brackets for row in bracket_rows], dtype=int)
         before, after = (events[end].to_numpy()[rows] for end in ("before", "after"))
         batch = BatchOnsets(
@@ -333,7 +335,7 @@ class OnsetSearch:
         return [bracket_rows for bracket_rows in remaining if bracket_rows], spent
 
     def _brackets(self, events: pd.DataFrame, table: Cells) -> list[list[int]]:
-        """Rows of crossings, those between the same two points in one list, in their order."""
+        """Rows of crossings in the order to refine them, one list for each pair of points."""
         rows = self._open(events, table)
         crossing = events.iloc[rows]
         a, b = (self._point[crossing[end].to_numpy()] for end in ("before", "after"))
@@ -366,22 +368,22 @@ class OnsetSearch:
         )
 
     def _precision(self) -> float:
-        """Tolerance of the coordinate: half the promised one, as Brent's method may err by two."""
+        """Half the promised tolerance, in coordinates: Brent's method may err by twice its own."""
         if self._follower.near.logarithmic(self._column) or self._along == ONSET_PARAMETER:
             return ONSET_TOLERANCE / 2
         return ONSET_TOLERANCE / 2 * float(np.ptp(self._plan.coordinates[:, self._column]))
 
     def _shift(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """How far errors of roots move crossings between two rows each (n,), in coordinates."""
+        """How far errors of roots move crossings (n,) between two rows each, in coordinates."""
         x = self._plan.coordinates[:, self._column]
-        steep = self._zeta[after] - self._zeta[before]
+        change = self._zeta[after] - self._zeta[before]
         step = x[self._point[after]] - x[self._point[before]]
         worse = np.maximum(self._error[before], self._error[after])
-        shift: np.ndarray = np.abs(worse * step / np.where(steep == 0, np.inf, steep))
+        shift: np.ndarray = np.abs(worse * step / np.where(change == 0, np.inf, change))
         return np.minimum(shift, np.abs(step))
 
     def _enter(self, table: Cells, row: int, onset: Onset | str, events: pd.DataFrame) -> int:
-        """Write a refined onset to its row; the number of evaluations."""
+        """Write a refined onset, or why there is none, to its row; return its evaluations."""
         if isinstance(onset, str):
             renumbered = onset == NO_CROSSING
             table["status"][row] = RENUMBERED if renumbered else NOT_LOCATED

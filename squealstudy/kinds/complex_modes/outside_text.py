@@ -1,4 +1,4 @@
-"""Texts of screens and reports on modes that grow outside a study's band."""
+"""Texts on modes that grow outside a study's band, for screens and reports."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from squealstudy.wording import amount, in_digits, plural
 
 
 def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """One line on what grows outside the band, and where it was looked; empty of older results."""
+    """One line on what grows outside the band, and where that was sought; empty for old results."""
     facts = manifest.get("outside_band")
     if not facts:
         return ""
     low, high = manifest["band_hz"]
     if not facts["looked"]:
-        return f"below {low:g} and above {high:g} Hz was not looked"
+        below = f"below {low:g} and " if low > 0 else ""
+        return f"no modes were sought {below}above {high:g} Hz"
     parts = _growing(facts, manifest["band_hz"], units)
     where = f"{plural(facts['looked'], 'design point')} of {manifest.get('n_points', 0):,}"
     reach = facts["reach_hz"]
-    beyond = f"; beyond {reach:g} Hz was not looked" if reach else ""
+    beyond = f"; none were sought above {reach:g} Hz" if reach else ""
     if parts:
         return f"{'; '.join(parts)} (looked for at {where}){beyond}"
     below = f"below {low:g} Hz and " if low > 0 else ""
@@ -27,7 +28,7 @@ def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
 
 
 def grows_outside(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """A sentence on what grows outside the band, to follow others; empty where nothing does."""
+    """A sentence on what grows outside the band; empty where nothing is known to."""
     facts = manifest.get("outside_band")
     parts = _growing(facts, manifest["band_hz"], units) if facts else []
     return f" Outside the band {'; '.join(parts)}." if parts else ""
@@ -52,7 +53,7 @@ def _above(facts: Mapping[str, Any], high: float) -> str:
 
 
 def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """Text for one side of the band: how many modes grow, and the fastest."""
+    """Text on one side of the band: how many modes grow at the worst point, and the fastest."""
     settings = ", ".join(f"{n} {amount(v, units.get(n, ''))}" for n, v in worst["at"].items())
     setting_text = f" at {settings}, where growth is largest" if settings else ""
     grow = "grow" if worst["count"] > 1 else "grows"

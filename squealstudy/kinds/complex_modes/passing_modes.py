@@ -1,16 +1,16 @@
-"""Two modes that pass each other between nodes of a map: where they may lock in, unseen at both.
+"""Modes that pass each other between two nodes of a map, and may lock in unseen between them.
 
-Where two frequencies cross, a coupling that is not symmetric, as friction makes it, locks both
-modes in within a tongue as narrow as the coupling is weak. At nodes on both sides the damping is
-flat; the order of the frequencies, by the shapes, has changed. Of two modes of roots lam and unit
-shapes x
+Where two frequencies cross, a coupling that is not symmetric, as friction makes it, locks the two
+modes in. The weaker the coupling, the narrower is the range in which they are locked. Damping at
+the nodes on both sides does not show it, but the order of the frequencies has changed, as shapes
+tell. For two modes with roots lam and unit shapes x
 
     growth <= largest eigenvalue of [[-d1, h], [h, -d2]],  d = -Re lam,
     h = |lam1 - lam2| c / (2 sqrt(1 - c^2)),  c = |x1^H x2|,
 
-the numerical abscissa of the matrix that has these roots and shapes (Trefethen & Embree 2005): in
-coordinates in which modes without friction are orthogonal h is the part of their coupling that is
-not conservative, which hardly changes on the way to the crossing.
+the numerical abscissa of the matrix that has these roots and shapes (Trefethen & Embree 2005). In
+coordinates in which modes without friction are orthogonal, h is the part of their coupling that is
+not conservative. It hardly changes on the way to the crossing.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ from squealstudy.modes.tracking.pairing import mac
 from squealstudy.root_pairs import least_assignment
 
 Node = tuple[int, ...]
-COUPLING_CHANGE = 1.3  # by which coupling at the crossing may exceed that at both nodes: with 1.0
-# no node of 90 random maps was wrong either, for 7 % fewer points
-SHAPE_REL_ROUND_OFF = 1e-6  # relative round-off of c: shapes are kept in single precision
-# two modes whose shapes tell their order by less may have passed each other
+# factor by which the coupling at the crossing may exceed that at both nodes; with 1.0 no node of 90
+# random maps was wrong either, and 7 % fewer points were solved
+COUPLING_CHANGE = 1.3
+SHAPE_REL_ROUND_OFF = 1e-6  # relative round-off of c: shapes are stored in single precision
+# least difference of MAC sums by which shapes tell the order of two modes; below it the modes may
+# have passed each other
 MIN_ORDER_CERTAINTY = 0.3
-AT_HAND = 4096  # nodes whose modes are held
+MAX_NODES_IN_MEMORY = 4096  # nodes whose modes are held
 
 
 class NodeModes(NamedTuple):
@@ -39,11 +41,12 @@ class NodeModes(NamedTuple):
     Attributes
     ----------
     lam : ndarray (m,) complex
-        rad/s.
-    shapes : ndarray (m, k)
-        Of unit norm, in coordinates in which modes without friction and damping are orthogonal.
-    seen : ndarray (m, s)
-        The shapes where they can be compared with those of other nodes.
+        Roots, rad/s.
+    shapes : ndarray (m, k) complex
+        Shapes of any scale, in coordinates in which modes without friction and damping are
+        orthogonal.
+    seen : ndarray (m, s) complex
+        The same shapes in coordinates that all nodes share, to compare them between nodes.
     """
 
     lam: np.ndarray
@@ -52,24 +55,24 @@ class NodeModes(NamedTuple):
 
 
 class PassingModes:
-    """Whether modes may lock in inside a cell though no corner shows it.
+    """Tells whether modes may lock in inside a cell though no corner shows it.
 
     Parameters
     ----------
     modes_of : callable
-        Modes of a solved node; None where it failed.
+        Returns the NodeModes of a solved node; None where it failed or is inaccurate.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     """
 
     def __init__(self, modes_of: Callable[[Node], NodeModes | None], tolerance: float) -> None:
-        self._modes = lru_cache(maxsize=AT_HAND)(modes_of)
-        self._coupling = lru_cache(maxsize=AT_HAND)(self._coupled)
+        self._modes = lru_cache(maxsize=MAX_NODES_IN_MEMORY)(modes_of)
+        self._coupling = lru_cache(maxsize=MAX_NODES_IN_MEMORY)(self._couplings_at)
         self._tolerance = tolerance
         self._edges: dict[tuple[Node, Node], bool] = {}
 
     def inside(self, edges: list[tuple[Node, Node]]) -> bool:
-        """Whether on one of the edges of a cell two modes pass each other that may lock in."""
+        """Whether two modes that may lock in pass each other on one of a cell's edges."""
         return any(self._on(a, b) for a, b in edges)
 
     def _on(self, a: Node, b: Node) -> bool:
@@ -77,8 +80,8 @@ class PassingModes:
             self._edges[a, b] = self._may_lock_in(a, b)
         return self._edges[a, b]
 
-    def _coupled(self, node: Node) -> np.ndarray:
-        """Coupling h (m, m) of each two modes of a node that is not conservative, rad/s."""
+    def _couplings_at(self, node: Node) -> np.ndarray:
+        """Non-conservative coupling h (m, m) between all modes of a node, rad/s."""
         modes = self._modes(node)
         assert modes is not None
         c2 = mac(modes.shapes, modes.shapes).astype(float)
@@ -115,9 +118,9 @@ class PassingModes:
 
 
 def _locked(lam: np.ndarray) -> np.ndarray:
-    """Pairs (m, m) of a growing mode and one that decays, nearer in frequency than in growth.
+    """Pairs (m, m) of a growing and a decaying mode that are nearer in frequency than in growth.
 
-    Their lock-in is no news: the number of unstable modes shows where it ends.
+    They are locked in already: the number of unstable modes shows where that ends.
     """
     differences = lam[:, None] - lam
     opposite = lam.real[:, None] * lam.real < 0
@@ -126,10 +129,11 @@ def _locked(lam: np.ndarray) -> np.ndarray:
 
 
 def _may_change(h: np.ndarray, decay: np.ndarray) -> np.ndarray:
-    """Whether two modes (m, m) of such coupling and decay [rad/s] may change their stability.
+    """Whether pairs (m, m) of modes may change their stability.
 
-    Two that decay, or both grow, do so where h^2 exceeds the product of both rates. Of a growing
-    one and one that decays the sum of both is shared where they mix.
+    `h` (m, m) is the coupling of each pair and `decay` (m,) the decay rate of each mode, both in
+    rad/s. Two modes that both decay, or both grow, may where h^2 exceeds the product of these
+    rates. A growing and a decaying mode may where h exceeds half the difference of the rates.
     """
     product = decay[:, None] * decay
     may_change: np.ndarray = (COUPLING_CHANGE * h) ** 2 > np.maximum(product, 0.0)

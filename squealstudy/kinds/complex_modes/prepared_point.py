@@ -1,4 +1,4 @@
-"""The prepared model of a single design point of a batch, which no cache holds."""
+"""The prepared model of a single design point of a batch, which the cache does not hold."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ from squealstudy.study.design import DesignPoint
 
 
 def prepared_of(design: DesignPoint) -> PreparedModel:
-    """All modes of its components; ConvergenceError without steady sliding."""
+    """Prepared model with all component modes; ConvergenceError without steady sliding."""
     unreduced = ReductionSettings(np.inf, np.inf, 0.0)
     return prepare(design.assembly(), design.operating_point(), unreduced)

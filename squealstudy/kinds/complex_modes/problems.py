@@ -1,6 +1,7 @@
 """The structures of a study as problems for rungs; a worker keeps the last ones.
 
-`ParameterBox` maps their design points to coordinates theta in [-1, 1]^d with smooth modes.
+`ParameterBox` maps their design points to coordinates theta in [-1, 1]^d, of which modes are smooth
+functions.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
-MAX_PROBLEMS = 2  # that a process keeps, each with its basis
+MAX_PROBLEMS = 2  # problems that a process keeps, each with its basis
 BASIS_TOLERANCE_SHARE = 1 / 3  # share of the study's tolerance that the basis may err by
 INTERPOLATION_SHARE = 0.1  # share that modal damping, interpolated over the box, may err by
 # a looser tolerance drops more vectors at each training point, and then needs more of these points:
@@ -59,9 +60,11 @@ class SweptStructure:
     chart : ParameterBox
         Box of all its design points, with coordinates.
     band_hz : (low, high)
+        Frequency band of the study, Hz.
     tolerance : float
-        Relative error that the study allows of its modes.
+        Relative error that the study allows for its modes.
     settings : ReductionSettings
+        Settings of the reduction.
     """
 
     key: str
@@ -80,7 +83,7 @@ class SweptStructure:
 
     @property
     def has_basis(self) -> bool:
-        """Whether the cache has the sweep basis."""
+        """Whether the cache holds the sweep basis."""
         return is_whole(self.path)
 
     def basis(self) -> SweepBasis:
@@ -94,7 +97,7 @@ class SweptStructure:
 
     @property
     def refusal(self) -> str:
-        """Why an earlier run could make no basis over this box; empty where none has failed."""
+        """Why an earlier run could not make a basis over this box; empty where none failed."""
         with contextlib.suppress(OSError, ValueError):  # not there, or damaged
             return str(unsealed(read_whole(self._refusal, OF_JSON))["reason"])
         return ""
@@ -105,7 +108,7 @@ class SweptStructure:
 
 
 def swept_structures(plan: Plan) -> list[SweptStructure]:
-    """The structures of a plan, in the order of their first use."""
+    """The structures of a plan in the order of their first use, each with the box of its points."""
     names = [s.name for s in plan.study.sweeps if not s.parameter.structural]
     return [
         SweptStructure(
@@ -196,7 +199,7 @@ def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBa
     Raises
     ------
     ConvergenceError
-        Where none can be made, or where interpolated modal damping is too wrong.
+        Where none can be made, or where the error of interpolated modal damping is too large.
     """
     if structure.has_basis:
         return structure.basis()
@@ -205,7 +208,7 @@ def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBa
     if interpolation_error > INTERPOLATION_SHARE * structure.tolerance:
         raise ConvergenceError(
             "not_converged",
-            f"interpolated modal damping is wrong by {interpolation_error:.0e} in damping ratio",
+            f"interpolated modal damping errs by {interpolation_error:.0e} in damping ratio",
         )
     basis = build_sweep_basis(
         problem,
@@ -218,9 +221,9 @@ def make_basis(structure: SweptStructure, rung: Rung, report: Report) -> SweepBa
 
 
 Scaling = tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]
-# from a parameter to what the matrices depend on linearly, or nearly so, and back: friction damping
-# is proportional to 1/speed, modal stiffness to a frequency squared, contact stiffness to a power
-# of pressure
+# from a parameter to a coordinate on which the matrices depend linearly, or nearly so, and back:
+# friction damping is proportional to 1/speed, modal stiffness to a frequency squared, contact
+# stiffness to a power of pressure
 SCALINGS: dict[str, Scaling] = {
     "linear": (lambda x: x, lambda t: t),
     "log": (np.log, np.exp),
@@ -241,16 +244,16 @@ def scaling_of(name: str, smallest: float) -> str:
 
 @dataclass(frozen=True)
 class ParameterBox:
-    """The box of a study's design points of one structure.
+    """The box of parameters that holds a study's design points of one structure.
 
     Attributes
     ----------
     design : DesignPoint
         One of the design points, for the values that do not vary.
     names, scalings : tuple of str
-        Parameters that vary, and the scaling of each (`SCALINGS`).
+        Parameters that vary, and the name of the scaling of each (`SCALINGS`).
     low, high : tuple of float
-        Ends of the scaled coordinates.
+        Least and largest value of each scaled parameter.
     """
 
     design: DesignPoint
@@ -265,7 +268,7 @@ class ParameterBox:
         return len(self.names)
 
     def theta(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates (n, d) of design points, from their values (n, d) of `names`."""
+        """Coordinates (n, d), within [-1, 1], of design points with values (n, d) of `names`."""
         if not self.names:
             return np.zeros((len(values), 0))
         low, high = np.array(self.low), np.array(self.high)
@@ -275,7 +278,7 @@ class ParameterBox:
         return inside
 
     def design_at(self, theta: np.ndarray) -> DesignPoint:
-        """The design at a point (d,) of the box."""
+        """The design point at coordinates theta (d,)."""
         values = dict(self.design.values)
         for j, (name, scaling) in enumerate(zip(self.names, self.scalings, strict=True)):
             coordinate = self.low[j] + (theta[j] + 1.0) / 2.0 * (self.high[j] - self.low[j])
@@ -283,13 +286,13 @@ class ParameterBox:
         return self.design.with_values(values)
 
     def identity(self) -> list[object]:
-        """All that a basis over this box depends on, to be hashed."""
+        """What tells this box from others, to be hashed: all values, varied ones by their range."""
         fixed = {k: v for k, v in self.design.values.items() if k not in self.names}
         return [sorted(fixed.items()), self.names, self.scalings, self.low, self.high]
 
 
 def chart_of(points: DesignPoints, names: Sequence[str]) -> ParameterBox:
-    """The box of some points of one structure, over the swept parameters that vary among them."""
+    """The box of points of one structure, over those of the `names` that vary among them."""
     varied = [n for n in names if np.ptp(points.column(n)) > 0]
     scalings = [scaling_of(n, float(points.column(n).min())) for n in varied]
     low, high = [], []

@@ -1,4 +1,4 @@
-"""Screen of complex modes of random designs: probabilities, and Sobol indices."""
+"""Texts and tables for complex modes of random designs: probabilities and Sobol indices."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from squealstudy.wording import (
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-# before a mode in a table: tracking was not sure there
+# legend of the mark before a mode that tracking was not sure of
 DOUBTFUL_NUMBER = (
     "~ before a mode: somewhere it was not sure which of two neighbouring modes has this number"
 )
-LEAST_SHOWN = 0.01  # upper bound of a Sobol index from which the answer names it
-MOST_NAMED = 3  # modes, and parameters, in the answer
+LEAST_SHOWN = 0.01  # upper bound of a Sobol index from which the answer names its parameter
+MOST_NAMED = 3  # modes, and parameters, named in the answer
 WHICH_PARAMETER = (
     f'[design] type = "{SOBOL_INDICES}" tells which parameter the scatter of growth comes from.'
 )
@@ -48,11 +48,11 @@ def probabilities(
     units: Mapping[str, str] | None = None,
     band_hz: Sequence[float] | None = None,
 ) -> list[RenderableType]:
-    """The table of tables.robustness, the first row of any mode, with its legend.
+    """The table of `tables.robustness` with its legend; its first row is of any mode.
 
-    `sampled`: its points are the two independent samples of a design for Sobol indices. `names` are
-    those of tracks, `Results.track_names`, `units` those of parameters, and `band_hz`
-    the band of the study.
+    `sampled`: the points are the two independent samples of a design for Sobol indices. `names` are
+    those of tracks (`Results.track_names`), `units` those of parameters, and `band_hz` is the band
+    of the study.
     """
     titles = ("mode", "Hz", "known at", "unstable %", "interval %", "growth +- std")
     shown = grid(
@@ -92,7 +92,7 @@ def _number(row: Row) -> str:
 
 
 def _numbering(table: pd.DataFrame) -> list[str]:
-    """Text on tracks that are one mode, and on those that may be two."""
+    """Texts on tracks that are one mode, and on tracks that may be two modes."""
     rows = table[table["quantity"] == "track"].drop_duplicates("track")
     listed = [
         all_of([track_number(int(n)) for n in tracks.split(", ")])
@@ -101,29 +101,27 @@ def _numbering(table: pd.DataFrame) -> list[str]:
     ]
     texts = [f"{names} are one unstable mode, which changes its number" for names in listed]
     if rows["ambiguous"].any():
-        texts.append(f"{DOUBTFUL_NUMBER}; its line is then of both")
+        texts.append(f"{DOUBTFUL_NUMBER}; its line may then be of both")
     return texts
 
 
 def families_in_words(table: pd.DataFrame) -> list[str]:
-    """Text on tracks of a ranking that are one mode."""
+    """Sentences on tracks of a ranking that are one mode, or modes that swap numbers."""
     sentences = []
     for _, family_tracks in table[(table["track"] > 0).to_numpy(bool)].groupby(
         "family", sort=False
     ):
         if len(family_tracks) > 1:
             first = family_tracks.iloc[0]
-            largest_family, percentage = (
-                int(first["family_modes"]),
-                in_digits(100 * first["family_points"] / first["points"], 1),
-            )
+            n_modes = int(first["family_modes"])
+            percentage = in_digits(100 * first["family_points"] / first["points"], 1)
             sentences.append(
                 f"{all_of([track_number(n) for n in sorted(family_tracks['track'].tolist())])} "
                 + (
                     "are one unstable mode, which changes its number between design points: it is "
                     f"unstable at {percentage} % of them"
-                    if largest_family == 1
-                    else f"stand for {largest_family} modes that swap numbers between design "
+                    if n_modes == 1
+                    else f"stand for {n_modes} modes that swap numbers between design "
                     "points, so that a line may be of both: at least one is unstable at "
                     f"{percentage} % of them"
                 )
@@ -132,9 +130,9 @@ def families_in_words(table: pd.DataFrame) -> list[str]:
 
 
 def random_answer(results: ResultTables) -> list[str]:
-    """How probable instability is, of which modes, and what its scatter comes from.
+    """How probable instability is, of which modes, and what the scatter of growth comes from.
 
-    Nothing where too many points failed to tell.
+    One text; none where too many points failed to tell.
     """
     n, d = len(results.points), len(results.swept)
     of_indices = results.design == SOBOL_INDICES
@@ -155,16 +153,16 @@ def random_answer(results: ResultTables) -> list[str]:
 
 
 def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float]) -> str:
-    """The row of any mode of a table of `robust_table` in words, with the modes most unstable."""
+    """The first row of `robust_table`, that of any mode, in words, with the most unstable modes."""
     n_points = first["points"] - first["unknown_points"]
     interval = percent(first["probability_low"], first["probability_high"])
     low, high = first["unstable_points_low"], first["unstable_points_high"]
     maybe = f", within their errors at {percent(low / n_points, high / n_points)} %"
     left_out = f", {first['failed_points']} not ok left out" if first["failed_points"] else ""
-    named = [_often(row) for row in others if row["unstable_points"]][:MOST_NAMED]
+    named = [_mode_probability(row) for row in others if row["unstable_points"]][:MOST_NAMED]
     n_others = sum(row["unstable_points"] > 0 for row in others) - len(named)
     more = f" and {plural(n_others, 'other')}" if n_others > 0 else ""
-    which = f": {', '.join(named)}{more}" if named else ""  # none at the points that are draws
+    which = f": {', '.join(named)}{more}" if named else ""  # none is unstable at these points
     return (
         f"A mode {band_text(band_hz)} is unstable at {_unstable_percent(first)} % of "
         f"{plural(n_points, 'random design point')}{maybe if low < high else ''} (95 % interval "
@@ -173,7 +171,7 @@ def _probability_text(first: Row, others: Sequence[Row], band_hz: Sequence[float
     )
 
 
-def _often(row: Row) -> str:
+def _mode_probability(row: Row) -> str:
     if row["quantity"] != "track":
         return f"{row['quantity']} at {_unstable_percent(row)} %"
     names = "/".join(track_number(int(track)) for track in str(row["tracks"]).split(", "))
@@ -185,7 +183,7 @@ def _unstable_percent(row: Row) -> str:
 
 
 def _scatter(table: pd.DataFrame) -> list[str]:
-    """Parameters that move the fastest growth most: total Sobol indices, 95 % intervals."""
+    """A sentence on the parameters with the largest total Sobol indices of the fastest growth."""
     rows = table[(table["quantity"] == "largest") & (table["total_high"] >= LEAST_SHOWN)]
     largest = rows.sort_values("total", ascending=False)[:MOST_NAMED].to_dict("records")
     listed = [
@@ -197,7 +195,7 @@ def _scatter(table: pd.DataFrame) -> list[str]:
 
 
 def _robust_legend(table: pd.DataFrame, sampled: bool) -> list[str]:
-    """Meaning of the columns, and what is left out."""
+    """Texts on what the columns mean, and what is left out."""
     first = table.iloc[0]
     drawn = "points of the two independent samples" if sampled else "points"
     failed = int(first["failed_points"])
@@ -243,7 +241,7 @@ def _figure(value: float, digits: int = 1, unknown: str = "-") -> str:
 
 
 def indices(table: pd.DataFrame, names: Names | None = None) -> list[RenderableType]:
-    """The table of `tables.sobol` with its legend; `names` as of `probabilities`."""
+    """The table of `tables.sobol` with its legend; `names` are those of `probabilities`."""
     with_indices = table.dropna(subset=["first", "total"])
     first = ~with_indices["track"].duplicated()
     pairs = zip(with_indices.to_dict("records"), first, strict=True)

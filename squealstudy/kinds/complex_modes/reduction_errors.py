@@ -1,9 +1,9 @@
-"""How far reduced models are from the full-order one: at some design points, carried to all.
+"""Estimated errors of reduced models against full order: at some design points, carried to all.
 
-At a sample of the design points of each structure both the reduced model and its finer one are
-solved (modes/full_order/finer_model.py). A mode of another point takes the relative errors of
-the modes nearest to it in the complex plane at the nearest sample points, averaged. Complete bases
-and unreduced models have no error of this kind: zero.
+At a sample of each structure's design points both the reduced model and its finer model are solved
+(modes/full_order/finer_model.py). A mode of another point gets the geometric mean of the relative
+errors of the modes nearest to it in the complex plane at the nearest sample points, times a safety
+factor. Models with a complete basis and unreduced models have no error of this kind: it is zero.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ from squealstudy.modes.point import solve_point
 from squealstudy.study.design import DesignPoint
 from squealstudy.study.sampling import farthest_points
 
-CARRIED = 2.0  # on errors carried from other points, besides
-POINTS_A_SAMPLE = 16  # design points that pay for one: it costs some three of them
+CARRIED_SAFETY_FACTOR = 2.0  # on errors carried from other points
+POINTS_A_SAMPLE = 16  # design points for each sample point, which costs as much as three of them
 MIN_REDUCTION_SAMPLES, MAX_REDUCTION_SAMPLES = 8, 16  # sample points of a structure
-NEAREST = 3  # samples from which errors are carried to a point
-# distance, in spans of the sweeps, within which a point is a sample point
+NEAREST = 3  # sample points from which errors are carried to a point
+# distance, in spans of the sweeps, within which a point counts as a sample point
 SAMPLE_POINT_DISTANCE = 1e-9
-MODES_PER_BLOCK = 20_000  # modes at a time
+MODES_PER_BLOCK = 20_000  # modes whose distances are held in memory at once
 
 
 @dataclass(frozen=True)
 class ReductionErrors:
-    """Errors at one design point: roots lam (m,) [rad/s] and errors relative to their moduli."""
+    """Errors at one design point: roots lam (m,) [rad/s], and errors (m,) relative to |lam|."""
 
     lam: np.ndarray
     relative: np.ndarray
 
     @property
     def fit(self) -> bool:
-        """Whether they are what this class says: a cache may be of others."""
+        """Whether shapes and types are those of this class; a cache file may hold others."""
         lam, relative = self.lam, self.relative
         return (
             isinstance(lam, np.ndarray)
@@ -63,15 +63,16 @@ class ReductionErrors:
 
     @property
     def worst(self) -> float:
-        """Largest relative error of lightly damped and growing modes."""
+        """Largest relative error of the lightly damped and growing modes; zero without any."""
         return float(self.relative[light_or_growing(self.lam)].max(initial=0.0))
 
 
 @dataclass(frozen=True)
 class ReductionErrorTask:
-    """A design point to be solved in both models, and where the errors are kept.
+    """A design point to be solved in both models, and the path at which its errors are kept.
 
-    The path is that of the process that asks: another one may know other laws, and so other names.
+    The process that makes the task decides the path. In another process, which may know other laws,
+    the same point could have another name.
     """
 
     point: DesignPoint
@@ -80,23 +81,23 @@ class ReductionErrorTask:
 
     @classmethod
     def of(cls, point: DesignPoint, band_hz: tuple[float, float]) -> ReductionErrorTask:
-        """Beside the prepared model; other studies with the same point find it."""
+        """The task of a point; its path is beside the prepared model, for other studies to find."""
         values = sorted((k, float(v).hex()) for k, v in point.own_values.items())
         name = content_hash([source_hash(), point.law_identity, band_hz, values])
         return cls(point, band_hz, prepared_path(point.structure) / "reduction_errors" / name)
 
     def read(self) -> ReductionErrors | str | None:
-        """The errors that are kept, or why there are none; None where nothing is kept."""
+        """The stored errors, or why there are none; None where nothing usable is stored."""
         stored = load_value(self.path) if is_whole(self.path) else None
         if isinstance(stored, str) or (isinstance(stored, ReductionErrors) and stored.fit):
             return stored
-        return None  # whoever wrote it
+        return None  # of another version
 
 
 def solve_sample(task: ReductionErrorTask) -> None:
     """Solve a sample point and keep its errors, or why it has none."""
     prepared = prepared_model(task.point.structure)
-    discard(task.path)  # where there is one, it is none of this class
+    discard(task.path)  # a file that is there holds no ReductionErrors
     try:
         state = task.point.state()
         modes = solve_point(prepared, state, task.band_hz)
@@ -108,12 +109,12 @@ def solve_sample(task: ReductionErrorTask) -> None:
 
 
 def is_reduced(plan: Plan) -> bool:
-    """Whether the points of a plan are solved in models with an error of reduction."""
+    """Whether a plan solves its points in reduced models."""
     return has_mesh(plan.study) and not plan.method.rung.unreduced
 
 
 def sample_points(plan: Plan) -> list[int]:
-    """Indices of the sample points: of each structure those farthest from each other."""
+    """Indices of the sample points: for each structure points that are far from each other."""
     chosen: list[int] = []
     for _, rows in plan.tasks.of_structures():
         count = min(max(MIN_REDUCTION_SAMPLES, len(rows) // POINTS_A_SAMPLE), MAX_REDUCTION_SAMPLES)
@@ -124,7 +125,10 @@ def sample_points(plan: Plan) -> list[int]:
 def make_samples(
     plan: Plan, failures: Mapping[str, str], workers: Workers
 ) -> list[tuple[int, ReductionErrors]]:
-    """Sample points and their errors, solved where the cache does not hold them."""
+    """Indices of sample points and their errors, solved where the cache does not hold them.
+
+    Points at which one of the models fails are left out.
+    """
     if not is_reduced(plan):
         return []
     chosen = [i for i in sample_points(plan) if plan.tasks[i].structure not in failures]
@@ -139,7 +143,7 @@ def make_samples(
 def carried_errors(
     plan: Plan, columns: ModeColumns, samples: Sequence[tuple[int, ReductionErrors]]
 ) -> np.ndarray:
-    """Error of the reduction (N,) of every mode of a study, rad/s.
+    """Estimated error (N,) of the reduction of every mode of a study, rad/s.
 
     Zero where models are not reduced; NaN where no sample point of the structure has modes.
     """
@@ -161,10 +165,12 @@ def carried_errors(
 def carried(
     lam: np.ndarray, point: np.ndarray, distance: np.ndarray, samples: Sequence[ReductionErrors]
 ) -> np.ndarray:
-    """Relative errors (m,) of roots lam of points (m,), which lie at distances (n, s) from samples.
+    """Relative errors (m,) of roots, carried from sample points.
 
-    Logarithms are averaged over the nearest sample points with the inverse squares of the
-    distances, and a margin is kept; at a sample point its own errors stand alone.
+    `lam` (m,) are the roots, `point` (m,) the index of the point of each, and `distance` (n, s) is
+    that of each point from each sample point. Logarithms of errors are averaged over the NEAREST
+    sample points, weighted by the inverse square of the distance, and the result is raised by
+    CARRIED_SAFETY_FACTOR. A sample point takes its own errors, without the factor.
     """
     nearest = np.argsort(distance, axis=1, kind="stable")[:, :NEAREST]
     distance_to_nearest = np.take_along_axis(distance, nearest, axis=1)
@@ -178,12 +184,12 @@ def carried(
         rows = np.flatnonzero(share[point])
         error = np.log(sample.relative[_nearest(lam[rows], sample.lam)])
         total[rows] += share[point[rows]] * error
-    relative: np.ndarray = np.exp(total) * np.where(is_sample, 1.0, CARRIED)[point]
+    relative: np.ndarray = np.exp(total) * np.where(is_sample, 1.0, CARRIED_SAFETY_FACTOR)[point]
     return relative
 
 
 def _nearest(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Index (m,) of the root nearest to each of lam in the complex plane."""
+    """Index (m,), among the others, of the root nearest to each of lam in the complex plane."""
     indices = [
         np.abs(lam[start : start + MODES_PER_BLOCK, None] - others[None, :]).argmin(axis=1)
         for start in range(0, len(lam), MODES_PER_BLOCK)
@@ -192,7 +198,7 @@ def _nearest(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def scaled(X: np.ndarray) -> np.ndarray:
-    """Coordinates (n, d) of design points in units of their spans."""
+    """Coordinates (n, d) of design points, scaled to [0, 1]; zero where they do not vary."""
     span = np.ptp(X, axis=0) if len(X) else np.ones(X.shape[1])
     unit: np.ndarray = (X - X.min(axis=0, initial=np.inf)) / np.where(span > 0, span, 1.0)
     return unit

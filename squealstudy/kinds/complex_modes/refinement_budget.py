@@ -1,7 +1,7 @@
-"""How many design points between those of a study tracks and onsets may solve.
+"""How many design points between those of a study tracking and onsets may solve.
 
-A number of points, not of seconds: tables must not depend on the machine. What is left unrefined is
-counted, and told.
+The budget is a number of points, not of seconds, as tables must not depend on the machine. What is
+left unrefined is counted, and told.
 """
 
 from __future__ import annotations
@@ -10,29 +10,30 @@ from dataclasses import dataclass
 
 from squealstudy.study.sections import ModesSection
 
-# for doubtful steps of tracks: as many as design points, within these
+# bounds of the budget for doubtful steps of tracks, which is the number of design points
 MIN_TRACKING_SOLVES, MAX_TRACKING_SOLVES = 30, 500
-SMALL_LEAST = 3_000  # least budget of models with few coordinates, whose points take a millisecond
-ONSETS = 2  # for onsets that bound no stability, times that
-LEAST_BOUNDS, BOUNDS_SHARE = 20_000, 0.2  # for those that do: of the design points, at least
+SMALL_LEAST = 3_000  # least such budget for models of few coordinates: a point takes a millisecond
+ONSETS = 2  # budget for onsets that do not bound stability, over that for tracks
+# budget for onsets that bound stability: its least value, and its share of the design points
+LEAST_BOUNDS, BOUNDS_SHARE = 20_000, 0.2
 
 UNLIMITED = 10**12  # design points
 
 
 @dataclass(frozen=True)
 class RefinementBudget:
-    """Design points that may be solved, at most.
+    """Largest numbers of design points that may be solved.
 
     Attributes
     ----------
     tracks : int
-        For steps of tracks in doubt.
+        Points for steps of tracks that are in doubt.
     bounds : int
-        For onsets at which the first mode turns unstable on a line, or the last one stable.
+        Points for onsets at which the first mode on a line turns unstable, or the last one stable.
     onsets : int
-        For other onsets.
+        Points for other onsets.
     total : int
-        In all.
+        Points in all.
     """
 
     tracks: int
@@ -44,9 +45,10 @@ class RefinementBudget:
     def of(
         cls, section: ModesSection, points: int, batch: bool = False, small: bool = False
     ) -> RefinementBudget:
-        """Budget of a study with this number of design points; onsets of a `batch` cost little.
+        """Budget of a study with this number of design points.
 
-        `small`: of a model of few coordinates.
+        `batch`: a study in batches, whose onsets cost so little that they are not limited. `small`:
+        a model of few coordinates.
         """
         if (chosen := section.refine_points) is not None:
             return cls(chosen, chosen, chosen, chosen)

@@ -1,7 +1,7 @@
-"""Chunk rows of complex-mode studies: the modes of a point are lists, side by side.
+"""Chunk rows of complex-mode studies: a row for each point, with its modes as lists of one length.
 
-Written by workers; read again for what is decided while a study runs, and as columns: one array
-over all modes of all points.
+Workers write them. They are read again for decisions during a run, and as columns: one array over
+all modes of all points.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SCHEMA = pa.schema(
 def solved_row(
     point_id: str, wall_s: float, modes: PointModes, message: str = ""
 ) -> dict[str, Any]:
-    """Chunk row of a solved point; models without a working point have none of its figures."""
+    """Chunk row of a solved point; figures of the working point are NaN where a model has none."""
     return head(point_id, wall_s, message=message) | {
         "method": modes.method,
         **working_point_cells(modes.working_point),
@@ -75,15 +75,14 @@ def read_roots(
     tolerance: float | None = None,
     largest_error: float = np.inf,
 ) -> dict[str, np.ndarray | None]:
-    """Roots of the finished points among those wanted; None where one failed or is inaccurate.
+    """Roots of those wanted points that are finished; None where a point failed or is inaccurate.
 
     Returns
     -------
     dict of id -> ndarray (m,) complex or None
-        rad/s; the oscillating roots, and real ones that grow; with
-        `overdamped` all. With a `tolerance` growth within its error is none
-        (`settled`). A point is inaccurate where a root is wrong by more than `largest_error`
-        (`worst_errors`).
+        Roots, rad/s: the oscillating ones, and real ones that grow; with `overdamped` all. With a
+        `tolerance`, growth that is within its error is set to zero (`settled`). A point is
+        inaccurate where a root's estimated error exceeds `largest_error` (`worst_errors`).
     """
     ids = set(wanted_ids)
     roots_of: dict[str, np.ndarray | None] = {}
@@ -124,20 +123,26 @@ def _batch_roots(
 
 @dataclass(frozen=True)
 class ModeColumns:
-    """Findings of the points of a study, in the order of its design.
+    """Results of the points of a study, in the order of its design.
 
     Attributes
     ----------
     points : pa.Table (n rows)
-        POINT_FIELDS.
+        Columns POINT_FIELDS.
     counts : ndarray (n,) of int
-        Modes of each point.
+        Number of modes of each point.
     lam : ndarray (N,) complex
-        Roots of all points one after the other, rad/s.
+        Roots of all points, one point after the other, rad/s.
     overdamped : ndarray (N,) of bool
-    residual, error_rung : ndarray (N,)
+        Whether a root is real.
+    residual : ndarray (N,)
+        Residual of each mode.
+    error_rung : ndarray (N,)
+        Error of each root by the method as it estimates it, rad/s; NaN where it does not.
     energies : ndarray (N, n_components + 1) or (N, 0)
+        Shares of elastic energy, where the model has them.
     shapes : ShapeFile or None
+        Mode shapes; None where they were not asked for.
     """
 
     points: pa.Table
@@ -173,14 +178,14 @@ def read_columns(
     Parameters
     ----------
     store : Store
+        Store with the chunk files.
     ids : sequence of str or ndarray (n,)
-        Points in the order that is wanted.
+        Identities of the points in the order that is wanted.
     shapes : bool
-        Copy the shapes to a temporary file in the directory, for the caller to remove.
+        Copy the shapes to a temporary file in the directory, which the caller must remove.
     largest_error : float
-        Points with a root that is wrong by more, relative to |lam|, get the status `inaccurate`
-        (`worst_errors`); whether one is does not stand in chunk files, so that another tolerance
-        asks for no new solution.
+        A point gets the status `inaccurate` if a root's estimated error, relative to ``|lam|``, is
+        larger (`worst_errors`). Chunk files do not say so: another tolerance needs no new solution.
 
     Raises
     ------
@@ -197,7 +202,7 @@ def read_columns(
             writer.write(table[SHAPES])
 
     def column(name: str) -> pa.ChunkedArray:
-        """All values of a column, which is then forgotten."""
+        """All values of a column; its chunks are then dropped."""
         return pa.chunked_array(chunk_columns.pop(name), SCHEMA.field(name).type)
 
     point_ids = column("point_id")
@@ -226,14 +231,14 @@ def read_columns(
 
 
 def _lengths(parts: list[pa.Array], order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Length of each list of a column in the order of its rows that is wanted, and where it is."""
+    """Length of each list of a column, and the position of its first value, in the wanted order."""
     lengths = [part.value_lengths().to_numpy(zero_copy_only=False) for part in parts]
     counts = np.concatenate([np.zeros(0, dtype=np.int64), *lengths]).astype(np.int64)
     return counts[order], (np.cumsum(counts) - counts)[order]
 
 
 def _flat(column: pa.ChunkedArray, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Values of a list column one after the other, its rows in the order of `_lengths`."""
+    """All values of a list column, its rows in the order of counts and positions of `_lengths`."""
     parts = [part.flatten().to_numpy(zero_copy_only=False) for part in column.chunks]
     values = np.concatenate([np.zeros(0, dtype=column.type.value_type.to_pandas_dtype()), *parts])
     rows = np.repeat(positions - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
@@ -244,7 +249,7 @@ def _flat(column: pa.ChunkedArray, counts: np.ndarray, positions: np.ndarray) ->
 def _judged(
     points: pa.Table, counts: np.ndarray, lam: np.ndarray, error: np.ndarray, largest: float
 ) -> pa.Table:
-    """The points with the status and message of those that are inaccurate."""
+    """The points, of which inaccurate ones get their status and message."""
     point = np.repeat(np.arange(len(counts)), counts)
     worst, worst_modes = worst_errors(lam, error, point, len(counts))
     inaccurate = worst > largest

@@ -1,4 +1,4 @@
-"""Screen of complex modes: the ranking of unstable ones, and errors."""
+"""Screens of complex-mode studies: the ranking of unstable modes, and errors."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ Row = dict[Hashable, Any]
 
 
 class ComplexModesScreen(KindScreen):
-    """Unstable modes: how widely, how strongly, from where on, in which component."""
+    """Unstable modes: at how many points, how fast they grow, from where on, in which component."""
 
     tables = ("points", "modes", "onsets")
     found = ("contact",)
@@ -103,10 +103,10 @@ class ComplexModesScreen(KindScreen):
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """Unstable tracked modes, `tables.mode_ranking.rank_modes`; a copy of one made before.
+        """Ranking of unstable modes (`tables.mode_ranking.rank_modes`), made once and then copied.
 
-        Of a boundary design all nodes of its grid count; only solved points tell the worst design
-        and the onset.
+        All nodes of the grid of a boundary design count, but only solved points decide on the worst
+        design, the largest growth and the onset.
         """
         if (by, where) not in results.rankings:
             results.rankings[by, where] = self._ranking(results, by, where)
@@ -202,7 +202,7 @@ class ComplexModesScreen(KindScreen):
         return f"{text}{f' at {where}' if where else ''}.{but}"
 
     def next_steps(self, results: ResultTables) -> Rows:
-        """Why modes grow, or where else to look where none does."""
+        """How to see why modes grow, or where else to look if none does."""
         explored = ("click through", command_text("explore", results.directory))
         if len(self.rank(results, "share", 1, None)):
             why = [("why they grow", command_text("rank", results.directory, "--why"))]
@@ -234,7 +234,7 @@ class ComplexModesScreen(KindScreen):
 
 
 def _unrefined(manifest: Mapping[str, Any]) -> Rows:
-    """Text on what was left unrefined when the budget was spent; empty where nothing was."""
+    """Row on what was left unrefined when the budget was spent; none where nothing was."""
     steps, onsets = (manifest.get(of, {}).get("left", 0) for of in ("tracking", "onsets"))
     parts = [
         f"{plural(steps, 'step')} in which a mode's number may have jumped" if steps else "",
@@ -247,7 +247,7 @@ def _unrefined(manifest: Mapping[str, Any]) -> Rows:
 
 
 def _no_mode(results: ResultTables, where: str | None) -> str:
-    """Why a ranking has no row."""
+    """A sentence on why a ranking has no row."""
     if not _counted_points(results, where):
         if not where:
             return "No design point is solved."
@@ -255,7 +255,7 @@ def _no_mode(results: ResultTables, where: str | None) -> str:
         units = units_in_query(where, *names, results.units)
         return f"No design point is solved and within the query{units}."
     none = "Within the query no mode" if where else "No mode"
-    none += f" {band_text(results.fact('band_hz'))}"  # what lies outside may well be unstable
+    none += f" {band_text(results.fact('band_hz'))}"  # modes outside it may well be unstable
     if results.boundary is None:
         count = _counted_points(results, where)
         return f"{none} is unstable at {any_of(count, 'solved point')}."
@@ -269,12 +269,12 @@ def _no_mode(results: ResultTables, where: str | None) -> str:
 
 
 def _counted_points(results: ResultTables, where: str | None) -> int:
-    """Number of design points, or nodes of a boundary map, that a ranking is over."""
+    """Number of solved design points, or nodes of a boundary map, that a ranking counts."""
     return int(counted_points(results.nodes[0], results.columns("modes"), where).sum())
 
 
 def _counted(results: ResultTables, where: str | None) -> str:
-    """Points that a ranking is over, in words."""
+    """The points that a ranking counts, in words."""
     count = _counted_points(results, where)
     if results.boundary is not None:
         solved = int((results.points["status"] == "ok").sum())
@@ -283,7 +283,7 @@ def _counted(results: ResultTables, where: str | None) -> str:
 
 
 def _doubt(results: ResultTables, where: str | None) -> str:
-    """Where stability is not certain, in words; empty where it is everywhere."""
+    """At how many points stability is not certain, in words; empty where it is certain at all."""
     names = results.columns("modes")
     in_query = set().union(*(c.columns for c in query(where, results.points.columns, names)))
     columns = [ROW, *(c for c in names if c in in_query or c == "stability")]
@@ -309,7 +309,7 @@ def _left_out(results: ResultTables) -> str:
 
 
 def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> list[str]:
-    """Meaning of the columns of the ranking."""
+    """Texts on the columns of the ranking, and on what is left out."""
     query = " within the query" if where else ""
     counted = _counted(results, where)
     unstable_text = "the mode was found unstable"
@@ -349,7 +349,7 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
 
 
 def _onset_error(table: pd.DataFrame, results: ResultTables) -> str:
-    """The largest error of the refined onsets of a ranking, in words; empty where none is known."""
+    """The largest error of a ranking's refined onsets, in words; empty where none is known."""
     onsets = results.onsets if "onsets" in results.tables else pd.DataFrame()
     if "error_estimate" not in onsets:
         return ""
@@ -363,7 +363,7 @@ def _onset_error(table: pd.DataFrame, results: ResultTables) -> str:
 
 
 def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str]:
-    """Marks before an onset, or in its place."""
+    """Texts on the marks before an onset, and on words in its place."""
     drawn = results.design in RANDOM_DESIGNS
     texts = ONSETS | ({FIRST_SEEN: FIRST_SEEN_NOTE, BRACKETED: FIRST_SEEN_NOTE} if drawn else {})
     texts[BELOW_RANGE] += query

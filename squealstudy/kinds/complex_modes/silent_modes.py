@@ -1,4 +1,4 @@
-"""Modes that grow at some design of a grid and are stable at every point of another."""
+"""Modes that grow at one design of a grid and are stable at every point of another."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ STABLE = "stable"
 def silent_tracks(
     results: ResultTables, lines: list[DesignLine], table: pd.DataFrame
 ) -> list[set[int]]:
-    """Of each design the tracks of `table`, the ranking over all, that are surely silent there.
+    """Tracks of `table`, the ranking over all designs, that are surely silent at each design.
 
-    The tracks of such a mode are stable beyond their error at every point of the design, as many
-    at each as there are modes, without doubt of their number; and no other mode, as near in
-    frequency as one mode before and after a change may be, grows at this design alone. That may be
-    the same mode under another number.
+    Each point of the design has all the modes of such a track's family. They are stable beyond
+    their error there, and tracking is sure of their numbers. Nor is a mode near in frequency
+    (REL_TOLERANCE) unstable at this design but not at one where the family is: that may be the same
+    mode under another number.
     """
     points = results.points
-    if not set(COLUMNS) <= set(results.columns("modes")):  # of earlier versions
+    if not set(COLUMNS) <= set(results.columns("modes")):  # results of an earlier version
         return [set() for _ in lines]
     tracked = table[(table["track"] > 0).to_numpy(bool)]
     family_of: dict[int, int] = dict(zip(tracked["track"], tracked["family"], strict=True))
@@ -42,7 +42,7 @@ def silent_tracks(
         of_design = [points[name].to_numpy() == number for name, number in line.design.items()]
         on_line = np.logical_and.reduce(of_design)
         solved = bool((points["status"][on_line] == "ok").all())
-        bends = results.along in results.manifest.get("knots_between", {})
+        has_knots = results.along in results.manifest.get("knots_between", {})
         by_family = modes[on_line[modes[ROW].to_numpy()]].groupby("family")
         stable_families = {
             int(str(family))
@@ -55,7 +55,7 @@ def silent_tracks(
             {
                 track
                 for track, family in family_of.items()
-                if solved and not bends and family in stable_families
+                if solved and not has_knots and family in stable_families
                 if not _may_be_another(family, line, lines, family_of)
             }
         )
@@ -65,7 +65,7 @@ def silent_tracks(
 def _may_be_another(
     family: int, line: DesignLine, lines: list[DesignLine], family_of: dict[int, int]
 ) -> bool:
-    """Whether a mode near in frequency grows at a design, but not where those of the family do."""
+    """Whether a mode near in frequency grows at the design, but not where the family grows."""
     for other in lines:
         growing = [row for track, row in other.modes.items() if family_of.get(track) == family]
         families = {family_of.get(track) for track in other.modes}

@@ -1,6 +1,6 @@
-"""Design points handed to workers, and solved there: a row each.
+"""Tasks of design points for workers, and their solution: a row for each point.
 
-Boxes of neighbours, or chunks for rungs that need no box.
+A task is a box of neighbouring points, or a chunk of them for rungs that need no box.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import answers, beyond_tolerance
 from squealstudy.modes.rungs import rung_named
 
-LEAST_BOX, MOST_BOX = 160, 1600  # design points: enough to pay for patches, few enough to lose
-BOXES = 16
-KEEP_GAPS_LIMIT = 5000  # points: beyond it working points are not kept for other studies
+# design points of a box: enough to pay for patches, few enough to lose when a run is stopped
+LEAST_BOX, MOST_BOX = 160, 1600
+BOXES = 16  # boxes of a structure, within these limits
+KEEP_GAPS_LIMIT = 5000  # design points up to which working points are kept for other studies
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +39,15 @@ class SolveTask:
     Attributes
     ----------
     structure : SweptStructure
+        Structure of the points.
     rung : str
+        Name of the rung that solves them.
     points : DesignPoints
+        The points.
     box : Box
-        Part of the structure's box that holds them.
+        Part of the structure's box that holds the points.
     keep_gaps : bool
-        Working points found are kept for other studies.
+        Keep new working points in the cache for other studies.
     """
 
     structure: SweptStructure
@@ -54,9 +58,10 @@ class SolveTask:
 
 
 def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[SolveTask]:
-    """Tasks of the points that are not solved yet, those in boxes first.
+    """Tasks of points that are to be solved, those in boxes first.
 
-    Structures without a sweep basis that the study's rung needs are left to the exact one.
+    Where the study's rung needs a sweep basis that a structure does not have, the exact rung solves
+    its points.
     """
     served = {s.key: (s, rung_of(plan, s)) for s in swept_structures(plan)}
     exact = [key for key, (_, name) in served.items() if rung_named(name).exact]
@@ -83,7 +88,7 @@ def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[
 
 
 def rung_of(plan: Plan, structure: SweptStructure) -> str:
-    """Name of the rung that solves a structure: exact where a basis is needed and not there."""
+    """Name of the rung for a structure: the exact one where a sweep basis is needed but missing."""
     needs, method = plan.method.rung.over_a_basis, plan.method
     return method.exact if needs and not structure.has_basis else method.name
 
@@ -95,17 +100,17 @@ def whole_box(structure: SweptStructure) -> Box:
 
 
 def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.ndarray, Box]]:
-    """Boxes of the whole design, with the rows of those of their points that are asked for.
+    """Boxes of the design that hold asked-for points, each with the plan's rows of these points.
 
-    Outermost ones first: modes change most at the ends of sweeps, and what takes longest must not
-    come last. The boxes depend on the design alone, so that a resumed study solves what it would
-    have.
+    The outermost boxes come first: modes change most at the ends of sweeps, and what takes longest
+    must not come last. Boxes depend on the whole design alone, not on the points asked for: a
+    resumed study has the same ones.
     """
     is_asked = np.isin(plan.tasks.ids, points.ids)
-    own_rows = dict(plan.tasks.of_structures())
+    rows_of_structure = dict(plan.tasks.of_structures())
     box_list = []
     for structure in swept_structures(plan):
-        rows = own_rows[structure.key]
+        rows = rows_of_structure[structure.key]
         if not is_asked[rows].any():
             continue
         values = [plan.tasks.column(name)[rows] for name in structure.chart.names]
@@ -118,7 +123,11 @@ def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.nda
 
 
 def split_boxes(theta: np.ndarray, max_points: int) -> list[tuple[np.ndarray, Box]]:
-    """Points (n, d) in boxes of at most `max_points`: rows and box; the longest side is halved."""
+    """Rows and box of parts of the points theta (n, d), each with at most `max_points`.
+
+    A part that has more is cut across its longest side, at the median of its points. Only points
+    that all coincide stay together.
+    """
     box_list: list[tuple[np.ndarray, Box]] = []
     pending: Sequence[np.ndarray] = [np.arange(len(theta))]
     while pending:
@@ -137,7 +146,7 @@ def split_boxes(theta: np.ndarray, max_points: int) -> list[tuple[np.ndarray, Bo
 
 
 def solve_points(task: SolveTask) -> Solved:
-    """Solve the points of a task; new working points are kept in the cache."""
+    """Solve the points of a task; with `keep_gaps` new working points are kept in the cache."""
     last = time.perf_counter()
     rows: list[dict[str, Any]] = []
     new_gaps = NewGaps()
@@ -159,9 +168,9 @@ def solve_points(task: SolveTask) -> Solved:
 
 
 def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception, str]]:
-    """Modes of each point, in any order, or why it has none; why its rung left it over, or ''.
+    """Yield each point's index, its modes or the error, and why its rung left it over, or "".
 
-    Points that an approximate rung leaves over are solved exactly.
+    The order is any. Points that an approximate rung leaves over are solved exactly.
     """
     rung = rung_named(task.rung)
     problem = problem_of(task.structure, rung)

@@ -1,4 +1,4 @@
-"""Mode shapes of all points of a study, one after the other in one file: they may be many."""
+"""Mode shapes of all points of a study in one file, as they may exceed the memory."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from squealstudy.files import temporary_name
 
 SHAPES = "shapes"  # column of chunk files: (m, k) complex64 by rows, as bytes
 BYTES_PER_ENTRY = np.dtype(np.complex64).itemsize
-IN_MEMORY = 2**27  # bytes of shapes that are held at once
+IN_MEMORY = 2**27  # size of a file up to which it is read as a whole, bytes
 
 
 @dataclass(frozen=True)
 class ShapeFile:
-    """Shapes of all points in one file, read as they are asked for: they may exceed the memory.
+    """Shapes of all points in one file; those of a large file are read as they are asked for.
 
     Attributes
     ----------
     path : Path
+        The file.
     offset, size : ndarray (n,) of int
-        Where each point's shapes begin in the file, and their length, bytes.
+        Position of each point's shapes in the file and their length, bytes.
     count : ndarray (n,) of int
         Number of modes of each point.
     """
@@ -39,19 +40,19 @@ class ShapeFile:
     count: np.ndarray
 
     def read(self, point: int) -> np.ndarray:
-        """Shapes (m, k) complex64 of a point."""
+        """Shapes (m, k) complex64 of a point; (0, 1) where it has no modes."""
         count = int(self.count[point])
         if not count:
             return np.zeros((0, 1), dtype=np.complex64)
         return self.stack(np.array([point]), count)[0]
 
     def width(self, points: np.ndarray) -> np.ndarray:
-        """Number of coordinates k (r,) of a shape, for points that have modes."""
+        """Number of coordinates k (r,) of a shape at each of the points, which must have modes."""
         coordinates: np.ndarray = self.size[points] // (BYTES_PER_ENTRY * self.count[points])
         return coordinates
 
     def stack(self, points: np.ndarray, count: int) -> np.ndarray:
-        """First `count` shapes (r, count, k) complex64 of points whose shapes have one length k."""
+        """First `count` shapes (r, count, k) complex64 of points whose shapes all have length k."""
         k = int(self.width(points[:1])[0])
         if self._in_memory is not None:
             start = self.offset[points] // BYTES_PER_ENTRY
@@ -64,7 +65,7 @@ class ShapeFile:
 
     @cached_property
     def _in_memory(self) -> np.ndarray | None:
-        """All numbers of the file where it is small, else None."""
+        """All numbers of the file; None where it is larger than IN_MEMORY."""
         small = self.path.stat().st_size <= IN_MEMORY
         return np.fromfile(self.path, np.complex64) if small else None
 
@@ -80,7 +81,7 @@ class ShapeFile:
 
 
 class ShapeWriter:
-    """Puts the shapes of chunk files one after the other."""
+    """Copies the shapes of chunk files, one after the other, to a temporary file."""
 
     def __init__(self, directory: Path) -> None:
         self._path = temporary_name(directory / SHAPES)
@@ -88,7 +89,7 @@ class ShapeWriter:
         self._sizes = [np.zeros(0, dtype=np.int32)]
 
     def write(self, column: pa.ChunkedArray) -> None:
-        """Append the bytes of a binary column unchanged."""
+        """Append the bytes of a binary column."""
         with self._deleted_on_error():
             for part in column.chunks:
                 _, ends, values = part.buffers()
@@ -105,7 +106,7 @@ class ShapeWriter:
 
     @contextlib.contextmanager
     def _deleted_on_error(self) -> Iterator[None]:
-        """Delete the file where writing it fails, as on a full disk."""
+        """Delete the file if writing it fails, as on a full disk."""
         try:
             with named(self._path.parent):
                 yield
@@ -114,7 +115,7 @@ class ShapeWriter:
             raise
 
     def close(self, order: np.ndarray, counts: np.ndarray) -> ShapeFile:
-        """The file, its points in `order`, each with its number of modes."""
+        """Finish the file; the result has its points in `order`, `counts` modes at each."""
         with self._deleted_on_error():
             self._file.close()
         size = np.concatenate(self._sizes).astype(np.int64)

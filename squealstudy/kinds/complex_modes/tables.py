@@ -1,4 +1,4 @@
-"""The tables of a study, built from its chunk files: points, modes and onsets."""
+"""The tables of a complex-mode study, built from its chunk files: points, modes and onsets."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from squealstudy.modes.judged_roots import damping_ratios, settled, stability_na
 from squealstudy.modes.tracking.labels import Tracks
 
 COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
-# columns: unstable modes below and above the band; missing where none were sought
+# columns: number of unstable modes below and above the band; missing where none were sought
 OUTSIDE = ("n_unstable_below", "n_unstable_above")
-GROWTH_OUTSIDE = ("growth_outside", "frequency_outside_hz")  # columns: the fastest of them
+GROWTH_OUTSIDE = ("growth_outside", "frequency_outside_hz")  # columns: the fastest of these modes
 ERRORS = ("reference_frequency_error", "reference_damping_error")
 POINT_COLUMNS = (
     *((name, COUNT) for name in COUNTS),
@@ -48,13 +48,14 @@ def build_tables(
     workers: Workers,
     samples: Sequence[tuple[int, ReductionErrors]] = (),
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Read all chunks, track the modes, write the tables; the points' table, and what was done.
+    """Read all chunks, track the modes and write the tables.
 
-    `samples` are errors of the reduction at some of the points (`make_samples`).
+    Returns the points' table, and facts for the manifest. `samples` are errors of the reduction at
+    some of the points (`make_samples`).
 
     Raises
     ------
-    ResultsError
+    MachineError
         Where a point of the plan is in no chunk.
     """
     section = plan.study.definition.modes
@@ -65,11 +66,11 @@ def build_tables(
     unstable = damping_ratios(judged) < -section.stability_tolerance
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
     started = time.perf_counter()
-    looked = look_outside(plan, columns, workers)
-    outside = outside_facts(plan, looked, started)
+    searched = look_outside(plan, columns, workers)
+    outside = outside_facts(plan, searched, started)
     turning = turning_facts(plan, columns, workers)
-    found_at = _findings(columns, unstable, uncertain, references, looked)
-    points = write_points(plan, store, found_at)
+    point_results = _point_results(columns, unstable, uncertain, references, searched)
+    points = write_points(plan, store, point_results)
     tracks, onsets = None, None
     names = [f"energy_{part}" for part in plan.study.model.energy_parts]
     summary: dict[str, Any] = {}
@@ -102,9 +103,9 @@ def modes_table(
     energies: Sequence[str],
     rows: slice = slice(None),
 ) -> pa.Table:
-    """One row a mode; `energies` names the energy columns, which a model may not have.
+    """The table of modes with one row for each, or the `rows` of it that are wanted.
 
-    `rows` are those that are wanted, of all.
+    `energies` are the names of the energy columns; a model may have none.
     """
     point = columns.point
     label, mac, ambiguous = labels
@@ -134,7 +135,7 @@ def modes_table(
 
 
 def mode_labels(overdamped: np.ndarray, tracks: Tracks | None) -> Labels:
-    """Track, MAC and ambiguity of every mode; overdamped roots are untracked."""
+    """Track, MAC and ambiguity (N,) of every mode; overdamped roots are UNTRACKED."""
     n = len(overdamped)
     label = np.full(n, UNTRACKED, dtype=np.int32)
     mac, ambiguous = np.full(n, np.nan), np.zeros(n, dtype=bool)
@@ -146,14 +147,14 @@ def mode_labels(overdamped: np.ndarray, tracks: Tracks | None) -> Labels:
     return label, mac, ambiguous
 
 
-def _findings(
+def _point_results(
     columns: ModeColumns,
     unstable: np.ndarray,
     uncertain: np.ndarray,
     references: Mapping[str, Mapping[str, Any]],
-    looked: Sequence[Outside],
+    searched: Sequence[Outside],
 ) -> pa.Table:
-    """Findings of each point, counts of its modes, checks of it: HEAD, then POINT_COLUMNS."""
+    """Results of each point, counts of its modes and its checks: columns HEAD and POINT_COLUMNS."""
     points, point = columns.points, columns.point
     failed = pc.not_equal(points["status"], "ok").to_numpy()
     marks = (
@@ -167,7 +168,7 @@ def _findings(
     for name, mark in zip(COUNTS, marks, strict=True):
         number = np.bincount(point[mark], minlength=len(failed))
         columns_of[name] = pa.array(number, COUNT, mask=failed)  # missing, not zero
-    columns_of |= _outside_columns(looked, len(failed))
+    columns_of |= _outside_columns(searched, len(failed))
     for name in ERRORS:
         key = name.removeprefix("reference_")
         errors_of = {i: c[key] for i, c in references.items() if c.get(key) is not None}
@@ -182,10 +183,10 @@ def _findings(
     return pa.Table.from_arrays([columns_of[name] for name in names], schema=schema)
 
 
-def _outside_columns(looked: Sequence[Outside], count: int) -> dict[str, pa.Array]:
+def _outside_columns(searched: Sequence[Outside], count: int) -> dict[str, pa.Array]:
     """Columns of modes that grow outside the band; missing at points where none were sought."""
     values = np.full((4, count), np.nan)
-    for point in looked:
+    for point in searched:
         lam = np.concatenate([point.below, point.above])
         values[:2, point.row] = len(point.below), len(point.above)
         if len(lam):

@@ -1,4 +1,4 @@
-"""Where tracks of a study turn unstable on its lines, and where another track may be the mode's."""
+"""Where tracks turn unstable on a study's lines, and which of them may continue another track."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ class TrackCrossings:
     Parameters
     ----------
     follower : Follower
+        Follows the modes of the study between its design points.
     tracks : Tracks
+        Tracks of the modes.
     points : DataFrame
-        The points' table; those that are not ok do not count.
+        The points' table; points that are not ok do not count.
     along : str
+        The parameter along the lines.
     begins : bool
-        Lines begin at their least value; those of a random design begin nowhere, for its values
-        are drawn from a range that begins below.
+        Whether a line begins at its least value. Lines of a random design do not: their values are
+        drawn from a range that begins below.
     """
 
     def __init__(
@@ -50,8 +53,8 @@ class TrackCrossings:
         Returns
         -------
         DataFrame
-            As `line_crossings`, with rows of the N modes; of the kind "broken" are modes "first
-            seen" beside a track that ends.
+            As `line_crossings` returns it, with rows of the N modes; a mode "first seen" beside a
+            track that ends has the kind "broken" instead.
         """
         ok, track = self._ok[self._point], self._tracks.labels.flat
         unstable = (zeta < -tolerance) & ok
@@ -81,7 +84,7 @@ class TrackCrossings:
         return events
 
     def _at_breaks(self, rows: np.ndarray) -> np.ndarray:
-        """Which modes (n,), the first of their tracks on a line, may be of tracks that end."""
+        """Which of the modes (n,), each the first of its track on a line, may continue another."""
         x = self._x.to_numpy(float)
         order = np.lexsort((x, self._line))
         order = order[np.isfinite(x[order])]
@@ -91,7 +94,7 @@ class TrackCrossings:
         return np.array([self._at_break(int(row), before) for row in rows], dtype=bool)
 
     def _at_break(self, row: int, before: np.ndarray) -> bool:
-        """Whether a track that ends at the point `before` that of a mode may be of that mode."""
+        """Whether a mode may continue a track that ends at the point `before` its own."""
         point = int(self._point[row])
         other = int(before[point])
         if other < 0:

@@ -1,4 +1,4 @@
-"""Modes of solved design points followed along them, and the onsets on their tracks."""
+"""Modes of solved design points, followed from point to point, and the onsets on their tracks."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from squealstudy.study.parameters import onset_parameter
 
 
 class Followed(NamedTuple):
-    """Tracks, the table of onsets (None without a sweep), and how they came about.
+    """Tracks, the table of onsets (None without a sweep), and a summary of how they were found.
 
-    `seconds` has the time spent on design points between those of the study, by what they are for.
+    `seconds` is the time [s] spent on design points between those of the study, by their purpose.
     """
 
     tracks: Tracks
@@ -43,15 +43,17 @@ def follow_modes(
     Parameters
     ----------
     plan : Plan
+        Plan of the study.
     columns : ModeColumns
-        With shapes.
+        Modes of all points, with shapes.
     points : DataFrame
         The points' table: status and parameters.
     judged : ndarray (N,) complex
         Roots of all points, rad/s, as their stability is judged (`settled`).
     error : ndarray (N,)
-        Their estimated errors, rad/s, which move the onsets.
+        Their estimated errors, rad/s, which give errors of the onsets.
     workers : Workers
+        Workers that solve points in between.
     """
     section = plan.study.definition.modes
     follower = Follower(plan, columns, workers)

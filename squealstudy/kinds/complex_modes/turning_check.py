@@ -1,7 +1,7 @@
-"""Effect of the gyroscopic terms of a disc that a study leaves out.
+"""Effect of a disc's gyroscopic terms where a study leaves them out.
 
-Looked for where it matters: at design points where a mode is nearest to neither growing nor
-decaying, spread over them, by the exact method on the reduced model.
+It is checked where it matters: at points that are spread over those where a mode is nearest to
+neutral stability, by the exact method on the reduced model.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from squealstudy.modes.turning_effect import TurningEffect, turning_effect
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.study.design import DesignPoint
 
-N_CHECKED_POINTS = 5  # design points; one takes the time of an exact point
-# share of design points, the nearest to neutral, among which points are chosen
+N_CHECKED_POINTS = 5  # design points; each takes as long as an exact one
+# share of design points, nearest to neutral stability, among which the checked ones are chosen
 NEAR_NEUTRAL_SHARE = 0.2
 
 
@@ -31,7 +31,7 @@ NEAR_NEUTRAL_SHARE = 0.2
 class TurningTask:
     """A design point without gyroscopic terms, with its roots `lam` (m,) in the band [rad/s].
 
-    A mode whose damping ratio is below `neutral` in size neither grows nor decays.
+    A mode whose damping ratio is below `neutral` in size counts as neither growing nor decaying.
     """
 
     point: DesignPoint
@@ -41,10 +41,10 @@ class TurningTask:
 
 
 def turning_facts(plan: Plan, columns: ModeColumns, workers: Workers) -> dict[str, Any] | None:
-    """Facts for the manifest; None where no disc turns, and where the terms are swept.
+    """Facts for the manifest; None where no disc turns, the terms are swept, or no check succeeds.
 
-    Of all points looked at: how many there are, at how many of them some mode grows with the terms
-    alone or without them alone, and by how much its growth rate changes at most.
+    They are the number of checked points, at how many of them a mode grows either only with the
+    terms or only without them, and the largest change of such a mode's growth rate, 1/s.
     """
     if GYROSCOPIC.name in {sweep.name for sweep in plan.study.sweeps} or not _turns(plan):
         return None
@@ -65,7 +65,7 @@ def turning_facts(plan: Plan, columns: ModeColumns, workers: Workers) -> dict[st
 
 
 def _turns(plan: Plan) -> bool:
-    """Whether a disc of the model turns."""
+    """Whether the model has a turning disc whose gyroscopic terms are known."""
     if plan.stacked:
         return False
     built = (prepared_any(key) for key in plan.structures if is_prepared(key))
@@ -74,7 +74,7 @@ def _turns(plan: Plan) -> bool:
 
 
 def effect_of_turning(task: TurningTask) -> TurningEffect | None:
-    """Effect of the terms at a point, in a worker; None where it has them, or where this fails."""
+    """Effect of the terms at a point, in a worker; None where the point has them or it fails."""
     state = task.point.state()
     if state.operating.gyroscopic:
         return None
@@ -86,7 +86,7 @@ def effect_of_turning(task: TurningTask) -> TurningEffect | None:
 
 
 def _nearest_neutral(plan: Plan, columns: ModeColumns) -> list[int]:
-    """Rows of design points that are looked at."""
+    """Rows of the design points to check."""
     distance = np.full(len(columns.counts), np.inf)
     size = np.abs(columns.lam)
     np.minimum.at(
