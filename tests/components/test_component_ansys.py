@@ -171,6 +171,16 @@ def test_single_properties_and_none(tmp_path):
     assert any(note.keyword == "MU" for note in bare.passed_over)
 
 
+def test_a_shear_modulus_of_its_own_is_no_isotropic_material(tmp_path):
+    """ANSYS takes such a material as orthotropic; without the other moduli it is not known here."""
+    mesh = box("C3D20R")
+    text = archive(mesh, 186, {}, range(20), {**ISOTROPIC, "GXY": 5e4})
+    with pytest.raises(ModelError, match="GXY is not that of an isotropic material of EX and PRXY"):
+        read(tmp_path, text)
+    rounded = read(tmp_path, archive(mesh, 186, {}, range(20), {**ISOTROPIC, "GXY": 8.08e4}))
+    assert rounded.materials["MAT7"].poisson_ratio == 0.3
+
+
 def test_what_is_passed_over_is_told(tmp_path):
     mesh = box("C3D8I")
     more = ["D,      12,UX  ,  0.0", "F,      12,FX  ,  1.0", "BETAD, 1e-7", "CE,R5.0,DEFN,1"]

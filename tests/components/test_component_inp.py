@@ -521,7 +521,7 @@ def test_elements_can_be_treated_as_others(tmp_path):
     assert mesh.labels.tolist() == [1, 2]
     with pytest.raises(ModelError, match="expected one of C3D4"):
         read_inp(path, treat_as={"C3D8R": "C3D9"})
-    with pytest.raises(ModelError, match="no solid element"):
+    with pytest.raises(ModelError, match="not a known solid element"):
         read_inp(path, treat_as={"S4": "C3D8"})
 
 

@@ -146,6 +146,31 @@ def test_21_moduli_of_nastran(tmp_path):
     assert apart(mass_matrix(found), mass_matrix(mesh)) < 1e-12
 
 
+ORTHOTROPIC = ["9+3", "7+3", "2+3", ".2", ".1", ".15", "1.5+3", "1.2+3", "3+3", "2.5-9"]
+STIFF = [str(1e3 * (i == j)) for i in range(6) for j in range(i, 6)]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        ["MAT1", "7", "2.1+5", "", "0.3", "7.8-9", "", "", "0.02"],
+        ["MAT11", "7", *ORTHOTROPIC, *[""] * 4, "0.02"],
+        ["MAT9", "7", *STIFF, "2.5-9", *[""] * 7, "0.02"],
+    ],
+)
+def test_damping_of_a_material_is_passed_over_and_told(fields, tmp_path):
+    """GE is no number of the model: the model file states damping."""
+    name, *rest = fields
+    card = "\n+,".join(",".join(rest[k : k + 8]) for k in range(0, len(rest), 8))
+    mesh = box("C3D8I", (2, 1, 1), materials={"S": uneven()})
+    lines = [
+        f"{name},{card}" if line.startswith("MAT1") else line for line in deck(mesh).split("\n")
+    ]
+    (tmp_path / "a.bdf").write_text("\n".join(lines))
+    notes = read_bdf(tmp_path / "a.bdf", treat_as={"CHEXA8": "C3D8I"}).passed_over
+    assert [n.keyword for n in notes if n.why.startswith("damping")] == [name]
+
+
 def test_of_21_moduli_the_density_can_be_changed(tmp_path):
     name = ("components", "p", "materials", "S")
     found = changed_material(uneven(), {(*name, "rho"): 3e-9}, "S")

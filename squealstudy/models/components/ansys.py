@@ -1,8 +1,9 @@
 """Components from archives of ANSYS (``.cdb``, written by CDWRITE).
 
-Nodes, elements and components are read by `mapdl_archive` (the extra ``ansys``), all other
-commands here, so that none is passed over in silence. Elements have the formulations of this
-program, not ANSYS's. Sets of elements are named TYPE3, MAT2 and by their components.
+`mapdl_archive` (the extra ``ansys``) reads nodes, elements and components. This module reads all
+other commands: an unknown one is an error, and one that is left out is listed, unless it only sets
+up a solution. Elements have the formulations of this program, not those of ANSYS. Element sets are
+named TYPE3 and MAT2, by element type and material, and as the components of the file.
 """
 
 from __future__ import annotations
@@ -34,13 +35,13 @@ from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMe
 from squealstudy.models.components.middle_nodes import LACKING, Middles
 from squealstudy.models.matrices.text import TextFile
 
-FIELDS = 10  # numbers of an element before its nodes, among them:
-MATERIAL, TYPE, AXES, LABEL = 0, 1, 4, 8
+FIELDS = 10  # numbers of an element before its nodes
+MATERIAL, TYPE, AXES, LABEL = 0, 1, 4, 8  # columns among them
 
 
 @dataclass(frozen=True)
 class _Type:
-    """An element type of the file: its number in ANSYS's library and its options from 1."""
+    """An element type of the file: its number in ANSYS's library, and values by KEYOPT number."""
 
     element: int
     options: Mapping[int, int]
@@ -57,28 +58,30 @@ def read_cdb(
     treat_as: Mapping[str, str] | None = None,
     pass_over: Collection[str] = (),
 ) -> SolidMesh:
-    """A component from an archive of ANSYS, in its units.
+    """Read a component from an archive of ANSYS, in the units of the file.
 
     Parameters
     ----------
     path : Path
     part : str or None
-        Elements of one set: TYPE3, MAT2, or a component of the file.
+        Element set to read: TYPE3, MAT2, or a component of the file. None reads all elements.
     treat_as : dict of str -> str
-        Solids, such as SOLID185, and the formulation to read their bricks as.
+        Formulation by solid element, such as SOLID185. Bricks with corners in one place stay
+        wedges, pyramids or tetrahedra.
     pass_over : collection of str
-        Commands, and elements such as ELEMENT21, to pass over that would be refused.
+        Unsupported commands, and elements such as ELEMENT21, to leave out without an error.
 
     Returns
     -------
     SolidMesh
-        `passed_over` lists all commands and elements that are left out, but settings of solutions.
+        `passed_over` lists commands and elements that are left out, except solution settings.
 
     Raises
     ------
     ModelError
-        With file and, of commands, line: what is malformed or refers to what is not there; all
-        commands or elements that are not supported, in one message; without `mapdl_archive`.
+        `mapdl_archive` is not installed; a command is malformed, or names something that the file
+        lacks; commands or elements are not supported (one message lists all of them). The message
+        names the file, and for a command its line.
     """
     formulation_of = treat_as or {}
     names = [f"SOLID{n}" for n in SOLIDS]
@@ -93,7 +96,7 @@ def read_cdb(
 
 
 class _Deck:
-    """Commands of an archive."""
+    """The commands of an archive, and the component that they describe."""
 
     def __init__(self, path: Path, treat_as: Mapping[str, str], ignored: set[str]) -> None:
         self._path, self._treat_as, self._ignored = path, treat_as, ignored
@@ -144,7 +147,7 @@ class _Deck:
         archive = self._blocks()
         numbers, order = np.unique(archive.nnum, return_index=True)
         if len(numbers) < len(archive.nnum):
-            raise ModelError(f"{self._path}: nodes are there twice")
+            raise ModelError(f"{self._path}: two nodes have the same number")
         if np.any(archive.node_angles):
             turned = int(np.any(archive.node_angles, axis=1).sum())
             self._note("turned axes of nodes", turned, None, "they are of supports and loads")
@@ -196,7 +199,7 @@ class _Deck:
         return blocks
 
     def _numbers_after(self, line: Line) -> int:
-        """How many numbers the lines of a block have, whose second is the format."""
+        """Count the numbers of a block: its first line is the command, its second the format."""
         count = 0
         for text in self._text.lines[line.place + 2 :]:
             if not re.match(r"\s*[-+0-9]", text):
@@ -240,7 +243,7 @@ class _Deck:
         types: Mapping[int, _Type],
         numbers: np.ndarray,
     ) -> tuple[tuple[ElementBlock, ...], np.ndarray]:
-        """Elements by formulation, and which rows (n,) of the file they are."""
+        """Blocks of solid elements by formulation, and their rows (n,) in `elements`."""
         type_numbers, labels = fields[:, TYPE], fields[:, LABEL]
         self._middles = Middles(len(numbers))
         self._refuse_others(type_numbers, types)
@@ -282,11 +285,11 @@ class _Deck:
         )
         order = np.array([row for pairs in rows.values() for row, _ in pairs])
         if len(np.unique(labels[order])) < len(order):
-            raise ModelError(f"{self._path}: elements are there twice")
+            raise ModelError(f"{self._path}: two elements have the same number")
         return blocks, order
 
     def _refuse_others(self, type_numbers: np.ndarray, types: Mapping[int, _Type]) -> None:
-        """ModelError about elements that are no solids, unless they are to be passed over."""
+        """Raise ModelError about elements that are neither solids nor to be passed over."""
         refused, names = [], []
         for number in np.unique(type_numbers):
             if number not in types:
@@ -308,7 +311,7 @@ class _Deck:
             )
 
     def _formulation(self, number: int, element_type: _Type) -> str:
-        """Formulation of the bricks and tetrahedra of an element type."""
+        """Formulation of the elements of a type whose corners are all different."""
         _, option, formulations, plain = SOLIDS[element_type.element]
         if element_type.name in self._treat_as:
             return self._treat_as[element_type.name]
@@ -324,7 +327,7 @@ class _Deck:
         return formulations[chosen]
 
     def _shape(self, name: str, nodes: np.ndarray, formulation: str) -> tuple[str, np.ndarray]:
-        """Formulation and places of the nodes of an element; corners may fall together."""
+        """Formulation of an element, and which of `nodes` are its nodes, in our order."""
         count = FORMULATIONS[formulation].shape.nodes
         every = np.arange(len(nodes))
         if len(nodes) not in (8, 20) or len(np.unique(nodes[:8])) == 8:
@@ -393,5 +396,5 @@ class _Deck:
 
 
 def _pasted(names: list[str]) -> str:
-    """Names as a model file lists them."""
+    """Names in quotes, without repetition, as a list of a model file has them."""
     return ", ".join(f'"{name}"' for name in dict.fromkeys(names))

@@ -20,13 +20,25 @@ PROGRAM = Path(__file__).with_name("archive_process.py")
 FORMAT = re.compile(r"\s*\((.*)\)\s*")
 FIELD = re.compile(r"\s*(\d{1,2})[ieg](\d{1,2})(?:\.\d+(?:e\d+)?)?\s*", re.I)  # 3i9, 6e21.13e3
 BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")
-MAX_COMMAND_CHARACTERS = 640  # letters of a command, as ANSYS has it
-MOST_FIELDS, WIDEST = 40, 40  # of a line of a block; letters of a field
+MAX_COMMAND_CHARACTERS = 640  # of a command line, as in ANSYS
+MOST_FIELDS, WIDEST = 40, 40  # fields of a line of a block; characters of a field
 MOST_SECONDS = 600.0  # an archive of 5 million elements takes about a minute
 
 
 class ArchiveBlocks(NamedTuple):
-    """Content of the blocks: numbers and positions of nodes, elements, components by name."""
+    """Nodes, elements and components of an archive, as `mapdl_archive` reads them.
+
+    Attributes
+    ----------
+    nnum : ndarray (n,) of int
+        Numbers of the nodes.
+    nodes, node_angles : ndarray (n, 3)
+        Coordinates, in the unit of the file, and rotations of the nodal axes [deg].
+    elem : list of ndarray of int
+        Each element: ten fields, then its node numbers.
+    node_components, element_components : dict of str -> ndarray of int
+        Numbers of the nodes and elements of each component.
+    """
 
     nnum: np.ndarray
     nodes: np.ndarray
@@ -37,13 +49,13 @@ class ArchiveBlocks(NamedTuple):
 
 
 def read_blocks(text: TextFile) -> ArchiveBlocks:
-    """The blocks of an archive.
+    """Read the blocks of an archive.
 
     Raises
     ------
     ModelError
-        With the line that is longer than its block's format; without `mapdl_archive`; what the
-        reader says, or that it crashed.
+        `mapdl_archive` is not installed; the format of a block cannot be read, or a line is longer
+        than it allows (with the line); the reader fails, crashes or takes too long.
     """
     if find_spec("mapdl_archive") is None:
         raise ModelError(
@@ -93,12 +105,12 @@ def _check_widths(text: TextFile) -> None:
         elif command[:1].isalpha() or command[:1] in ("/", "*", "!"):
             widest = MAX_COMMAND_CHARACTERS
         elif (length := len(line.rstrip())) > widest and not FORMAT.fullmatch(line):
-            what = f"expected at most {widest} letters by the block's format, found {length}"
+            what = f"expected at most {widest} characters by the block's format, found {length}"
             raise text.error(line_number, what)
 
 
 def _width(text: TextFile, line_number: int) -> int:
-    """Letters of a line by the format that stands in a line, ``(3i9,6e21.13e3)``."""
+    """Characters of a data line by the format that a line states, such as ``(3i9,6e21.13e3)``."""
     line = text.line(line_number)
     match = FORMAT.fullmatch(line)
     fields = [FIELD.fullmatch(part) for part in match[1].split(",")] if match else []

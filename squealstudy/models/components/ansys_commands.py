@@ -8,11 +8,12 @@ MODEL_FILE, STUDY = "stated in the model file", "stated in the study"
 
 
 def each(names: str, why: str) -> dict[str, str]:
-    """A reason for all names of a text."""
+    """The same reason for each of the names in a text."""
     return dict.fromkeys(names.split(), why)
 
 
-# element -> number of nodes, formulation by the option that says it, and options that must be 0
+# number of a SOLID -> its nodes, the KEYOPT that chooses its formulation (0: none), formulations by
+# the value of that KEYOPT, and KEYOPTs that must be 0
 SOLIDS: dict[int, tuple[int, int, dict[int, str], tuple[int, ...]]] = {
     185: (8, 2, {0: "C3D8_BBAR", 2: "C3D8I", 3: "C3D8I"}, (3, 6)),
     186: (20, 2, {0: "C3D20R", 1: "C3D20"}, (3, 6)),
@@ -22,15 +23,15 @@ SOLIDS: dict[int, tuple[int, int, dict[int, str], tuple[int, ...]]] = {
     92: (10, 0, {0: "C3D10"}, ()),
 }
 
-# elements that add neither mass nor stiffness of a component, and why
+# elements that add neither mass nor stiffness to a component, and why
 NON_STRUCTURAL_ELEMENTS: dict[int, str] = {
     200: "elements for meshing alone",
     **dict.fromkeys(range(151, 157), "loads are " + STUDY),
     **dict.fromkeys(range(169, 180), OF_CONTACT),
 }
 READ = ("ET", "KEYOP", "KEYOPT", "ETBLOCK", "NBLOCK", "EBLOCK", "CMBLOCK", "MP", "MPDATA")
-ENDS = ("N", "EN")  # of blocks: the number -1
-PASSED_OVER = {  # commands on which neither mass nor stiffness of a component depend
+ENDS = ("N", "EN")  # commands that end a block, with the number -1
+PASSED_OVER = {  # commands that change neither mass nor stiffness of a component
     **each(
         "D F SF SFE SFEBLOCK SFBLOCK BF BFE BFBLOCK BFEBLOCK BFUNIF ACEL OMEGA DOMEGA CGLOC "
         "CGOMEGA DCGOMG CMOMEGA IC TREF IRLF",
@@ -39,12 +40,12 @@ PASSED_OVER = {  # commands on which neither mass nor stiffness of a component d
     **each("ALPHAD BETAD DMPRAT DMPSTR DMPSFREQ MDAMP", "damping is " + MODEL_FILE),
     **each(
         "R RMODIF RLBLOCK RMORE SECTYPE SECDATA SECBLOCK SECOFFSET SECCONTROLS SECCONTROL",
-        "real constants and sections are of no solid",
+        "solids have no real constants or sections",
     ),
     **each("/UNITS", "units are " + MODEL_FILE),
     **each("LOCAL CSYS", "axes of supports, loads and orthotropic elements"),
 }
-# commands of CDWRITE without meaning for a mesh
+# commands that CDWRITE writes and that do not bear on a mesh
 SETTINGS = each(
     "/COM /PREP7 /NOPR /GO /GOPR /TITLE /STITLE /UIS /SOLU /POST1 /EXIT /CONFIG /BATCH /AUTO "
     "/VIEW /ANG *IF *ELSE *ENDIF *SET *DIM *DEL DOF NUMOFF ANTYPE MODOPT MODCONTROL QRDOPT MXPAND "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# nodes of bricks with corners in one place, in our order: wedges, pyramids, tetrahedra
+# of linear and of quadratic bricks: formulation, and which of the brick's nodes are its nodes
 Degenerate = tuple[tuple[str, tuple[int, ...]], tuple[str, tuple[int, ...]]]
 WEDGE: Degenerate = (
     ("C3D6", (0, 1, 2, 4, 5, 6)),

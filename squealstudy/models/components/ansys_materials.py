@@ -11,17 +11,18 @@ from squealstudy.models.components.materials import Elastic, Orthotropic, Unfini
 from squealstudy.models.fem.solid import Isotropic
 
 ELASTIC = ("EX", "EY", "EZ", "PRXY", "PRXZ", "PRYZ", "NUXY", "NUXZ", "NUYZ", "GXY", "GXZ", "GYZ")
-SEVERAL = frozenset(
-    ("EY", "EZ", "GXZ", "GYZ", "PRXZ", "PRYZ", "NUXZ", "NUYZ")
-)  # of orthotropic ones
-# properties of materials beside these and the density
+# constants that only an orthotropic material has
+ORTHOTROPIC = frozenset(("EY", "EZ", "GXZ", "GYZ", "PRXZ", "PRYZ", "NUXZ", "NUYZ"))
+# relative difference of GXY from E / (2 (1 + nu)) of an isotropic material: files round
+G_REL_TOLERANCE = 0.01
+# properties that are passed over, and why
 OTHER_PROPERTIES = {
     **each("DMPR DMPS BETD ALPD DAMP", "damping is " + MODEL_FILE),
     **each("MU", "friction is " + STUDY),
     **each(
         "ALPX ALPY ALPZ CTEX CTEY CTEZ THSX THSY THSZ REFT KXX KYY KZZ C ENTH HF EMIS QRATE RSVX "
         "RSVY RSVZ MURX MURY MURZ PERX PERY PERZ LSST VISC SONC",
-        "of no elastic body at one temperature",
+        "no property of an elastic body at one temperature",
     ),
 }
 
@@ -31,19 +32,26 @@ Command = tuple[Line, list[str]]
 def materials(
     single: Iterable[Command], tables: Iterable[Command]
 ) -> tuple[dict[str, Elastic | Unfinished], dict[str, tuple[Line, str]]]:
-    """Materials by the names MAT1, MAT2, ..., and properties that are passed over, with reasons.
+    """Read materials, by the names MAT1, MAT2, ...
 
-    Materials without any modulus are left out: the model file may give them.
+    Materials without any elastic constant are left out: the model file may state them.
 
     Parameters
     ----------
     single, tables : iterable of (Line, words)
         Commands MP and MPDATA.
 
+    Returns
+    -------
+    by_name : dict of str -> Elastic or Unfinished
+    notes : dict of str -> (Line, str)
+        Properties that are passed over: their first line, and why.
+
     Raises
     ------
     ModelError
-        With file and line: a property that is unknown, missing, or there at several temperatures.
+        With file and line: a property that is unknown or missing, that differs between
+        temperatures, or that contradicts another; values that no material can have.
     """
     rows = [(line, [*words, "", ""][:2], words[2:]) for line, words in single]
     rows += [(line, [*words, "", "", "", ""][2:4], words[5:]) for line, words in tables]
@@ -70,7 +78,7 @@ def materials(
 
 
 def _material(name: str, constants: Mapping[str, tuple[float, Line]]) -> Elastic | Unfinished:
-    """Orthotropic where there is more than one modulus; ModelError where numbers are missing."""
+    """The material of these constants; Unfinished where it has no density."""
     _, line = next(iter(constants.values()))
     if constants.get("DENS", (0.0, line))[0] > 0:
         return _elastic(name, constants)
@@ -79,19 +87,28 @@ def _material(name: str, constants: Mapping[str, tuple[float, Line]]) -> Elastic
 
 
 def _elastic(name: str, constants: Mapping[str, tuple[float, Line]]) -> Elastic:
-    """With its density."""
+    """An isotropic material, or an orthotropic one where the file has constants of several axes.
+
+    ModelError where constants are missing or contradict each other.
+    """
     numbers = {label: number for label, (number, _) in constants.items()}
     _, line = next(iter(constants.values()))
     for pair in ("XY", "XZ", "YZ"):
         if f"PR{pair}" in numbers and f"NU{pair}" in numbers:
             raise line.error(f"{name} has both PR{pair} and NU{pair}")
     try:
-        if not set(numbers) & SEVERAL:
+        if not set(numbers) & ORTHOTROPIC:
             E = numbers["EX"]
             nu = numbers.get("NUXY", numbers.get("PRXY"))
-            nu = E / (2 * numbers["GXY"]) - 1 if nu is None and "GXY" in numbers else nu
+            G = numbers.get("GXY")
+            nu = E / (2 * G) - 1 if nu is None and G is not None else nu
             if nu is None or not (E > 0 and -1 < nu < 0.5):
                 raise line.error(f"{name}: expected EX > 0 and -1 < PRXY < 0.5")
+            if G is not None and abs(G - E / (2 * (1 + nu))) > G_REL_TOLERANCE * G:
+                raise line.error(
+                    f"{name}: GXY is not that of an isotropic material of EX and PRXY: expected "
+                    "moduli of all axes, or no GXY"
+                )
             return Isotropic(E, nu, numbers["DENS"])
         E1, E2, E3 = (numbers[f"E{axis}"] for axis in "XYZ")
         ratios = {"XY": E1 / E2, "XZ": E1 / E3, "YZ": E2 / E3}  # PR / NU: PR is the major one

@@ -1,8 +1,9 @@
-"""Run as a program of its own: what `mapdl_archive` reads of an archive of ANSYS, as an npz file.
+"""A program that reads an archive of ANSYS by `mapdl_archive` and writes an npz file.
 
-Its reader is compiled and can crash on a damaged file, which then ends this process alone. The
-arrays: ``nnum``, ``nodes``, ``node_angles``; ``elem`` end to end with ``elem_ends``; and each
-component by its name, ``node_component:NAME`` or ``element_component:NAME``.
+The reader is compiled and can crash on a damaged file. In a process of its own it takes nothing
+else with it. The file has the arrays ``nnum``, ``nodes`` and ``node_angles``; ``elem``, one element
+after the other, with ``elem_ends``, where each ends; and one for each component,
+``node_component:NAME`` or ``element_component:NAME``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 
 def main() -> None:
-    """Read the archive that the first argument names into the file that the second names."""
+    """Read the archive of the first argument and write the file of the second."""
     import mapdl_archive
 
     archive = mapdl_archive.Archive(sys.argv[1], parse_vtk=False)

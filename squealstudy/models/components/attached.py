@@ -1,7 +1,8 @@
-"""Masses and springs on sets of points: what a model file has, and what a study adds to a model.
+"""Masses and springs on sets of points, from a model file or added by a study.
 
-A mass at a place moves as the rigid motion that is nearest to that of the set's points, weighted by
-their areas (a distributing coupling, Nastran's RBE3). It adds no stiffness to the set.
+A mass at a place of its own follows the rigid motion that best fits the displacements of the set's
+points, in least squares weighted by area (a distributing coupling, RBE3 in Nastran). It adds no
+stiffness to the set.
 """
 
 from __future__ import annotations
@@ -23,21 +24,22 @@ from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import SpringInterface
 
-MOST_NODES = 600  # of a set that moves one mass: every pair of them is coupled
+MOST_NODES = 600  # of a set with a mass at a place of its own, which couples all pairs of them
 Owned = tuple[str, Surface]  # a component, and points on it
-Directions = Callable[[np.ndarray], Sequence[np.ndarray]]  # points (n, 3) -> three of (n, 3)
+# points (n, 3) -> three directions (n, 3) at them
+Directions = Callable[[np.ndarray], Sequence[np.ndarray]]
 Rows = Callable[..., sp.csr_matrix]  # parts (component, rows over its nodes) -> over an assembly
 
 
 def component_matrices(
     geometry: Geometry, name: str, overrides: Mapping[KeyPath, float]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """K and M of a component as `body_matrices`, the masses on it among them.
+    """K [N/m] and M [kg] (n, n) of a component with the model file's point masses on it.
 
     Raises
     ------
     PlacedError
-        A set that is not there, or that cannot carry a mass at another place.
+        The set of a mass does not exist, or cannot carry a mass at a place of its own.
     ModelError
         Values that no material can have.
     """
@@ -65,7 +67,7 @@ def component_matrices(
 def _turned_mass(
     geometry: Geometry, reference: str, points: Surface, moments: Sequence[float], keys: KeyPath
 ) -> sp.csr_matrix:
-    """Rotary inertia at the turn of a set, over the component's degrees of freedom."""
+    """Rotary inertia [kg m2] at the mean rotation of a set, over the component's coordinates."""
     turn = turn_of(geometry, reference, points, keys)
     expansion = geometry.bodies[turn.component].expansion
     T = turn.by_displacements @ expansion.E + turn.by_turns @ expansion.turns
@@ -80,12 +82,12 @@ def mass_on(points: Surface, mass: float, position: np.ndarray | None) -> sp.csr
     points : Surface
     mass : float
     position : ndarray (3,) or None
-        Where it is, m; None: shared out over the points by area.
+        Where the mass is [m]. None spreads it over the points by area.
 
     Raises
     ------
     ModelError
-        Points that cannot carry a mass at another place.
+        The points have too many nodes for a mass at `position`, or no mean rotation.
     """
     if position is None:
         rows = sp.vstack([points.observe(axis) for axis in np.eye(3)])
@@ -95,7 +97,7 @@ def mass_on(points: Surface, mass: float, position: np.ndarray | None) -> sp.csr
     if nodes > MOST_NODES:
         raise ModelError(
             f"the set has {nodes} nodes, and a mass at another place couples all of them: expected "
-            f"at most {MOST_NODES}; name a smaller set, or leave out at"
+            f"at most {MOST_NODES}; name a smaller set, or leave out 'at'"
         )
     follows = rigid_motion(points, position)
     return (mass * follows.T @ follows).tocsr()
@@ -110,20 +112,20 @@ def springs_on(
     rows: Rows,
     in_static: bool = True,
 ) -> SpringInterface:
-    """Springs from points to ground, shared out by area, or between the means of two sets.
+    """Springs from points to ground, spread over them by area, or between the means of two sets.
 
     Parameters
     ----------
     name : str
     side, other_side : (str, Surface)
-        Component and its points.
-        `other_side` is None for ground.
+        A component and points on it; `other_side` is None for ground.
     stiffness : sequence of float (3)
-        In all, in each direction, N/m.
+        Total stiffness in each direction, N/m.
     directions : callable
-        At points (n, 3): three of (n, 3).
+        Three directions (n, 3) at points (n, 3).
     rows : callable
-        (component, rows over its nodes), any number of them -> csr_matrix (k, n_dof).
+        Takes any number of (component, rows over the displacements of its nodes); returns rows
+        over the coordinates of the assembly, csr_matrix (k, n_dof).
     in_static : bool
         See `SpringInterface`.
     """
@@ -147,12 +149,12 @@ def springs_on(
 
 
 def directions_at(points: np.ndarray, axes: str, rotation: Rotation | None) -> list[np.ndarray]:
-    """Three directions (n, 3) at points (n, 3): x, y, z, or radial, around and along the axis.
+    """Three directions (n, 3) at points (n, 3): x, y and z, or radial, tangential and axial.
 
     Raises
     ------
     ModelError
-        Cylindrical axes without a rotation, or of a point on its axis.
+        Cylindrical axes without a rotation, or a point on the axis of rotation.
     """
     if axes == "cartesian":
         return [np.tile(e, (len(points), 1)) for e in np.eye(3)]

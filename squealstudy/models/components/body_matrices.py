@@ -1,4 +1,4 @@
-"""K and M of a mesh over its degrees of freedom: elements, and springs and masses beside them."""
+"""K and M of a mesh over its degrees of freedom: those of its elements, springs and masses."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from squealstudy.models.components.mesh_matrices import mass_matrix, stiffness_m
 def freedom_matrices(
     mesh: SolidMesh, expansion: Expansion, rule: MassRule
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """K and M (n, n).
+    """K [N/m] and M [kg], both (n, n).
 
     Raises
     ------
     ModelError
-        Elements without material; a negative Jacobian; a spring or a mass at rotations of a node
-        without rotations.
+        An element has no material, or a negative Jacobian; a spring or a mass acts on the rotation
+        of a node that has none.
     """
     restricted = [
         expansion.restricted(A) for A in (stiffness_matrix(mesh), mass_matrix(mesh, rule))

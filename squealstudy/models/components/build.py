@@ -50,7 +50,7 @@ from squealstudy.models.components.turn_rows import coupled, turn_of
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import SpringInterface
 
-COMPARED = 500  # nodes of a component at which mode shapes of two structures are compared
+N_COMPARED = 1500  # degrees of freedom at which mode shapes of two structures are compared
 
 
 def build_assembly(
@@ -65,16 +65,16 @@ def build_assembly(
     ----------
     brake : Brake
     law : ContactLaw
-        The default law of the contact.
+        The contact law.
     overrides : mapping of key -> float
-        Numbers of the file that have other values, SI units.
+        Values in SI units that replace numbers of the file, by key.
     curve : FrictionCurve, optional
-        The study's; else the one by default.
+        The friction law of the study; by default that of `friction_curve`.
 
     Raises
     ------
     PlacedError
-        With the key of what is wrong in the file; a file without loads.
+        Something in the file is wrong (with its key), or the file has no loads.
     ModelError
         Values that no material can have.
     """
@@ -126,7 +126,7 @@ def _component(
         dofs_in_file = body.expansion.places[dofs[M.diagonal() <= 0]]
         bad = np.unique(dofs_in_file[dofs_in_file >= 0] // 3)
         which = body.mesh.nodes_named(bad) if len(bad) else "turns of a reference node"
-        raise PlacedError(("components", body.name), f"{which}: there is no mass")
+        raise PlacedError(("components", body.name), f"{which}: expected a mass above zero")
     if body.matrices is not None:
         check_definite(body.name, K, M)
     expansion = body.expansion
@@ -149,15 +149,18 @@ def _component(
 
 
 def _compared(M: sp.csr_matrix) -> sp.csr_matrix:
-    """Rows that observe some degrees of freedom, evenly drawn, with the root of their mass."""
+    """Rows (m, n) that observe some degrees of freedom, times the square root of their mass.
+
+    Up to `N_COMPARED` are drawn at random, always the same of a number n.
+    """
     n = M.shape[0]
-    some = np.sort(np.random.default_rng(0).permutation(n)[: 3 * COMPARED])
+    some = np.sort(np.random.default_rng(0).permutation(n)[:N_COMPARED])
     weight = np.sqrt(M.diagonal()[some] * (n / len(some)))
     return sp.csr_matrix((weight, (np.arange(len(some)), some)), shape=(len(some), n))
 
 
 class _Interfaces:
-    """Rows of a brake over the degrees of freedom that are not held."""
+    """Contact, springs and load of a brake, over the degrees of freedom that are not fixed."""
 
     def __init__(
         self,
@@ -168,16 +171,17 @@ class _Interfaces:
     ) -> None:
         self._g, self._numbers, self._expansion, self._turns = geometry, numbers, expansion, turns
 
-    def _kept(self, rows: sp.spmatrix) -> sp.csr_matrix:
+    def _free(self, rows: sp.spmatrix) -> sp.csr_matrix:
+        """Rows over displacements of nodes as rows over the degrees of freedom not fixed."""
         free_rows = (rows.tocsr() @ self._expansion).tocsr()
         free_rows.sort_indices()
         return free_rows
 
     def _rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
-        return self._kept(expand_rows(parts, self._g.spans, self._g.n_dof))
+        return self._free(expand_rows(parts, self._g.spans, self._g.n_dof))
 
     def _turn_rows(self, *parts: tuple[str, sp.spmatrix]) -> sp.csr_matrix:
-        """Rows over turns of nodes."""
+        """Rows over rotations of nodes as rows over the degrees of freedom not fixed."""
         over_freedoms = expand_rows(parts, self._g.spans, self._g.n_dof).tocsr() @ self._turns
         return over_freedoms.tocsr()
 
@@ -189,7 +193,7 @@ class _Interfaces:
         names: Sequence[str],
         slip: Sequence[float] | None = None,
     ) -> ContactRows:
-        """Rows of a pair, held freedoms among them."""
+        """Rows of a pair over the displacements of all nodes, fixed ones included."""
         slave, master = (name.partition(".")[0] for name in names)
         rotor = self._g.file.rotor
         if kind == "sliding":
@@ -217,7 +221,7 @@ class _Interfaces:
     def contact(
         self, law: ContactLaw, curve: FrictionCurve
     ) -> tuple[ContactInterface, list[SpringInterface]]:
-        """All contact points, and what holds those that are stuck."""
+        """All contact points, and the springs that hold stuck ones in their plane."""
         parts, ties = [], []
         for i, (table, facing) in enumerate(
             zip(self._g.file.contact, self._g.contacts, strict=True)
@@ -237,16 +241,16 @@ class _Interfaces:
                 if table.state is not None and state_of(self._numbers, i) == SLIDING:
                     stiffness = 0.0
                 tie = rows.ties(self._g.file.name_of("contact", i), stiffness, table.state is None)
-                ties.append(replace(tie, B=self._kept(tie.B)))
+                ties.append(replace(tie, B=self._free(tie.B)))
         interface = contact_interface(parts, law)
-        N, T, T_perp = (self._kept(A) for A in (interface.N, interface.T, interface.T_perp))
+        N, T, T_perp = (self._free(A) for A in (interface.N, interface.T, interface.T_perp))
         interface = replace(interface, N=N, T=T, T_perp=T_perp)
         sizes = [len(p.area) for p in parts]
         return as_in_file(interface, sizes, self._g, self._numbers, curve), ties
 
     # -- layers and springs ----------------------------------------------------------------------
     def springs(self) -> list[SpringInterface]:
-        """Springs of all ties, layers and springs."""
+        """Springs of all ties, couplings, layers and springs of the file."""
         ties = [self._tie(i) for i in range(len(self._g.file.tie))]
         layers = [self._layer(i) for i in range(len(self._g.file.layer))]
         couplings = [self._coupling(i) for i in range(len(self._g.file.coupling))]
@@ -256,7 +260,7 @@ class _Interfaces:
     def _tie(self, number: int) -> SpringInterface:
         table, facing = self._g.file.tie[number], self._g.ties[number]
         rows = self._pair_rows(number, "frictionless", facing, (table.slave, table.master))
-        B = self._kept(sp.vstack([rows.N, rows.T, rows.T_perp]))
+        B = self._free(sp.vstack([rows.N, rows.T, rows.T_perp]))
         keys: KeyPath = ("tie", number, "bedding")
         is_given = table.bedding is not None or keys in self._numbers.given
         bedding = (
@@ -277,7 +281,7 @@ class _Interfaces:
         faces = [n for n in table.between if n.casefold() != GROUND]
         if isinstance(layer, Pair):
             rows = self._pair_rows(number, "frictionless", layer, faces)
-            B = self._kept(sp.vstack([rows.N, rows.T, rows.T_perp]))
+            B = self._free(sp.vstack([rows.N, rows.T, rows.T_perp]))
             area = rows.area
         else:
             name = faces[0].partition(".")[0]
@@ -328,7 +332,7 @@ class _Interfaces:
 
     # -- load ------------------------------------------------------------------------------------
     def load(self) -> np.ndarray:
-        """Forces (n_dof,) of a unit brake pressure, N/Pa."""
+        """Forces (n_dof,) of a unit brake pressure [N/Pa]."""
         if not self._g.file.load:
             text = "there is no [[load]]: the brake pressure pushes nothing together"
             raise PlacedError(("load",), text)
@@ -350,19 +354,21 @@ class _Interfaces:
 def damping_matrix(
     body: Body, numbers: Numbers, K: sp.csr_matrix, M: sp.csr_matrix
 ) -> sp.csr_matrix | None:
-    """C of a file + alpha M + beta K + sum of beta_m K_m over materials, N s/m; None for none.
+    """Damping matrix C_file + alpha M + beta K + sum of beta_m K_m over materials m [N s/m].
+
+    None where the component has no damping.
 
     Parameters
     ----------
     body : Body
     numbers : Numbers
     K, M : csr_matrix (n, n)
-        Of its degrees of freedom, masses on it among them.
+        Of the component with the point masses on it.
 
     Raises
     ------
     PlacedError
-        A material that the component does not have.
+        The component has no such material, or its stiffness cannot be computed.
     """
     keys: KeyPath = ("components", body.name)
     alpha, beta = (numbers.at(*keys, key) for key in ("mass_damping", "stiffness_damping"))

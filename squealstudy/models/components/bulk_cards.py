@@ -1,4 +1,7 @@
-"""Bulk data of Nastran as cards: small, large, free fields, included files; coordinate systems."""
+"""Cards of Nastran bulk data in small, large or free field format, with included files.
+
+Also their coordinate systems.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +25,16 @@ INCLUDE = re.compile(r"\s*INCLUDE\s+(?:'(?P<one>[^']*)'?|\"(?P<two>[^\"]*)\"?|(?
 
 @dataclass
 class BulkCard:
-    """A card: its name in capitals, its fields from the second on, the line of each.
+    """A card of bulk data.
 
     Attributes
     ----------
     name : str
+        In capitals.
     fields : list of str
+        The fields after the name, continuations included.
     lines : list of Line
+        The line of each field.
     """
 
     name: str
@@ -36,16 +42,16 @@ class BulkCard:
     lines: list[Line] = field(default_factory=list)
 
     def error(self, message: str, field: int = 0) -> ModelError:
-        """The error to raise about the line of a field."""
+        """The error to raise, with the line of a field."""
         line = self.lines[min(field, len(self.lines) - 1)]
         return line.error(f"{self.name}: {message}")
 
     def at(self, field: int) -> str:
-        """A field, counted from 0 behind the name; empty where the card ends before."""
+        """A field, counted from 0 after the name; empty beyond the end of the card."""
         return self.fields[field] if field < len(self.fields) else ""
 
     def whole(self, field: int, expected: str, default: int | None = None) -> int:
-        """A whole number; ModelError where it is none, or empty without a default."""
+        """A whole number. ModelError where it is something else, or empty without a default."""
         word = self.at(field)
         if not word and default is not None:
             return default
@@ -54,7 +60,7 @@ class BulkCard:
         return int(word)
 
     def real(self, field: int, expected: str, default: float | None = None) -> float:
-        """A number as Nastran writes it; ModelError as of `whole`."""
+        """A number as Nastran writes it. ModelError as in `whole`."""
         word = self.at(field)
         if not word and default is not None:
             return default
@@ -67,7 +73,7 @@ class BulkCard:
         return number
 
     def listed(self, start: int, expected: str) -> list[int]:
-        """Whole numbers from a field on, with THRU between the first and the last of a range."""
+        """Whole numbers from the field `start` on. A range is written as its ends and THRU."""
         words = [(i, w.upper()) for i, w in enumerate(self.fields) if i >= start and w]
         numbers: list[int] = []
         through = False
@@ -84,12 +90,13 @@ class BulkCard:
 
 
 def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
-    """The cards of a deck's bulk data, or of a file of cards alone, and the lines above the bulk.
+    """The cards of a deck, or of a file of cards alone, and the lines up to BEGIN BULK.
 
     Raises
     ------
     ModelError
-        An absent file; a continuation of nothing; more fields than a line has.
+        A file does not exist; includes are nested too deep; a continuation follows no card; a line
+        has too many fields.
     """
     lines = list(_flattened(_read(path, None), path.parent, 0))
     begun = next((i + 1 for i, line in enumerate(lines) if BEGIN.fullmatch(line.text)), 0)
@@ -121,7 +128,7 @@ def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
 
 
 def included(path: Path) -> Iterator[Path]:
-    """The files that a deck includes, to any depth, as far as they are there."""
+    """The files that a deck includes, to any depth; none where one of them cannot be read."""
     try:
         lines = _flattened(_read(path, None), path.parent, 0)
         yield from dict.fromkeys(line.file.path for line in lines if line.file.path != path)
@@ -150,12 +157,12 @@ def _flattened(file: TextFile, folder: Path, depth: int) -> Iterator[Line]:
             yield line
             continue
         if depth == MAX_INCLUDE_DEPTH:
-            raise line.error(f"more than {MAX_INCLUDE_DEPTH} files include each other")
+            raise line.error(f"files include each other more than {MAX_INCLUDE_DEPTH} deep")
         name = named["one"] or named["two"] or named["bare"] or ""
         yield from _flattened(_read(folder / name.strip(), line), folder, depth + 1)
 
 
-FLAT = 1e-10  # sine between the axis and the third point, below which they are on a line
+FLAT = 1e-10  # sine of the angle between AB and AC below which A, B and C are on one line
 
 
 class Systems:
@@ -171,16 +178,18 @@ class Systems:
         self._known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def in_basic(self, card: BulkCard, field: int, x: np.ndarray) -> np.ndarray:
-        """Basic coordinates (3,) of x (3,) in the system that a field of a card names.
+        """Basic coordinates (3,) of the point with coordinates x (3,) in a card's system.
 
-        Raises ModelError where there is none, or where systems refer to each other.
+        A field of the card names the system. ModelError where it does not exist, or where systems
+        refer to each other.
         """
         return self._basic(card, field, x, ())
 
     def axes_at(self, card: BulkCard, field: int, x: np.ndarray) -> np.ndarray:
-        """Axes, rows (3, 3) in basic ones, at x (3,) of the system that a field of a card names.
+        """Axes of a card's system at x (3,), both in basic coordinates; rows (3, 3).
 
-        Raises ModelError as `in_basic`, and about a spherical one, and on the axis of a cylinder.
+        A field of the card names the system. ModelError as in `in_basic`, and for a spherical
+        system or a point on the axis of a cylindrical one.
         """
         number = card.whole(field, "a coordinate system", 0)
         self._basic(card, field, np.zeros(3), ())
@@ -226,7 +235,7 @@ class Systems:
         a, b, c = (self._basic(card, 1, x, above) for x in abc)
         size = np.linalg.norm(b - a) * np.linalg.norm(c - a)
         if not np.linalg.norm(np.cross(b - a, c - a)) > FLAT * size:
-            raise card.error("its three points lie on one line")
+            raise card.error("expected three points that are not on one line")
         z = (b - a) / np.linalg.norm(b - a)
         y = np.cross(z, c - a)
         y /= np.linalg.norm(y)

@@ -11,19 +11,20 @@ from squealstudy.models.components.constraints import Constraint, Coupling, Rela
 
 READ = ("RBE2", "RBE3", "RBAR", "RROD")
 EVERY = "123456"
-Bar = tuple[BulkCard, int, int]  # and the nodes of its ends
+Bar = tuple[BulkCard, int, int]  # its card, its independent node and its dependent node
 
 
 class BulkCouplings:
-    """Reads them.
+    """Reader of the rigid elements of a deck.
 
     Parameters
     ----------
     cards : callable
-        All cards of some names.
+        Returns all cards of the given names.
     places : callable
-        Of node numbers of a card.
+        Returns the indices of nodes, from a card and node numbers on it.
     nodes : ndarray (n, 3)
+        Coordinates, in the unit of the deck.
     """
 
     def __init__(
@@ -35,7 +36,7 @@ class BulkCouplings:
         self._all, self._places, self._nodes = cards, places, nodes
 
     def read(self) -> Iterator[Constraint]:
-        """Couplings of the deck; ModelError about the card that is wrong."""
+        """Couplings and relations of the deck; ModelError about a card that is wrong."""
         bars = self._bar_ends()
         for card in self._all("RBE2"):
             name = f"RBE2 {card.whole(0, 'an element number')}"
@@ -45,7 +46,7 @@ class BulkCouplings:
             nodes = card.listed(3, "a node")
             turning = set("456") <= digits
             reference = card.whole(1, "a node")
-            joined = [bar for bar in bars if bar[1] == reference]  # bars from its middle
+            joined = [bar for bar in bars if bar[1] == reference]  # bars from its reference node
             bars = [bar for bar in bars if bar[1] != reference]
             nodes += [bar[2] for bar in joined]
             yield self._coupling(card, name, reference, nodes, turning)
@@ -65,7 +66,7 @@ class BulkCouplings:
     def _others(self, card: BulkCard, nodes: list[int], reference: int) -> np.ndarray:
         others = np.setdiff1d(self._places(card, nodes), reference)
         if not len(others):
-            raise card.error("it couples no other node")
+            raise card.error("expected a node other than the reference node")
         return others
 
     def _coupling(
@@ -76,16 +77,16 @@ class BulkCouplings:
         return Coupling(name, "rigid", int(reference_index), others, turning=turning)
 
     def _distance(self, card: BulkCard, name: str, node: int, other_node: int) -> Relation:
-        """Two nodes keep their distance."""
+        """The relation by which two nodes keep their distance."""
         pair = self._places(card, [node, other_node])
         along = self._nodes[pair[1]] - self._nodes[pair[0]]
         if not np.linalg.norm(along) > 0:
-            raise card.error("its two nodes lie at one place")
+            raise card.error("its two nodes have the same coordinates")
         along = along / np.linalg.norm(along)
         return relation(name, pair[::-1], np.array([along, -along]))
 
     def _bar_ends(self) -> list[Bar]:
-        """Bars with the node that moves and the one that is moved."""
+        """All bars, each with its independent node and its dependent node."""
         bars: list[Bar] = []
         for card in self._all("RBAR"):
             ends = [card.whole(k, "a node") for k in (1, 2)]
@@ -98,9 +99,9 @@ class BulkCouplings:
         return bars
 
     def _bars(self, bars: list[Bar]) -> Iterator[Constraint]:
-        """Bars that meet are one rigid body; one alone keeps the distance of its nodes.
+        """Bars with common nodes are one rigid body. A single bar keeps the distance of its nodes.
 
-        Nodes of solids have no turns: a bar alone turns freely about both of its ends.
+        Nodes of solids have no rotations, so a single bar turns freely about both ends.
         """
         coupled = {card.whole(1, "a node") for card in self._all("RBE2")} | {
             n for card in self._all("RBE2") for n in card.listed(3, "a node")

@@ -1,4 +1,4 @@
-"""Materials of bulk data of Nastran: MAT1, MAT9, MAT11; over temperature MATT1, TABLEM1 to 4."""
+"""Materials of Nastran bulk data: MAT1 (with MATT1 and TABLEM1 to 4), MAT9 and MAT11."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ from squealstudy.models.fem.solid import Isotropic
 READ = ("MAT1", "MAT9", "MAT11")
 TABLES = ("TABLEM1", "TABLEM2", "TABLEM3", "TABLEM4")
 OVER_TEMPERATURE = ("MATT1", *TABLES)
-UNREAD_TABLES = {"MAT9": "MATT9", "MAT11": "MATT11"}  # whose tables are not read
+UNREAD_TABLES = {"MAT9": "MATT9", "MAT11": "MATT11"}  # tables over temperature that are not read
 # row of xx, yy, zz, xy, yz, zx in matrices of this program, whose order is 11 22 33 23 13 12
 VOIGT_ROWS = (0, 1, 2, 5, 3, 4)
-G_REL_TOLERANCE = 0.01  # relative distance of G from that by E and nu, which files round
-LAST = ("ENDT", "SKIP")
+G_REL_TOLERANCE = 0.01  # relative difference of G from E / (2 (1 + nu)): files round their numbers
+DAMPING_FIELD = {"MAT1": 7, "MAT9": 30, "MAT11": 15}  # GE
+LAST = ("ENDT", "SKIP")  # words that end a table
 
 
 class BulkMaterials:
-    """Reads materials by number.
+    """Reader of the materials of a deck.
 
     Parameters
     ----------
     cards : callable
-        All cards of some names.
+        Returns all cards of the given names.
     weight : float
-        Factor of densities.
+        Factor on densities (WTMASS).
     temperature : float or None
-        At which they are taken; None: as the material itself says.
+        At which moduli are taken, in the scale of the deck. None takes those of the MAT1 itself.
     note : callable
-        Takes cards and why something of them is passed over.
+        Called with cards, and why something on them is passed over.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class BulkMaterials:
         self._cards = {card.whole(0, "a material number"): card for card in cards(*READ)}
 
     def read(self, section: BulkCard) -> tuple[str, Elastic | Unfinished]:
-        """Name and moduli of the material of a PSOLID; ModelError about what is wrong."""
+        """Name and material of a PSOLID; ModelError about a card that is wrong."""
         number = section.whole(1, "a material")
         name = f"MAT{number}"
         if number not in self._cards:
@@ -62,27 +63,31 @@ class BulkMaterials:
         card = self._cards[number]
         if card.name == "MAT1":
             card = self._at_temperature(card, number)
-            if card.at(7).strip("0."):
-                self._note([self._cards[number]], "damping is " + MODEL_FILE)
+            self._note_damping(self._cards[number])
             return name, _isotropic(card, self._weight)
         if section.at(2).strip("0"):
-            raise section.error("CORDM: axes of the material are supported in basic ones alone", 2)
+            raise section.error("CORDM: only the basic coordinate system is supported", 2)
         if self._temperature is not None and self._table_card(UNREAD_TABLES[card.name], number):
             raise card.error(f"{UNREAD_TABLES[card.name]} is not supported: state its moduli there")
+        self._note_damping(card)
         moduli = _anisotropic if card.name == "MAT9" else _orthotropic
         return name, moduli(card, self._weight)
+
+    def _note_damping(self, card: BulkCard) -> None:
+        if card.at(DAMPING_FIELD[card.name]).strip("0."):
+            self._note([card], "damping is " + MODEL_FILE)
 
     def _table_card(self, name: str, number: int) -> BulkCard | None:
         return next((c for c in self._all(name) if c.whole(0, "a material number") == number), None)
 
     def _at_temperature(self, card: BulkCard, number: int) -> BulkCard:
-        """The MAT1 with what its MATT1 has at the temperature."""
+        """The MAT1 with the values of its MATT1 at the temperature."""
         tables = self._table_card("MATT1", number)
         if tables is None:
             return card
         if self._temperature is None:
-            why = "moduli over temperature: those of the MAT1 itself are taken, without the key "
-            self._note([tables], why + "temperature")
+            why = "moduli over temperature: without the key temperature those of the MAT1 are taken"
+            self._note([tables], why)
             return card
         fields = [*card.fields, *[""] * 8]
         for field in (1, 2, 3, 4):
@@ -92,7 +97,7 @@ class BulkMaterials:
         return BulkCard(card.name, fields, [*card.lines, *card.lines[-1:] * 8])
 
     def _value(self, tables: BulkCard, field: int, number: int, card: BulkCard) -> float:
-        """A property at the temperature; ModelError where the table does not reach it."""
+        """A property at the temperature; ModelError where it is outside the table."""
         same_number = [c for c in self._all(*TABLES) if c.whole(0, "a table number") == number]
         if len(same_number) != 1:
             raise tables.error(
@@ -125,12 +130,13 @@ class BulkMaterials:
     def _check(self, table: BulkCard, T: float, low: float, high: float) -> None:
         if not low <= T <= high:
             raise table.error(
-                f"temperature = {self._temperature:g} is outside of it, {low:g} to {high:g} there"
+                f"temperature = {self._temperature:g} is outside of the table, whose argument goes "
+                f"from {low:g} to {high:g}"
             )
 
     @staticmethod
     def _numbers(table: BulkCard) -> list[float]:
-        """Numbers of a table, from its second line up to ENDT."""
+        """Numbers of a table, from its second line up to ENDT or SKIP."""
         entries = []
         for field in range(8, len(table.fields)):
             if table.at(field).upper() in LAST:
@@ -141,7 +147,7 @@ class BulkMaterials:
 
 
 def _orthotropic(card: BulkCard, weight: float) -> Orthotropic | Unfinished:
-    """Constants of a MAT11: three of E, nu12 nu13 nu23, G12 G13 G23; density times `weight`."""
+    """Material of a MAT11: E1 E2 E3, nu12 nu13 nu23, G12 G13 G23; density times `weight`."""
     values = [card.real(k, "a modulus") for k in range(1, 10)]
     E, nu, G = (tuple(values[k : k + 3]) for k in (0, 3, 6))
     rho = card.real(10, "a density", 0.0)
@@ -155,7 +161,7 @@ def _orthotropic(card: BulkCard, weight: float) -> Orthotropic | Unfinished:
 
 
 def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
-    """Two of E, G and nu give the third; the density times `weight`."""
+    """Material of a MAT1: two of E, G and nu give the third; density times `weight`."""
     E, G, nu = (card.real(k, "a number", 0.0) if card.at(k) else None for k in (1, 2, 3))
     if E is None and G is not None and nu is not None:
         E = 2 * G * (1 + nu)
@@ -176,7 +182,7 @@ def _isotropic(card: BulkCard, weight: float) -> Isotropic | Unfinished:
 
 
 def _anisotropic(card: BulkCard, weight: float) -> Anisotropic | Unfinished:
-    """Constants of a MAT9: 21 entries, order xx yy zz xy yz zx; density times `weight`."""
+    """Material of a MAT9: 21 moduli in the order xx yy zz xy yz zx; density times `weight`."""
     C = np.zeros((6, 6))
     field = 1
     for i in range(6):

@@ -1,4 +1,4 @@
-"""Cards of bulk data of Nastran on which neither mass nor stiffness of a component depend."""
+"""Cards of Nastran bulk data that change neither mass nor stiffness of a component, and why."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ PASSED_OVER = {
     ),
     **_each(
         "MATT9 MATT11",
-        "moduli over temperature: those of the MAT1 itself are taken",
+        "moduli over temperature: those of the MAT9 or MAT11 itself are taken",
     ),
     **_each(
         "SUPORT SUPORT1 ASET ASET1 BSET BSET1 CSET CSET1 OMIT OMIT1 QSET QSET1 USET USET1 SEQGP "
@@ -78,6 +78,5 @@ PASSED_OVER = {
     "DMIG": "no matrix is added to those of the elements",
 }
 
-P_ELEMENTS = (  # orders above the second and curved sides, without which the elements are others
-    *("ADAPT", "PVAL", "PSET", "FEEDGE", "FEFACE", "GMCURV", "GMSURF", "POINT", "PEDGE"),
-)
+# cards that give elements a higher order or curved sides: without them the elements would differ
+P_ELEMENTS = (*("ADAPT", "PVAL", "PSET", "FEEDGE", "FEFACE", "GMCURV", "GMSURF", "POINT", "PEDGE"),)

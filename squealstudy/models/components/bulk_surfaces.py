@@ -1,4 +1,4 @@
-"""Surfaces of bulk data of Nastran and OptiStruct: BSURFS, SURF, plates that mark faces."""
+"""Surfaces in bulk data of Nastran and OptiStruct: BSURFS, SURF, and plates on faces of solids."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ PlacesOfNodes = Callable[[BulkCard, list[int]], np.ndarray]
 
 
 class BulkSurfaces:
-    """Reads surfaces from cards.
+    """Reader of the surfaces of a deck.
 
     Parameters
     ----------
     mesh : SolidMesh
     cards : callable
-        All cards of some names.
+        Returns all cards of the given names.
     places : callable
-        Gives indices of nodes in the mesh from a card and node numbers on it.
+        Returns indices of nodes in the mesh, from a card and node numbers on it.
     note : callable
-        Called with cards and why part of them is passed over.
+        Called with cards, and why something on them is passed over.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class BulkSurfaces:
         return replace(self._mesh, surfaces=surfaces, passed_over=(*self._mesh.passed_over, *notes))
 
     def _marked(self, plates: Sequence[str]) -> tuple[dict[str, np.ndarray], list[PassedOver]]:
-        """Plates by their properties, and those that a BSURF lists."""
+        """Surfaces of plates by property (PID5) and by BSURF, and notes on faces left out."""
         marked, labels = MarkedFaces(), dict[str, list[int]]()
         number_of: dict[int, int] = {}
         for number, card in enumerate(self._cards(*plates)):
@@ -103,7 +103,7 @@ class BulkSurfaces:
         return element, block.nodes[element - mesh.starts[b]], block.kind.shape.faces
 
     def _listed_faces(self, card: BulkCard) -> np.ndarray:
-        """Faces of a BSURFS: an element and three nodes of its face each."""
+        """Faces of a BSURFS, each given by an element and three nodes of its face."""
         pairs = []
         for first_field in range(4, len(card.fields), 4):
             if not card.at(first_field):
@@ -157,7 +157,7 @@ class BulkSurfaces:
         return abs(corners.index(int(stated_nodes[0])) - corners.index(int(stated_nodes[1]))) == 2
 
     def _faces_by_corners(self, card: BulkCard) -> np.ndarray:
-        """Faces of SURF, FACE: three or four corners each."""
+        """Faces of SURF, FACE, each given by three or four corners."""
         rows = []
         for first_field in range(8, len(card.fields), 8):
             numbers = [card.whole(first_field + i, "a corner", 0) for i in range(4)]
@@ -169,7 +169,7 @@ class BulkSurfaces:
         faces, on_boundary = faces_with_corners(self._mesh, np.array(rows).reshape(-1, 4))
         if not on_boundary.all():
             self._note(
-                [card], f"{(~on_boundary).sum()} of {len(rows)} faces are none of the boundary"
+                [card], f"{(~on_boundary).sum()} of {len(rows)} faces are not on the boundary"
             )
         return faces
 

@@ -1,4 +1,4 @@
-"""Faults of meshes that would give wrong matrices in silence."""
+"""Checks for faults of a mesh that would otherwise give wrong matrices without an error."""
 
 from __future__ import annotations
 
@@ -10,16 +10,27 @@ from squealstudy.models.components.jacobians import CHUNK, jacobians
 from squealstudy.models.components.mesh import OF_CONTACT, SolidMesh
 
 DOUBLED = "DOUBLED NODES"  # the name by which `pass_over` allows them
-MERGED = 1e-4  # distance over the shortest edge: nearer nodes are one that was written twice
+MERGED = 1e-4  # distance over the shortest edge below which two nodes count as one written twice
 
 
 def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> None:
-    """ModelError, with the elements, about the first fault that a mesh has.
+    """Raise ModelError about the first fault of a mesh.
 
-    Coordinates that are no numbers; an element that names a node twice; faces of more than two
-    elements, as doubled elements have; negative Jacobians; nodes of no element; doubled nodes on
-    the boundary, where parts of a body lie side by side unconnected. Bodies of a deck with contact
-    may lie so, and any where they may be `doubled`.
+    Parameters
+    ----------
+    mesh : SolidMesh
+    doubled : bool
+        Allow doubled nodes on the boundary.
+    points : bool
+        Allow nodes that belong to no element.
+
+    Raises
+    ------
+    ModelError
+        A coordinate is no finite number; an element names a node twice; a face belongs to more
+        than two elements, as with doubled elements; a Jacobian is negative; a node belongs to no
+        element; nodes on the boundary are doubled, so that elements touch and are not connected.
+        Two bodies of a deck with contact may touch.
     """
     check_places(mesh)
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
@@ -47,7 +58,7 @@ def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> 
 
 
 def check_places(mesh: SolidMesh) -> None:
-    """ModelError about nodes whose coordinates are no numbers."""
+    """Raise ModelError about nodes whose coordinates are not finite."""
     wrong = ~np.isfinite(mesh.nodes).all(axis=1)
     if wrong.any():
         named = mesh.nodes_named(np.flatnonzero(wrong))

@@ -31,7 +31,7 @@ from squealstudy.wording import listed, plural
 MASSES = (1e-3, 100.0)  # kg of a part of a brake, down to the pin of a rig
 SIZES = (0.01, 1.0)  # m, the longest side of a part of a brake
 SPEEDS = (20.0, 20_000.0)  # m/s of waves in solids, from soft rubber to beyond beryllium
-RIGID = 1e-7  # K R over K and R: rigid motions that cost no energy
+RIGID = 1e-7  # norm of K r over the largest entry of K: a unit rigid motion r strains nothing below
 N_LISTED_FREQUENCIES = 3  # elastic frequencies
 DOUBTFUL = 0.2  # relative distance of measured and computed frequencies: perhaps another mode
 MOTIONS = ("along x", "along y", "along z", "about x", "about y", "about z")
@@ -39,7 +39,15 @@ MOTIONS = ("along x", "along y", "along z", "about x", "about y", "about z")
 
 @dataclass
 class Inspection:
-    """Facts, name and text, and doubts: what should be looked at before a study is run."""
+    """What `inspect` tells about a model.
+
+    Attributes
+    ----------
+    facts : list of (str, str)
+        Name, such as that of a component, and text; the name is empty if it is that above.
+    doubts : list of str
+        What the user should look at before running a study.
+    """
 
     facts: list[tuple[str, str]] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
@@ -50,7 +58,7 @@ class Inspection:
 
 
 def rigid_shapes(x: np.ndarray) -> np.ndarray:
-    """Three translations and three turns about the centre (3 n, 6) of nodes x (n, 3)."""
+    """Three translations and three rotations about the centroid of nodes x (n, 3): (3 n, 6)."""
     R = np.zeros((len(x), 3, 6))
     R[:, :, :3] = np.eye(3)
     for axis in range(3):
@@ -59,19 +67,21 @@ def rigid_shapes(x: np.ndarray) -> np.ndarray:
 
 
 def _rigid_turns(n: int) -> np.ndarray:
-    """Turns of n nodes (3 n, 6) in the motions of `rigid_shapes`."""
+    """Rotations of n nodes in the motions of `rigid_shapes`: (3 n, 6)."""
     return np.tile(np.hstack([np.zeros((3, 3)), np.eye(3)]), (n, 1))
 
 
 def component_facts(
     inspection: Inspection, geometry: Geometry, body: Body, overrides: Mapping[KeyPath, float]
 ) -> None:
-    """Describe a component, with values `overrides` in place of the file's, SI, by key.
+    """Add the facts of a component to an inspection.
+
+    `overrides` are values in SI units that replace numbers of the file, by key.
 
     Raises
     ------
     ModelError
-        As `component_matrices`.
+        As in `component_matrices`.
     """
     mesh, name, numbers = body.mesh, body.name, Numbers(geometry.file, overrides)
     kinds = ", ".join(f"{len(b.labels):,} {b.formulation}" for b in mesh.blocks)
@@ -136,7 +146,10 @@ def component_facts(
 
 
 def _passed_over(mesh: SolidMesh) -> list[str]:
-    """Parts passed over or read otherwise, by reason: "of the file: *PLASTIC (line 3): ..."."""
+    """Texts on keywords left out or read as something else: "of the file: *PLASTIC (line 3): ...".
+
+    One text for each reason; a keyword is named with its first line.
+    """
     reasons: dict[str, dict[str, int]] = {}
     for note in mesh.passed_over:
         reasons.setdefault(note.why, {}).setdefault(note.keyword, note.line)
@@ -151,7 +164,7 @@ def _passed_over(mesh: SolidMesh) -> list[str]:
 def _measured(
     inspection: Inspection, geometry: Geometry, name: str, K: sp.csr_matrix, M: sp.csr_matrix
 ) -> None:
-    """Measured free modes of a table, and where they are far from computed ones."""
+    """Tell measured and computed free modes; doubt those that are far apart."""
     table = geometry.file.components[name].measured
     if table is None:
         return
@@ -181,7 +194,7 @@ def _measured(
 
 
 def _damping(inspection: Inspection, numbers: Numbers, name: str) -> None:
-    """Damping of its own, in SI units."""
+    """Tell the damping that the model file gives a component, in SI units."""
     table = numbers.file.components[name]
     keys: KeyPath = ("components", name)
     texts = [
@@ -197,7 +210,7 @@ def _damping(inspection: Inspection, numbers: Numbers, name: str) -> None:
 
 
 def _weight(inspection: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) -> None:
-    """Mass, sides and inertia, and whether they are a brake's."""
+    """Tell sides, mass and principal moments of inertia; doubt what no part of a brake has."""
     R = body.expansion.freedoms(rigid_shapes(body.nodes), _rigid_turns(len(body.nodes)))
     about = R.T @ (M @ R)
     mass = float(about[0, 0])
@@ -222,7 +235,7 @@ def _weight(inspection: Inspection, brake: Brake, body: Body, M: sp.csr_matrix) 
 
 
 def _location(inspection: Inspection, brake: Brake, body: Body) -> None:
-    """Where a part is: in its file, as `sets` need it, and where it was moved to."""
+    """Tell where a part lies in its file, as `sets` need it, and where it was moved to."""
     units = brake.file.units
     turn, shift = placement(body.name, brake.file.components[body.name], units)
     size, unit = LENGTH.factor(units), UNITS[units][0]
@@ -234,7 +247,7 @@ def _location(inspection: Inspection, brake: Brake, body: Body) -> None:
 
 
 def _waves(inspection: Inspection, mesh: SolidMesh, name: str, units: str) -> None:
-    """Doubts about materials, in SI, in which waves of no material run."""
+    """Doubt materials in which waves are slower or faster than in any solid."""
     doubtful = []
     for label in sorted(set(mesh.material)):
         material = mesh.materials[label]
@@ -249,7 +262,7 @@ def _waves(inspection: Inspection, mesh: SolidMesh, name: str, units: str) -> No
 
 
 def _rigid(inspection: Inspection, body: Body, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
-    """Rigid modes, six of a free body, and the first elastic frequencies."""
+    """Tell the number of rigid modes, six for a free body, and the first elastic frequencies."""
     R = rigid_shapes(body.nodes)
     size = np.linalg.norm(R, axis=0)
     R = body.expansion.freedoms(R / size, _rigid_turns(len(body.nodes)) / size)

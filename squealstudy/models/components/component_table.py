@@ -1,4 +1,4 @@
-"""The table of a component in a model file, and the tables in it: their keys, what they may be."""
+"""The table of a component in a model file, and the tables in it: their keys and allowed values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Damping = Annotated[float, Field(ge=0)]
 
 
 class TurnTable(Table):
-    """A turn of a component, by the right hand."""
+    """A rotation of a component, by the right-hand rule."""
 
     axis: Vector = Field(description="direction of the axis")
     angle: float = Field(description="deg")
@@ -39,9 +39,9 @@ class RepeatTable(Table):
 
 
 class MaterialTable(Table):
-    """A material: isotropic, or orthotropic with three of each modulus.
+    """A material: isotropic, or orthotropic with three values of each modulus.
 
-    What stands here replaces what the file of the mesh states; what does not is the file's.
+    Keys given here replace values of the mesh's file. For other keys the file's values hold.
     """
 
     E: Moduli | None = Field(default=None, description="Young's modulus, or [E1, E2, E3]")
@@ -69,12 +69,12 @@ class MaterialTable(Table):
 
     @property
     def moduli(self) -> bool:
-        """Whether it states all moduli."""
+        """Whether the table states E and nu, and so all moduli."""
         return self.E is not None and self.nu is not None
 
 
 class HeatTable(Table):
-    """Temperatures of a component beyond those of its mesh; the gaps are those it leaves."""
+    """Temperatures of a component above that of its mesh. Its expansion changes initial gaps."""
 
     file: str | None = Field(
         default=None,
@@ -108,7 +108,7 @@ class PlaneTable(Table):
 
 
 class CylinderTable(Table):
-    """A cylinder, or what is between two of one axis."""
+    """A cylinder, or the space between two cylinders of one axis."""
 
     axis: Vector = Field(description="direction of the axis")
     point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
@@ -116,9 +116,9 @@ class CylinderTable(Table):
 
 
 class SetTable(Table):
-    """A surface of a mesh: the outer faces that fulfil all that is said.
+    """A surface of a mesh: the outer faces that fulfil all given conditions.
 
-    Places are those of the mesh's file, before the component is turned and shifted.
+    Coordinates are those of the mesh's file, before the component is rotated and shifted.
     """
 
     box: Corners | None = Field(default=None, description="two opposite corners; all nodes in it")
@@ -226,11 +226,11 @@ class ComponentTable(Table):
         return self
 
     def file_of(self, key: str) -> str | None:
-        """The file that a key names."""
+        """The file that a key such as K names; None without the key."""
         entry = getattr(self, key)
         return entry.file if isinstance(entry, MatrixTable) else entry
 
     def name_of(self, key: str) -> str | None:
-        """Which matrix of its file."""
+        """The name of the matrix in its file; None where the key gives a file alone."""
         entry = getattr(self, key)
         return entry.name if isinstance(entry, MatrixTable) else None

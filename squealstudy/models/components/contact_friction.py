@@ -1,4 +1,4 @@
-"""Friction, a friction law and a state that contacts of a model file have of their own."""
+"""Friction coefficients, friction-law parameters and states of single contacts of a model file."""
 
 from __future__ import annotations
 
@@ -29,17 +29,24 @@ from squealstudy.models.own_law import (
 
 
 def check_friction(file: ModelFile, varied: Collection[KeyPath]) -> FrictionCurveDefinition:
-    """Look at keys of contacts that need others of the file; `varied` are parameters.
+    """Check the friction keys of contacts against the rest of the file.
+
+    Parameters
+    ----------
+    file : ModelFile
+    varied : collection of key paths
+        Numbers of the file that parameters of studies vary.
 
     Returns
     -------
     FrictionCurveDefinition
-        The first friction law that has what contacts have numbers of.
+        The first friction law that has all parameters of which contacts give values.
 
     Raises
     ------
     PlacedError
-        A number of no friction law; a state of what turns; a stiffness that holds what slides.
+        No friction law has such parameters, or their values contradict each other; a contact of a
+        turning component has a state; a contact that always slides has a tangential stiffness.
     """
     for i, table in enumerate(file.contact):
         keys: KeyPath = ("contact", i)
@@ -62,7 +69,7 @@ def check_friction(file: ModelFile, varied: Collection[KeyPath]) -> FrictionCurv
 
 
 def state_of(numbers: Numbers, number: int) -> float:
-    """SLIDING, STUCK or STUCK_BY_SPRING of a contact; ValuesError of a number that is no state."""
+    """SLIDING, STUCK or STUCK_BY_SPRING of a contact; ValuesError for other numbers."""
     keys: KeyPath = ("contact", number, "state")
     state = numbers.at(*keys)
     if state not in (0.0, 1.0):
@@ -74,23 +81,30 @@ def state_of(numbers: Numbers, number: int) -> float:
 
 
 def tangential_of(numbers: Numbers, number: int) -> float:
-    """Stiffness per area [N/m3] that holds a contact in its plane while it is stuck."""
+    """Tangential stiffness per area [N/m3] of a contact while it is stuck; 0 where not given."""
     keys: KeyPath = ("contact", number, "tangential")
     written = numbers.file.contact[number].tangential
     return 0.0 if written is None else numbers.at(*keys)
 
 
 def own_friction(numbers: Numbers, begins: np.ndarray, curve: FrictionCurve) -> np.ndarray:
-    """`laws.own_friction` of contact points, of which those of a contact begin at `begins`.
+    """The array `own_friction` of all contact points, as `laws.own_friction` describes it.
 
-    `curve` is the study's.
+    Parameters
+    ----------
+    numbers : Numbers
+    begins : ndarray (n_contacts + 1,) of int
+        Index of the first point of each contact, then the number of points.
+    curve : FrictionCurve
+        The friction law of the study.
 
     Raises
     ------
     PlacedError
-        Numbers of another friction law than the study's, or that this cannot have.
+        A contact gives values of another friction law than the study's, or values that the law
+        cannot have.
     ValuesError
-        Such of parameters; a number that is no state.
+        The same, where a parameter of the study gives the value; a state other than 0 or 1.
     """
     tables = numbers.file.contact
     if not any(map(has_own, tables)):
@@ -111,17 +125,20 @@ def own_friction(numbers: Numbers, begins: np.ndarray, curve: FrictionCurve) -> 
 
 
 def has_own(table: ContactTable) -> bool:
-    """Whether a contact has friction or numbers of a friction law of its own."""
+    """Whether a contact has its own friction coefficient or friction-law parameters.
+
+    A contact with a state always has a coefficient.
+    """
     return table.friction is not None or bool(table.friction_law)
 
 
 def law_row(numbers: Numbers, number: int, curve: FrictionCurve) -> list[float]:
-    """A contact's values of the study's curve's parameters; NaN where the study's counts.
+    """A contact's values of the friction law's parameters; NaN where it gives none.
 
     Raises
     ------
     PlacedError, ValuesError
-        As of `own_friction`.
+        As in `own_friction`.
     """
     keys: KeyPath = ("contact", number)
     row = dict.fromkeys(curve.names, np.nan)

@@ -1,4 +1,4 @@
-"""Numbers of contact points that a model file states: gaps, factors, speeds, friction of theirs."""
+"""Numbers that a model file states for contact points: gaps, friction factors, speeds, friction."""
 
 from __future__ import annotations
 
@@ -22,14 +22,23 @@ def as_in_file(
     numbers: Numbers,
     curve: FrictionCurve,
 ) -> ContactInterface:
-    """Contact points of all contacts of a file, of `sizes` each, with the file's numbers.
+    """The contact points with the numbers that the model file states for them.
 
-    `curve` is the study's friction law.
+    Parameters
+    ----------
+    contact : ContactInterface
+        Points of all contacts, in the order of the file.
+    sizes : sequence of int
+        Number of points of each contact.
+    geometry : Geometry
+    numbers : Numbers
+    curve : FrictionCurve
+        The friction law of the study.
 
     Raises
     ------
     PlacedError, ValuesError
-        As `friction_factors` and `own_friction`.
+        As in `friction_factors` and `own_friction`.
     """
     gap, frictional = contact.gap0.copy(), contact.frictional.copy()
     speed, middle = contact.speed_factor.copy(), geometry.effective_radius

@@ -1,4 +1,4 @@
-"""How reference nodes and nodes of couplings follow each other, and displacements by equations."""
+"""Rows by which dependent nodes follow others: couplings, and equations between displacements."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.mean_motions import ON_A_LINE, mean_motion, mean_turn
 from squealstudy.models.components.mesh import SolidMesh
 
-GAUSS = 3  # points a side of a facet, by whose areas nodes of faces count
+GAUSS = 3  # points a side of a facet, which weight the nodes of a face
 Followed = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns, values
 
 
@@ -22,9 +22,10 @@ def facets_of(mesh: SolidMesh, faces: np.ndarray, name: str) -> Facets:
 
 
 def solved(node: int, A: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Followed | None:
-    """Displacements of a node by A u + values . q[columns] = 0, of A (m, 3) and values (m, k).
+    """Solve A u + values . q[columns] = 0, with A (m, 3) and values (m, k), for m entries of u.
 
-    None where the equations do not say m displacements of it.
+    u are the displacements of the node. None where the equations do not determine m of them. The
+    result has an entry of 0 for each, so that one that follows nothing is there and does not move.
     """
     chosen = _pivots(A)
     if chosen is None:
@@ -33,13 +34,16 @@ def solved(node: int, A: np.ndarray, columns: np.ndarray, values: np.ndarray) ->
     column = np.append(3 * node + others, columns)
     follows = -np.linalg.solve(A[:, chosen], np.hstack([A[:, others], values]))
     at_row, k = np.nonzero(follows)
-    none = np.zeros(len(A))  # of one that follows nothing: it does not move
+    zeros = np.zeros(len(A))
     rows = np.append(3 * node + chosen[at_row], 3 * node + chosen)
-    return rows, np.append(column[k], 3 * node + chosen), np.append(follows[at_row, k], none)
+    return rows, np.append(column[k], 3 * node + chosen), np.append(follows[at_row, k], zeros)
 
 
 def _pivots(A: np.ndarray) -> np.ndarray | None:
-    """Columns by which rows (m, 3) can be solved, the largest first; None where there are none."""
+    """Column (m,) for which each row of A (m, 3) is solved: that of its largest entry.
+
+    Rows are eliminated in their order. None where they depend on each other, or m > 3.
+    """
     if len(A) > 3:
         return None
     remaining, pivots = A.astype(float).copy(), []
@@ -56,7 +60,10 @@ def _pivots(A: np.ndarray) -> np.ndarray | None:
 
 
 def rigid(mesh: SolidMesh, c: Coupling, turns: int) -> Followed:
-    """U = u_reference + turn x (x - x_reference) in the directions of the coupling."""
+    """Nodes of a rigid coupling: u = u_reference + rotation x (x - x_reference).
+
+    In the directions of the coupling; `turns` is the column of the reference's first rotation.
+    """
     arm = mesh.nodes[c.nodes] - mesh.nodes[c.reference]
     if _on_a_line(arm):
         raise mesh.error(
@@ -94,7 +101,7 @@ def _on_a_line(arm: np.ndarray) -> bool:
 
 
 def mean(mesh: SolidMesh, c: Coupling) -> Followed:
-    """The reference node by the mean motion of the nodes."""
+    """The reference node of a distributing coupling, by the mean motion of the nodes."""
     points, weight, shape = _weighted(mesh, c)
     try:
         follows = mean_motion(points, weight, mesh.nodes[c.reference])
@@ -118,7 +125,7 @@ def mean(mesh: SolidMesh, c: Coupling) -> Followed:
 
 
 def _of_axes(node: int, A: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Followed:
-    """Solution as of `solved`, for matrices A whose axes are at right angles."""
+    """As `solved`, for A with rows at right angles, which always have a solution."""
     equations = solved(node, A, columns, values)
     assert equations is not None
     return equations
@@ -130,7 +137,10 @@ def _together(parts: list[Followed]) -> Followed:
 
 
 def turn_of_mean(mesh: SolidMesh, c: Coupling) -> sp.csr_matrix:
-    """Turn of the reference node (3 n, 3 n), in its rows, by the displacements of the nodes."""
+    """Rotation of the reference node by the displacements of all nodes: (3 n, 3 n).
+
+    Only the three rows of the reference node are not zero.
+    """
     points, weight, shape = _weighted(mesh, c)
     n = len(mesh.nodes)
     total = sp.csr_matrix((3 * n, 3 * n))
@@ -146,7 +156,7 @@ def turn_of_mean(mesh: SolidMesh, c: Coupling) -> sp.csr_matrix:
 
 
 def _weighted(mesh: SolidMesh, c: Coupling) -> tuple[np.ndarray, np.ndarray, sp.csr_matrix]:
-    """Points of a distributing coupling, their weights, their displacements by the nodes'."""
+    """Points (p, 3) of a distributing coupling, weights (p,), and shape functions (p, n) there."""
     if len(c.faces):
         surface, _ = facets_of(mesh, c.faces, c.name).gauss_points(GAUSS)
         return surface.points, surface.area, surface.shape

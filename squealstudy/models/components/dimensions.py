@@ -20,7 +20,15 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Dimension:
-    """Powers of length, mass and time, and the unit in SI."""
+    """A dimension of numbers in model files.
+
+    Attributes
+    ----------
+    powers : tuple of int
+        Of length, mass and time.
+    unit : str
+        In SI.
+    """
 
     powers: tuple[int, int, int]
     unit: str
@@ -62,7 +70,7 @@ def dimension_of_unit(unit: str) -> Dimension:
 
 
 def extent_text(nodes: np.ndarray, unit: str) -> str:
-    """Text with the two corners of the box about nodes (n, 3)."""
+    """Bounding box of nodes (n, 3) in words, such as "from [0, 0, 0] to [80, 40, 12] mm"."""
     corners = np.array([nodes.min(axis=0), nodes.max(axis=0)])
     corners[np.abs(corners) < 1e-6 * np.ptp(nodes, axis=0).max()] = 0.0
     low, high = ("[" + ", ".join(f"{c:.6g}" for c in corner) + "]" for corner in corners)

@@ -1,4 +1,4 @@
-"""Values measured over a face of a contact: a table of points, interpolated to contact points."""
+"""Values measured over a face of a contact, interpolated from a table of places to its points."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from squealstudy.models.number_table import numbers_of, read_lines
 AXES = ("x", "y", "z")
 GAP, FACTOR = "gap", "factor"  # names of columns
 NOT_NEGATIVE = (FACTOR,)
-BEYOND_SPACINGS = 2.0  # distances of neighbours by which the outermost points may miss an edge
-STEEPEST = 0.5  # distance of neighbours along their plane over their distance: 60 degrees
-FLAT = 1e-3  # extent of places across their plane over that along it, below which they are a line
+BEYOND_SPACINGS = 2.0  # distances of neighbours that a contact point may lie off all places
+STEEPEST = 0.5  # least distance of neighbours in the plane over their distance: up to 60 degrees
+FLAT = 1e-3  # breadth of the places over their length below which they are on a line
 
 
 class FaceMap:
-    """Gaps or friction factors over places of a face, linear between them.
+    """Gaps or friction factors at places of a face, linear between them.
 
     Parameters
     ----------
     path : Path
-        A text file with one line of names, `column` and two or three of `x`, `y`, `z`, and a line
-        a place; separated by commas, semicolons, tabs or blanks.
+        A text file: a line of names, `column` and two or three of `x`, `y`, `z`, then a line for
+        each place; separated by commas, semicolons, tabs or blanks.
     size : float
-        Metres of its unit of length.
+        The file's unit of length [m].
     column : str
         GAP, in the unit of length, or FACTOR.
 
     Raises
     ------
     ModelError
-        With the line, where it is no such file; fewer than three places, or all in one line; a
-        place that is there twice with two values; a factor below zero.
+        The file is malformed (with the line); it has fewer than three places, or all on one line;
+        two places lie one above the other; a place has two values; a factor is below zero.
     """
 
     def __init__(self, path: Path, size: float, column: str = GAP) -> None:
@@ -69,14 +69,14 @@ class FaceMap:
             )
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """Values (n,), SI units, at points (n, 3) [m] of the face, in the coordinates of the file.
+        """Values (n,) in SI units at points (n, 3) [m] of the face, in the file's coordinates.
 
-        Beyond the outermost places, within twice the distance of neighbours, the nearest counts.
+        Outside the outermost places a point has the value of the nearest place.
 
         Raises
         ------
         ModelError
-            Points farther from the places than that.
+            A point is farther outside than twice the median distance of neighbouring places.
         """
         from scipy.interpolate import LinearNDInterpolator
         from scipy.spatial import cKDTree
@@ -103,7 +103,7 @@ class FaceMap:
 
 
 def _read(path: Path, column: str) -> tuple[list[str], np.ndarray]:
-    """Names of the axes, and rows (n, axes and the value)."""
+    """Names of the coordinates, and rows (n, 3 or 4) of coordinates and value."""
     (line, words), line_numbers = read_lines(path, f"x, y, {column}")
     names = [name.lower() for name in words]
     axes = [axis for axis in AXES if axis in names]
@@ -126,7 +126,7 @@ def _read(path: Path, column: str) -> tuple[list[str], np.ndarray]:
 
 
 def _once(path: Path, rows: np.ndarray, column: str) -> np.ndarray:
-    """Rows without those that say the same twice."""
+    """Rows without repetitions; ModelError where one place has two values."""
     rows = np.unique(rows, axis=0)
     points, counts = np.unique(rows[:, :-1], axis=0, return_counts=True)
     if (counts > 1).any():

@@ -1,4 +1,4 @@
-"""Faces of elements: the boundary of a mesh, and the facets of surfaces and of node sets."""
+"""Faces of elements: the boundary of a mesh, and the facets of surfaces and node sets."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ class FacetGroup:
 
 
 def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
-    """The facets of a surface, or of a node set: those of the boundary with all nodes in it.
+    """The facets of a surface, or those of the boundary with all nodes in a node set.
 
-    A surface comes first where both have the name. Outward normals follow from the order of the
-    corners, as long as no element has a negative Jacobian (`check_mesh`).
+    Where a surface and a node set have the same name, it is the surface. Outward normals follow
+    from the order of the corners, as long as no element has a negative Jacobian (`check_mesh`).
 
     Returns
     -------
     tuple of FacetGroup
-        By the number of nodes, ascending.
+        One for each number of nodes, ascending.
 
     Raises
     ------
     ModelError
-        No surface and no node set of the name; a node set with nodes of no such facet; a surface
-        with faces inside the body.
+        Neither a surface nor a node set has the name; nodes of the set belong to no such facet;
+        faces of the surface lie inside the body.
     """
     outer = boundary(mesh)
     if has_name(mesh.surfaces, name):
@@ -73,7 +73,7 @@ def facets(mesh: SolidMesh, name: str) -> tuple[FacetGroup, ...]:
 
 
 def faces_among(mesh: SolidMesh, nodes: np.ndarray) -> np.ndarray:
-    """Faces (p, 2) of the boundary all of whose nodes are among those of these places."""
+    """Faces (p, 2) of the boundary with all their nodes among those of these indices."""
     chosen = np.zeros(len(mesh.nodes), dtype=bool)
     chosen[nodes] = True
     groups = facet_groups(mesh, boundary(mesh))
@@ -82,20 +82,23 @@ def faces_among(mesh: SolidMesh, nodes: np.ndarray) -> np.ndarray:
 
 
 def boundary(mesh: SolidMesh) -> np.ndarray:
-    """Faces (p, 2) of only one element: its place, number of the face from 1; ascending."""
+    """Faces (p, 2) that belong to one element only: its index and the face's number from 1.
+
+    They are in ascending order.
+    """
     faces, corners = _all_faces(mesh)
     outer = faces[_times(corners) == 1]
     return outer[np.lexsort(outer.T[::-1])]
 
 
 def shared_too_often(mesh: SolidMesh) -> np.ndarray:
-    """Places of elements with a face that belongs to more than two elements."""
+    """Indices of elements with a face that belongs to more than two elements."""
     faces, corners = _all_faces(mesh)
     return np.unique(faces[_times(corners) > 2, 0])
 
 
 def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The boundary's faces with the given corners, and which of these there are.
+    """Find faces of the boundary by their corners.
 
     Parameters
     ----------
@@ -105,7 +108,9 @@ def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray
     Returns
     -------
     faces : ndarray (m, 2) of int
+        In the order of the mesh, each once.
     found : ndarray (p,) of bool
+        Whether the corners are those of a face of the boundary.
     """
     faces, of_mesh = _all_faces(mesh)
     outer = _times(of_mesh) == 1
@@ -118,7 +123,7 @@ def faces_with_corners(mesh: SolidMesh, corners: np.ndarray) -> tuple[np.ndarray
 
 
 def _all_faces(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray]:
-    """All faces (p, 2) of all elements, and their corners (p, 4), sorted; -1 for no fourth."""
+    """All faces (p, 2) of all elements, and their corners (p, 4), ascending; -1 for no fourth."""
     faces, corners = [np.zeros((0, 2), dtype=np.int64)], [np.zeros((0, 4), dtype=np.int64)]
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         shape, n = block.kind.shape, len(block.labels)
@@ -132,7 +137,7 @@ def _all_faces(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _times(rows: np.ndarray) -> np.ndarray:
-    """How often each row occurs among all (p,)."""
+    """How often each row occurs among all rows: (p,)."""
     if not len(rows):
         return np.zeros(0, dtype=int)
     order = np.lexsort(rows.T)
@@ -144,12 +149,12 @@ def _times(rows: np.ndarray) -> np.ndarray:
 
 
 def _among(faces: np.ndarray, wanted_faces: np.ndarray) -> np.ndarray:
-    """Which of faces (p, 2) are in the other list."""
+    """Whether faces (p, 2) are among others: (p,)."""
     return np.isin(8 * faces[:, 0] + faces[:, 1], 8 * wanted_faces[:, 0] + wanted_faces[:, 1])
 
 
 def facet_groups(mesh: SolidMesh, faces: np.ndarray) -> tuple[FacetGroup, ...]:
-    """The facets by their number of nodes."""
+    """The facets of faces (p, 2), grouped by their number of nodes, ascending."""
     parts: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
         block_faces = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]

@@ -1,4 +1,4 @@
-"""Materials of a model file: given to elements, and with values of parameters."""
+"""Materials of a model file: how elements get them, and how parameters change them."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numb
     Raises
     ------
     PlacedError
-        With the key of what is wrong; about the component where elements have no material, or one
-        that neither the model file nor its own states whole.
+        Something is wrong at a key; elements of the component have no material, or one of which
+        the model file and the mesh's file together do not state all numbers.
     """
     for label, material in table.materials.items():
         keys: KeyPath = ("components", name, "materials", label)
@@ -66,17 +66,17 @@ def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numb
 
 
 def _labels(mesh: SolidMesh) -> set[str]:
-    """Names of all materials, those among them that are not stated whole."""
+    """Names of all materials, including those of which numbers are missing."""
     return {*mesh.materials, *mesh.unfinished}
 
 
 def _quoted(label: str) -> str:
-    """A key as the model file writes it."""
+    """A key as a model file writes it: in quotes where it needs them."""
     return label if BARE.fullmatch(label) else f'"{label}"'
 
 
 def _elastic(numbers: Numbers, keys: KeyPath, mesh: SolidMesh, label: str) -> Elastic:
-    """The material at a key of the file: what stands there, and else what the mesh's file has."""
+    """The material at a key of the model file; the mesh's file gives numbers that it lacks."""
     table = numbers.file.at(keys)
     before, file = mesh.materials.get(label), mesh.unfinished.get(label)
     density = file.density if file else before.density if before else None
@@ -118,14 +118,23 @@ def _isotropic(E: float, nu: float, rho: float) -> Isotropic:
 
 
 def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: str) -> Elastic:
-    """A material with other values, SI, by keys of the file that end in E or E, 2.
+    """A material with some numbers replaced.
+
+    Parameters
+    ----------
+    material : Elastic
+    values : dict of key path -> float
+        In SI units. The paths end in E, nu, G or rho, for an orthotropic material in E and an
+        index from 0.
+    name : str
+        For messages.
 
     Raises
     ------
     PlacedError
-        A number that such a material has not.
+        The material has no such number.
     ValuesError
-        Values that no material can have.
+        No material can have these values.
     """
     if isinstance(material, Anisotropic):
         other = next((keys for keys in values if keys[4:] != ("rho",)), None)
@@ -158,7 +167,10 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
 def engineering(
     material: Elastic,
 ) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-    """E, nu and G of a material: E1 E2 E3, nu12 nu13 nu23 and G12 G13 G23 of an orthotropic one."""
+    """(E,), (nu,) and () of an isotropic material; three each of E, nu and G of an orthotropic one.
+
+    Their order is E1 E2 E3, nu12 nu13 nu23 and G12 G13 G23.
+    """
     if isinstance(material, Isotropic):
         return (material.young_modulus,), (material.poisson_ratio,), ()
     S = np.linalg.inv(material.stiffness())

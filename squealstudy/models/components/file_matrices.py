@@ -1,4 +1,4 @@
-"""Matrices of a component from files, on the nodes of a mesh."""
+"""K, M and C of a component from files, and the nodes of a mesh that they belong to."""
 
 from __future__ import annotations
 
@@ -20,27 +20,54 @@ from squealstudy.models.matrices.files import read_component_matrix, read_recove
 from squealstudy.models.matrices.labelled import LabelledMatrix
 
 Matrices = tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]  # K, M, C
-INDEPENDENT = 1e-12  # least eigenvalue of the products of such columns, each of length one
-IDENTITY = 1e-6  # how far a recovery matrix may be off for the nodes of the rows themselves
-TURN_ROUND_OFF = 1e-14
-DIGITS = 2e-5  # frequency of rigid motions over a freedom's highest, by ten digits
-MAX_NODE_SETS = 1000  # nodes that are sets of their own
-SKEW = 1e-8  # asymmetry over the largest entry: matrices are as symmetric as their digits
+INDEPENDENT = 1e-12  # least eigenvalue of the Gram matrix of independent columns of length one
+IDENTITY = 1e-6  # largest error of a recovery matrix at nodes that have rows in the matrices
+TURN_ROUND_OFF = 1e-14  # entries below become 0 after a rotation
+DIGITS = 2e-5  # frequency that ten digits leave to rigid motions, over sqrt(max K_ii / M_ii)
+MAX_NODE_SETS = 1000  # most nodes without elements that become node sets of one node each
+SKEW = 1e-8  # largest asymmetry over the largest entry: round-off of the digits of a file
 
 
 def symmetric(A: sp.spmatrix) -> sp.csr_matrix:
-    """The symmetric part of a matrix that is symmetric but for round-off."""
+    """The symmetric part of a matrix that is symmetric except for round-off."""
     return ((A + A.T) / 2).tocsr()
 
 
 def placed_matrices(
     folder: Path, units: str, name: str, table: ComponentTable, mesh: SolidMesh, turn: np.ndarray
 ) -> tuple[SolidMesh, Matrices, Expansion]:
-    """K, M and C over the degrees of freedom that they have, and how these move the mesh's nodes.
+    """Read K, M and C of a component, and place their rows on the nodes of a mesh.
 
-    Degrees of freedom are displacements of nodes, ascending, then turns of nodes, then modal
-    coordinates. The mesh is without nodes of no element that have none of them; those that are
-    left of no element are node sets NODE7 each, as long as there are few.
+    Degrees of freedom are displacements of nodes, ascending, then rotations of nodes, then modal
+    coordinates.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the model file.
+    units : str
+        Its system of units.
+    name : str
+    table : ComponentTable
+    mesh : SolidMesh
+    turn : ndarray (3, 3)
+        Rotation of the component.
+
+    Returns
+    -------
+    mesh : SolidMesh
+        Without nodes that belong neither to an element nor to a row. A node that belongs to a row
+        alone is a node set NODE7, unless there are too many.
+    matrices : K, M and C (n, n)
+        In SI units; C is None without a file.
+    expansion : Expansion
+        Displacements and rotations of the nodes from the degrees of freedom.
+
+    Raises
+    ------
+    PlacedError
+        A file cannot be read or does not fit the mesh; a matrix is not symmetric, or cannot be
+        rotated.
     """
     freedoms = FreedomsOf(mesh, str(table.nodes))
     read: list[tuple[sp.csr_matrix, np.ndarray]] = []
@@ -106,9 +133,9 @@ def placed_matrices(
 
 
 def _scales(M: sp.csr_matrix, displacement_dofs: np.ndarray) -> sp.dia_matrix:
-    """Scales of turns and modal coordinates, so that they weigh as displacements do.
+    """Scales of rotations and modal coordinates that make their masses like those of displacements.
 
-    A superelement's modal masses of 1 t beside nodes of some mg leave solvers few digits.
+    Solvers lose digits where modal masses of 1 t stand beside nodes of some mg.
     """
     mass, of_nodes = M.diagonal(), displacement_dofs >= 0
     scale = np.ones(len(mass))
@@ -122,9 +149,9 @@ def _scales(M: sp.csr_matrix, displacement_dofs: np.ndarray) -> sp.dia_matrix:
 def _with_rows(
     mesh: SolidMesh, read: list[tuple[sp.csr_matrix, np.ndarray]]
 ) -> tuple[SolidMesh, list[tuple[sp.csr_matrix, np.ndarray]]]:
-    """The mesh without nodes that neither elements nor matrices have; the rows by its nodes.
+    """The mesh without nodes that belong neither to elements nor to rows; rows numbered by it.
 
-    Of a file without elements all nodes are kept.
+    All nodes of a file without elements stay.
     """
     n = len(mesh.nodes)
     every = np.concatenate([rows for _, rows in read])
@@ -133,7 +160,7 @@ def _with_rows(
     bare = mesh.bare
     if not bare.any():
         return mesh, read
-    named |= not mesh.blocks  # a file of nodes alone has those that are meant
+    named |= not mesh.blocks  # all nodes of a file without elements are meant
     node_at = np.cumsum(named | ~bare) - 1
     count = int((named | ~bare).sum())
     renumbered = []
@@ -154,7 +181,7 @@ def _with_rows(
 def _turning(
     name: str, turn: np.ndarray, n: int, coordinates: np.ndarray, turning: np.ndarray, count: int
 ) -> sp.csr_matrix:
-    """Matrix (count, count) that turns degrees of freedom with the part; modal coordinates stay."""
+    """Matrix (count, count) that rotates degrees of freedom of nodes, not modal coordinates."""
     for places in (coordinates, turning):
         is_turning = np.zeros(n, dtype=bool)
         is_turning[places] = True
@@ -187,7 +214,8 @@ def _recovered(
 ) -> sp.csr_matrix:
     """Displacements of all nodes from degrees of freedom, by the recovery matrix of a file.
 
-    `of_nodes_in_si` is what a displacement and a turn of nodes are in SI, per unit of length.
+    `of_nodes_in_si` (m,) has the factors on the columns of displacements and rotations of nodes
+    that make lengths of the file metres.
     """
     keys: KeyPath = ("components", name, "recovery")
     path = folder / str(table.file_of("recovery"))
@@ -219,8 +247,8 @@ def _recovered(
     if len(gram) and np.linalg.eigvalsh(gram / np.outer(size, size))[0] < INDEPENDENT:
         raise PlacedError(
             keys,
-            f"{path.name}: its columns of degrees of freedom that are at no node depend on each "
-            "other: expected a motion of its own for each",
+            f"{path.name}: its columns of modal coordinates depend on each other: expected a "
+            "different motion for each",
         )
     R = R.tolil()
     R[of_nodes] = E[of_nodes]
@@ -235,9 +263,9 @@ def _named_freedoms(
     keys: KeyPath,
     scalars: dict[int, int],
 ) -> np.ndarray:
-    """Degree of freedom of each row of a matrix that names them, as of `read_map`.
+    """Degree of freedom of each row of a matrix that names nodes and directions, as in `read_map`.
 
-    Scalar points are modal coordinates in the order in which they are met.
+    Scalar points are modal coordinates, numbered in the order in which they first occur.
     """
     if table.dof is not None:
         raise PlacedError(
@@ -270,7 +298,7 @@ def _freedoms(
     key: str,
     freedoms: FreedomsOf,
 ) -> np.ndarray:
-    """Degree of freedom of each row of the matrix of a key (count,), as of `read_map`."""
+    """Degree of freedom (count,) of each row of a matrix without names, as in `read_map`."""
     file = table.file_of(key)
     if table.dof is None:
         n_nodes = int((~mesh.bare).sum())
@@ -299,12 +327,12 @@ def _freedoms(
 
 
 def least_frequency(K: sp.csr_matrix, M: sp.csr_matrix) -> float:
-    """Below this [rad/s] a frequency is that of a rigid motion, to the ten digits of a file."""
+    """Frequency [rad/s] below which a mode is rigid, as far as the ten digits of a file tell."""
     return float(DIGITS * np.sqrt((np.abs(K.diagonal()) / M.diagonal()).max()))
 
 
 def check_definite(name: str, K: sp.csr_matrix, M: sp.csr_matrix) -> None:
-    """PlacedError where matrices of a file are no component's: M or K has a negative direction."""
+    """Raise PlacedError where M is not positive definite, or K not positive semi-definite."""
     shift = least_frequency(K, M) ** 2
     for key, A, what in (("M", M, "definite"), ("K", K + shift * M, "semi-definite")):
         if not is_definite(A):

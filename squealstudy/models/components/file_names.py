@@ -1,4 +1,4 @@
-"""Names of a model file: each of one thing, and of what turns; known without meshes."""
+"""Checks of the names in a model file that need no mesh: each is unique, and the rotor exists."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Sequence
 from squealstudy.models.components.model_file import GROUND, ModelFile
 from squealstudy.models.file_table import KeyPath, PlacedError
 
+# tables whose names must differ: columns of energies and paths of parameters are named by them
 TOGETHER = (("contact", "tie", "coupling", "layer", "spring"), ("point_mass",), ("load",))
-# of those together springs have energies, and all of them parameters, by their names
 
 
 def check_names(file: ModelFile) -> None:
-    """Look at the names of a file.
+    """Check the names of a model file.
 
     Raises
     ------
     PlacedError
-        A name that two tables have; a rotor that is not there, or that may be either of two
-        components; a component that slides on itself.
+        Two tables have the same name; the rotor does not exist, or could be either of two
+        components; a component slides on itself.
     """
     for kinds in TOGETHER:
         owner: dict[str, str] = {}
@@ -26,9 +26,9 @@ def check_names(file: ModelFile) -> None:
             for i in range(len(file.at((kind,)))):
                 name, entry = file.name_of(kind, i), f"{kind}[{i + 1}]"
                 if owner.setdefault(name, entry) != entry:
-                    text = f"'{name}' is the name of {owner[name]} already: what is theirs would "
+                    text = f"'{name}' is the name of {owner[name]} already: "
                     keys: KeyPath = (kind, i, "name")
-                    raise PlacedError(keys, text + "be mixed; choose another name")
+                    raise PlacedError(keys, text + "choose another name")
     _check_rotor(file)
 
 
@@ -61,7 +61,7 @@ def _check_rotor(file: ModelFile) -> None:
 
 
 def between(names: Sequence[str], keys: KeyPath) -> tuple[str, str | None]:
-    """A set and another one, None in place of ground; PlacedError where both are the same."""
+    """A set, and the other one or None for ground. PlacedError where both are the same."""
     set_names = [name for name in names if name.casefold() != GROUND]
     if not set_names:
         raise PlacedError((*keys, "between"), "expected COMPONENT.SET, got ground twice")

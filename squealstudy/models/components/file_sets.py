@@ -1,4 +1,4 @@
-"""Sets of a model file: outer faces of a mesh by where they are and where they look."""
+"""Sets of a model file: outer faces of a mesh, chosen by their position and normal."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.components.set_names import has_name
 from squealstudy.models.file_table import KeyPath, PlacedError
 
-# of the longest side of the mesh: how far nodes may be off a plane or a cylinder
+# distance that nodes may be off a box, plane or cylinder, over the longest side of the mesh
 PLACE_TOLERANCE_OVER_SIDE = 1e-3
 
 
 def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> SolidMesh:
-    """The mesh, in SI and where its file has it, with the surfaces of the model file.
+    """Add the sets of a model file to a mesh, as surfaces.
+
+    `mesh` is in SI units and in the coordinates of its file.
 
     Raises
     ------
     PlacedError
-        With the key of the file: a name that is there already, a direction of zero, a set that
-        selects nothing.
+        The mesh has a set of the name already; a direction is zero; a set selects no face.
     """
     if not table.sets:
         return mesh
@@ -58,7 +59,7 @@ def with_sets(mesh: SolidMesh, name: str, table: ComponentTable, units: str) -> 
 
 
 def _outer(mesh: SolidMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Outer faces (p, 2), their nodes (p, 8), of which the last repeat, and outward normals."""
+    """Outer faces (p, 2), their nodes (p, 8), the last one repeated, and outward normals (p, 3)."""
     outer = boundary(mesh)
     faces, nodes, normals = [], [], []
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
@@ -89,9 +90,10 @@ def _conditions(
     size: float,
     keys: KeyPath,
 ) -> list[tuple[str, np.ndarray, np.ndarray, str]]:
-    """Conditions of each key: its name, faces (p,) that fulfil it, how far they are off, the unit.
+    """The conditions of a set, one for each of its keys.
 
-    No unit: that of lengths of the model file.
+    Each is its name in messages, whether faces fulfil it (p,), how far they are off (p,), and the
+    unit of that; an empty unit is the model file's unit of length.
     """
     x = mesh.nodes[nodes]
     tolerance = PLACE_TOLERANCE_OVER_SIDE * float(np.ptp(mesh.nodes, axis=0).max())

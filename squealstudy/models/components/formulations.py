@@ -25,16 +25,16 @@ class Rule:
 
 @dataclass(frozen=True)
 class Formulation:
-    """An element.
+    """An element formulation.
 
     Attributes
     ----------
     name : str
-        As files have it; ``C3D8_BBAR`` is what Abaqus calls C3D8.
+        As in keyword files; ``C3D8_BBAR`` is what Abaqus calls C3D8.
     shape : Shape
     stiffness, mass : str
-        Rules of `rule`, for the stiffness and for the full mass. CalculiX integrates the mass
-        with the points of the stiffness: `MassRule` "as_stiffness".
+        Names of rules of `integration`, for the stiffness and for the full mass. CalculiX
+        integrates the mass at the points of the stiffness: `MassRule` "as_stiffness".
     strains : str
         plain; mean_dilatation: the change of volume is the element's mean (B-bar; Hughes 1980);
         incompatible: nine inner displacements, condensed (Taylor, Beresford, Wilson 1976).
@@ -50,12 +50,15 @@ class Formulation:
     verified: str = "K and M by CalculiX"
 
     def mass_rule(self, rule: MassRule) -> Rule:
-        """Integration points of the mass."""
+        """Integration rule of the consistent mass matrix."""
         return integration(self.stiffness if rule == "as_stiffness" else self.mass)
 
     @property
     def condensed(self) -> bool:
-        """Whether the stiffness is not linear in each modulus, but in a factor of all."""
+        """Whether inner displacements are condensed.
+
+        The stiffness is then not linear in the single moduli, only in a factor on all of them.
+        """
         return self.strains == "incompatible"
 
 
@@ -66,8 +69,10 @@ def _line(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def integration(name: str) -> Rule:
-    """Rule of a name: hex2 has 2 x 2 x 2 Gauss points, wedge3x2 three in each triangle and two
-    along the edge, tet4 four, pyramid2 two along each edge of a brick whose top is one point.
+    """Integration rule of a name.
+
+    hex2 has 2 x 2 x 2 Gauss points, tet4 has four points, wedge3x2 has three in each triangle and
+    two along the axis, pyramid2 has the 2 x 2 x 2 points of a brick with a top shrunk to a point.
     """
     from skfem import refdom
     from skfem.quadrature import get_quadrature

@@ -1,8 +1,8 @@
-"""Free modes of a component: which are rigid, and a table of what was measured of the others.
+"""Free modes of a component: how many are rigid, and measured values of the elastic ones.
 
-The table is a CSV file with a header: ``frequency_hz``, ``damping_ratio`` or both, and ``mode``,
-the number of the component mode as in sweeps, rigid ones counted. Without ``mode`` a measured
-frequency belongs to the nearest elastic mode.
+Measured values are in a CSV file with a header: ``frequency_hz``, ``damping_ratio`` or both, and
+``mode``, the number of the component mode as in sweeps, counted from the first rigid mode. Without
+``mode`` a measured frequency belongs to the nearest elastic mode.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from squealstudy.models.components.file_matrices import least_frequency
 from squealstudy.models.file_table import PlacedError
 
 MODE, FREQUENCY, DAMPING_RATIO = COLUMNS = ("mode", "frequency_hz", "damping_ratio")
-# of the frequency: a measured mode without number has no partner beyond
+# relative difference of measured and computed frequency up to which they may be the same mode
 MAX_PARTNER_REL_DISTANCE = 0.1
 
 
 @dataclass(frozen=True)
 class MeasuredLine:
-    """A line of the table.
+    """A line of the table of measured modes.
 
     Attributes
     ----------
     line : int
+        Its number in the file, from 1.
     mode : int or None
-        None: it is found by its frequency.
+        Number of the component mode from 1. None: the mode is found by its frequency.
     frequency_hz, damping_ratio : float or None
-        None: as computed.
+        None where not measured.
     """
 
     line: int
@@ -48,12 +49,12 @@ class MeasuredLine:
 
 
 def read_mode_table(path: Path) -> tuple[MeasuredLine, ...]:
-    """The lines of a table.
+    """Read the table of measured modes.
 
     Raises
     ------
     ModelError
-        With file and line.
+        The file cannot be read, has no lines, or has a wrong one.
     """
     try:
         text = read_whole(path, OF_LINES).decode("utf-8-sig")
@@ -111,13 +112,13 @@ def _mode(cells: Mapping[str, str], line: int, where: str) -> MeasuredLine:
     return MeasuredLine(line, None if mode is None else int(mode), hz, zeta)
 
 
-FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz
+FIRST_CUTOFF, LAST_CUTOFF = 2000.0, 64_000.0  # Hz, between which the cutoff is doubled
 
 
 def first_elastic(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies [Hz] (m,) and shapes (n, m) of the first free modes that are not rigid.
+    """Frequencies [Hz] (m,) and shapes (n, m) of the first `count` elastic free modes.
 
-    Fewer than `count` where there are no more up to LAST_CUTOFF.
+    m is less than `count` where there are no more modes up to LAST_CUTOFF.
     """
     cutoff = first_cutoff(K, M)
     while True:
@@ -129,10 +130,10 @@ def first_elastic(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[np.nd
 
 
 def first_cutoff(K: sp.csr_matrix, M: sp.csr_matrix) -> float:
-    """Frequency [Hz] up to which free modes are looked for first: FIRST_CUTOFF, of most parts.
+    """Frequency [Hz] up to which free modes are computed first.
 
-    Less where most of all modes would lie below, as of a density in other units: a fifth of what
-    the stiffest coordinate is by itself, over the coordinates along a side.
+    FIRST_CUTOFF for most parts. It is lower where it would include most modes of the model, as with
+    a density in wrong units: sqrt(max K_ii / M_ii) / (2 pi) / (5 n^(1/3)), for n nodes.
     """
     diagonal = np.abs(M.diagonal())
     ratios = np.abs(K.diagonal()) / np.where(diagonal > 0, diagonal, np.inf)
@@ -142,9 +143,10 @@ def first_cutoff(K: sp.csr_matrix, M: sp.csr_matrix) -> float:
 
 
 def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
-    """Modes [rad/s] below 1 Hz, or that are zero to the ten digits of matrices in files.
+    """Number of rigid modes among angular frequencies omega [rad/s].
 
-    Of a part whose modes are all slow, below a 2,000th of its `first_cutoff`.
+    Rigid are modes below `first_cutoff` / 2000, which is 1 Hz for most parts, and those below
+    `least_frequency`.
     """
     slow = 2 * np.pi * first_cutoff(K, M) / FIRST_CUTOFF
     return int((omega < max(slow, least_frequency(K, M))).sum())
@@ -152,15 +154,15 @@ def rigid_count(K: sp.csr_matrix, M: sp.csr_matrix, omega: np.ndarray) -> int:
 
 @dataclass(frozen=True)
 class MeasuredMode:
-    """A component mode and what was measured of it.
+    """A component mode with measured values.
 
     Attributes
     ----------
     number : int
-        As in sweeps.
+        As in sweeps, from 1.
     computed_hz : float
     frequency_hz, damping_ratio : float or None
-        None: not measured.
+        Measured; None where not measured.
     """
 
     number: int
@@ -170,25 +172,24 @@ class MeasuredMode:
 
     @property
     def frequency_scale(self) -> float | None:
-        """Factor on the computed frequency."""
+        """Measured over computed frequency; None where it is not measured."""
         return None if self.frequency_hz is None else self.frequency_hz / self.computed_hz
 
 
 def measured_modes(
     path: Path, K: sp.csr_matrix, M: sp.csr_matrix, cutoff_hz: float
 ) -> list[MeasuredMode]:
-    """Measured free modes of a component up to a cutoff, from a table.
+    """Measured modes of a table whose computed frequency is up to a cutoff [Hz].
 
     Raises
     ------
     ModelError
-        With file and line: as `read_mode_table`; a rigid mode; two lines of one mode; a frequency
-        that no mode is near.
+        As in `read_mode_table`; a line is about a rigid mode; two lines are about the same mode;
+        no mode is near a frequency.
     """
     table = read_mode_table(path)
-    omega, _ = real_modes(
-        M, K, (1.0 + MAX_PARTNER_REL_DISTANCE) * cutoff_hz
-    )  # a measured one may be near the next
+    # a mode above the cutoff may be the nearest to a measured frequency
+    omega, _ = real_modes(M, K, (1.0 + MAX_PARTNER_REL_DISTANCE) * cutoff_hz)
     rigid, hz = rigid_count(K, M, omega), omega / (2 * np.pi)
     line_of: dict[int, MeasuredLine] = {}
     for row in table:
@@ -213,12 +214,12 @@ def measured_modes(
 def tabled_modes(
     brake: Brake, name: str, K: sp.csr_matrix, M: sp.csr_matrix, cutoff_hz: float
 ) -> list[MeasuredMode]:
-    """Measured modes of a component of a model file; none where it has no table of them.
+    """Measured modes of a component of a model file; none where it names no table.
 
     Raises
     ------
     PlacedError
-        What is wrong with the table, or a component that is held.
+        The table is wrong, or [[fixed]] holds the component.
     """
     table, keys = brake.file.components[name].measured, ("components", name, "measured")
     if table is None:
@@ -234,7 +235,7 @@ def tabled_modes(
 
 
 def _nearest(row: MeasuredLine, hz: np.ndarray, rigid: int, where: str) -> int | None:
-    """Number of the elastic mode nearest in frequency; None where it may be beyond those known."""
+    """Number of the elastic mode nearest in frequency; None if it may be above those computed."""
     assert row.frequency_hz is not None
     rel_distance = np.abs(hz[rigid:] / row.frequency_hz - 1.0)
     if len(rel_distance) and rel_distance.min() <= MAX_PARTNER_REL_DISTANCE:

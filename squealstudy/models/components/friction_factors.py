@@ -1,4 +1,4 @@
-"""Friction coefficients of contact points over the parameter `friction`."""
+"""Friction factors: friction coefficients of contact points over the parameter `friction`."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ FACTOR_KEY, SPREAD_KEY, SEED_KEY = "friction_factor", "friction_spread", "fricti
 
 
 def friction_factors(geometry: Geometry, numbers: Numbers, number: int) -> np.ndarray:
-    """Factors (n,) at the points of a sliding contact.
+    """Friction factors (n,) at the points of a sliding contact; 1 where the file states none.
 
-    Those over the face deviate from their mean over it by `friction_spread` times as much.
+    `friction_spread` multiplies the deviation of factors over a face from their mean.
 
     Raises
     ------
     PlacedError
-        A file of factors that cannot be used; a random field over too many points; numbers of the
-        file by which some factors are below zero.
+        A file of factors cannot be used; a random field has too many points; factors are below
+        zero by numbers of the model file.
     ValuesError
-        Such numbers of parameters; a seed that is no whole number.
+        Factors are below zero by a parameter of the study; a seed is no whole number.
     """
     table, pair = geometry.file.contact[number], geometry.contacts[number]
     if not isinstance(table.friction_factor, FrictionTable):
@@ -57,12 +57,12 @@ def friction_factors(geometry: Geometry, numbers: Numbers, number: int) -> np.nd
 
 
 def over_face(geometry: Geometry, number: int, seed: int) -> np.ndarray:
-    """Factors (n,) of a contact that varies over its face, before they are spread.
+    """Friction factors (n,) that vary over a face, before `friction_spread`.
 
     Raises
     ------
     PlacedError
-        A file of factors that cannot be used; a random field over too many points.
+        A file of factors cannot be used; a random field has too many points.
     """
     table, pair = geometry.file.contact[number], geometry.contacts[number]
     factor = table.friction_factor
@@ -80,12 +80,12 @@ def over_face(geometry: Geometry, number: int, seed: int) -> np.ndarray:
 
 
 def mean_and_largest(geometry: Geometry, number: int, seed: int) -> tuple[float, float]:
-    """Mean over the area and largest factor of a contact that varies over its face.
+    """Mean over the area, and largest, of friction factors that vary over a face.
 
     Raises
     ------
     PlacedError
-        As `over_face`.
+        As in `over_face`.
     """
     factors, area = over_face(geometry, number, seed), geometry.contacts[number].slave.area
     return float(np.average(factors, weights=area)), float(factors.max())

@@ -1,4 +1,4 @@
-"""Components from meshes of gmsh (``.msh`` 2.2 and 4.1) by meshio; their groups are sets."""
+"""Components from meshes of gmsh (``.msh`` 2.2 and 4.1), read by meshio; groups become sets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SOLIDS = {
     "hexahedron20": "C3D20",
 }
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}  # of facets
-LESSER = ("vertex", "line", "line3")
+LESSER = ("vertex", "line", "line3")  # cells whose groups are node sets alone
 DIMENSIONS = ("points", "curves", "surfaces", "volumes")
 NAMES = re.compile(rb"\$PhysicalNames\s+(.*?)\$EndPhysicalNames", re.S)
 NAME = re.compile(rb'^[ \t]*([0-3])[ \t]+(\d+)[ \t]+"(.*)"[ \t]*\r?$', re.M)
@@ -42,11 +42,12 @@ ADVICE = {
 
 
 def read_gmsh(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidMesh:
-    """A component from a mesh of gmsh, in its units, without materials.
+    """Read a component from a mesh of gmsh, in the units of the file, without materials.
 
     Named physical groups of volumes are element sets, those of surfaces are surfaces and node sets,
     those of curves and points are node sets. A group without a name has its number as name. Nodes
-    and elements are numbered from 1 in the order of the file, not by its tags.
+    are numbered from 1 in the order of the file, not by its tags; so are elements, one formulation
+    after the other.
 
     Parameters
     ----------
@@ -57,19 +58,19 @@ def read_gmsh(path: Path, *, treat_as: Mapping[str, str] | None = None) -> Solid
     Returns
     -------
     SolidMesh
-        `passed_over` lists facets of groups that lie inside the body, and nodes of no element.
+        `passed_over` lists facets that are not on the boundary, and nodes of no solid element.
 
     Raises
     ------
     ModelError
-        A file that cannot be read; elements that are not supported; no solid elements; two groups
-        of one name.
+        The file cannot be read; elements, or words of `treat_as`, are not supported; there is no
+        solid element; two groups have the same name.
     """
     return mesh_of_cells(path, _read(path), treat_as or {})
 
 
 def mesh_of_cells(path: Path, meshio_mesh: Any, treat_as: Mapping[str, str]) -> SolidMesh:
-    """The component of what meshio has read, as of `read_gmsh`."""
+    """The component of a mesh of meshio, as in `read_gmsh`."""
     names = _formulations(path, treat_as)
     for block in meshio_mesh.cells:
         if block.type not in (*SOLIDS, *CORNERS, *LESSER):
@@ -100,13 +101,14 @@ def _formulations(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
     for old, new in treat_as.items():
         if old not in element_names or new not in FORMULATIONS:
             raise ModelError(
-                f"{path}: treat_as {old} = '{new}': expected one of {', '.join(element_names)}"
+                f"{path}: treat_as {old} = '{new}': expected one of {', '.join(element_names)} "
+                f"and a formulation of {', '.join(FORMULATIONS)}"
             )
     return {kind: treat_as.get(name, name) for kind, name in SOLIDS.items()}
 
 
 def know_cells() -> None:
-    """Meshio 5.3.5 reads wedges with 15 nodes, pyramids with 13, but for their dimensions."""
+    """Tell meshio that wedge15 and pyramid13 are volumes: version 5.3.5 does not know it."""
     import meshio
 
     for kind in ("wedge15", "pyramid13"):
@@ -140,25 +142,25 @@ def _read(path: Path) -> Any:
 
 
 def _check_names(path: Path) -> None:
-    """Raise ModelError for a name that two groups have: meshio knows groups by name alone."""
+    """Raise ModelError where two groups have the same name, by which alone meshio knows them."""
     section = NAMES.search(read_whole(path))
     group_of: dict[bytes, tuple[int, int]] = {}
     for dimension, tag, name in NAME.findall(section[1]) if section else ():
         group = int(dimension), int(tag)
         other = group_of.setdefault(name, group)
         if other != group:
-            (first_name, first), (second_name, second) = other, group
+            (first_dim, first), (second_dim, second) = other, group
             raise ModelError(
                 f"{path}: two physical groups are named '{name.decode(errors='replace')}', of "
-                f"{DIMENSIONS[first_name]} ({first}) and of {DIMENSIONS[second_name]} ({second}): "
+                f"{DIMENSIONS[first_dim]} ({first}) and of {DIMENSIONS[second_dim]} ({second}): "
                 "give them different names"
             )
 
 
 def _groups(meshio_mesh: Any) -> list[dict[str, np.ndarray]]:
-    """For each block of cells the cells in each named physical group.
+    """For each block of cells: the cells in each physical group, by its name.
 
-    Format 4.1 has them as sets; in 2.2 a cell has the number of one group.
+    Format 4.1 has groups as sets; in 2.2 each cell has the number of one group.
     """
     named = {(int(tag), int(dim)): name for name, (tag, dim) in meshio_mesh.field_data.items()}
     numbers = meshio_mesh.cell_data.get("gmsh:physical")
@@ -180,7 +182,7 @@ def _groups(meshio_mesh: Any) -> list[dict[str, np.ndarray]]:
 def _solids(
     meshio_mesh: Any, groups: list[dict[str, np.ndarray]], names: Mapping[str, str]
 ) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
-    """Blocks by formulation, and element sets. In 2.2 a cell of two groups is there twice."""
+    """Blocks by formulation, and element sets. Format 2.2 lists a cell of two groups twice."""
     cells: dict[str, list[np.ndarray]] = {}
     in_groups: dict[str, list[tuple[str, np.ndarray]]] = {}
     for block, cells_of in zip(meshio_mesh.cells, groups, strict=True):
@@ -210,7 +212,7 @@ def _solids(
 def _with_facets(
     mesh: SolidMesh, meshio_mesh: Any, groups: list[dict[str, np.ndarray]]
 ) -> SolidMesh:
-    """With surfaces and node sets from the groups of facets, curves and points."""
+    """Add surfaces and node sets from the groups of facets, curves and points."""
     corners: dict[str, list[np.ndarray]] = {}
     nodes: dict[str, list[np.ndarray]] = {}
     for block, cells_of in zip(meshio_mesh.cells, groups, strict=True):

@@ -1,6 +1,6 @@
-"""Counts that a mesh of gmsh states, held against its lines: meshio believes them.
+"""Checks of the counts that headers in a mesh of gmsh state: meshio does not check them.
 
-Of text files, formats 2.2 and 4.1. A binary file holds as many bytes as it states, or fails.
+For text files of formats 2.2 and 4.1. Reading a binary file with wrong counts fails by itself.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from squealstudy.files import expect_room, read_whole
 
 FORMAT = re.compile(rb"\$MeshFormat\s+(\S+)\s+(\d+)")
 SECTION = r"^[ \t]*\${0}[ \t]*\r?\n(.*?)^[ \t]*\$End{0}"
-WORD_BYTES = 100  # of memory for a word in a list of a line
+WORD_BYTES = 100  # memory of a word in a list of words
 MOST_SHOWN = 5  # numbers in a message
-Number = int | tuple[int, ...]  # of a name with its dimension
+Number = int | tuple[int, ...]  # of a node or element; dimension and number of a name or entity
 
 
 def check_counts(path: Path) -> None:
-    """Raise ModelError where sections are not what their headers state: a line less is lost unsaid.
+    """Raise ModelError where a section has more or fewer lines than its header states.
 
-    Also where two nodes, two elements or two names have one number.
+    Also where two nodes, elements, names or entities have the same number.
     """
     content = _content(path)
     header = FORMAT.search(content)
@@ -62,13 +62,13 @@ def _content(path: Path) -> bytes:
 
 
 def _in_a_list(lines: Sequence[list[bytes]], word: str) -> list[int]:
-    """Numbers of nodes or elements of format 2.2; ValueError where they are not as many."""
+    """Numbers of nodes or elements of format 2.2; ValueError where the header's count is wrong."""
     rows = _stated(lines, word)
     return [_whole_numbers(rows, k, 1)[0] for k in range(len(rows))]
 
 
 def _names(lines: Sequence[list[bytes]], word: str) -> list[Number]:
-    """Dimensions and numbers of physical names; ValueError where they are not as many."""
+    """Dimensions and numbers of physical names; ValueError where the header's count is wrong."""
     rows = _stated(lines, word)
     return [tuple(_whole_numbers(rows, k, 2)) for k in range(len(rows))]
 
@@ -82,7 +82,7 @@ def _stated(lines: Sequence[list[bytes]], word: str) -> Sequence[list[bytes]]:
 
 
 def _entities(lines: Sequence[list[bytes]], _: str) -> list[Number]:
-    """Dimensions and numbers of points to volumes; ValueError where they are not as many."""
+    """Dimensions and numbers of points to volumes; ValueError where the header's count is wrong."""
     stated, rows = _whole_numbers(lines, 0, 4), lines[1:]
     if sum(stated) != len(rows):
         raise ValueError(f"its header states {sum(stated)} entities, there are {len(rows)}")
@@ -91,7 +91,7 @@ def _entities(lines: Sequence[list[bytes]], _: str) -> list[Number]:
 
 
 def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
-    """Numbers of nodes or elements of format 4.1; ValueError where they are not as many."""
+    """Numbers of nodes or elements of format 4.1; ValueError where a header's count is wrong."""
     n_blocks, stated = _whole_numbers(lines, 0, 2)
     numbers: list[int] = []
     line_number = 1
@@ -117,9 +117,9 @@ def _in_blocks(lines: Sequence[list[bytes]], word: str) -> list[int]:
 
 
 def _whole_numbers(lines: Sequence[list[bytes]], line_number: int, count: int) -> list[int]:
-    """The first whole numbers of a line, not negative; ValueError where there are none."""
+    """The first `count` words of a line as whole numbers from 0; ValueError where they are not."""
     if line_number >= len(lines):
-        raise ValueError("it ends before the last that its header states")
+        raise ValueError("it has fewer lines than its header states")
     words = lines[line_number][:count]
     if len(words) < count or not all(word.isdigit() for word in words):
         line_text = b" ".join(lines[line_number])[:40].decode(errors="replace")

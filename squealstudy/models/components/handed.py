@@ -1,4 +1,4 @@
-"""Left-handed elements, as mirrored half models have them, brought into the order of the others."""
+"""Left-handed elements, as in mirrored half models, put into the right-handed order of nodes."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from squealstudy.models.element_shapes import SHAPES
 
 
 def righted(mesh: SolidMesh) -> SolidMesh:
-    """The mesh with the nodes of left-handed elements in the mirrored order, which is told.
+    """The mesh with the nodes of left-handed elements in the mirrored order.
 
-    An element is left-handed where its Jacobian is negative at all points of integration: it has
-    the same nodes and the same functions either way. Faces of surfaces follow.
+    An element is left-handed if its Jacobian is negative at all integration points. The mirrored
+    order describes the same element. Surfaces keep their faces, and `passed_over` gets a note.
     """
     blocks = list(mesh.blocks)
     surfaces = {name: faces.copy() for name, faces in mesh.surfaces.items()}
@@ -57,7 +57,7 @@ def righted(mesh: SolidMesh) -> SolidMesh:
 
 
 def _left_handed(mesh: SolidMesh, b: int) -> np.ndarray:
-    """Which elements of a block are."""
+    """Whether elements of a block are left-handed: (n,)."""
     block = mesh.blocks[b]
     _, dN = block.kind.shape.functions(integration(block.kind.stiffness).points)
     is_left_handed = np.zeros(len(block.labels), dtype=bool)
@@ -70,9 +70,9 @@ def _left_handed(mesh: SolidMesh, b: int) -> np.ndarray:
 
 @cache
 def _mirrored(shape: str) -> tuple[np.ndarray, np.ndarray]:
-    """Order of the nodes with the first two reference coordinates exchanged.
+    """Order of the nodes with the first two reference coordinates exchanged, and the new faces.
 
-    And the number of each face, from 1, in that order.
+    The new number of each face counts from 1.
     """
     local, faces = SHAPES[shape].places, SHAPES[shape].faces
     exchanged = local[:, [1, 0, 2]]

@@ -37,7 +37,7 @@ OF_ASSEMBLY = ("NSET", "ELSET", "SURFACE", "ORIENTATION", *KEYWORDS, *EQUATIONS)
 
 @dataclass
 class Instance:
-    """An ``*INSTANCE``: its own card, and what stands up to its end."""
+    """An ``*INSTANCE``: its own card, and the cards up to its end."""
 
     card: Card
     cards: list[Card] = field(default_factory=list)
@@ -45,9 +45,24 @@ class Instance:
 
 @dataclass
 class Contents:
-    """The cards of a file by where they stand."""
+    """The cards of a file, sorted by where they stand. Names are in capitals.
 
-    model: list[Card] = field(default_factory=list)  # of a file without parts
+    Attributes
+    ----------
+    model : list of Card
+        Outside of parts and assembly.
+    parts : dict of str -> list of Card
+    instances : dict of str -> Instance
+    assembly : list of Card
+        Of the assembly itself, without instances.
+    materials : dict of str -> MaterialText
+    passed_over : list of PassedOver
+    refused : list of Refused
+    abaqus : bool
+        Whether the file has parts or an assembly, which CalculiX does not have.
+    """
+
+    model: list[Card] = field(default_factory=list)
     parts: dict[str, list[Card]] = field(default_factory=dict)
     instances: dict[str, Instance] = field(default_factory=dict)
     assembly: list[Card] = field(default_factory=list)
@@ -67,37 +82,39 @@ def read_inp(
     temperature: float | None = None,
     points: bool = False,
 ) -> SolidMesh:
-    """A component from a file of Abaqus or CalculiX, in its units.
+    """Read a component from a file of Abaqus or CalculiX, in the units of the file.
 
     Parameters
     ----------
     path : Path
     part : str or None
-        Which instance of an assembly, placed as the file says; in a file without parts an element
-        set. Needed where there are several instances.
+        An instance of the assembly, which is placed as the file says; a part, in a file without
+        instances; an element set, in a file without parts. Needed where there are several
+        instances or parts.
     dialect : str or None
-        abaqus or calculix: whose C3D8 it is (`C3D8_BBAR` or `C3D8`). By default abaqus where the
-        file has parts.
+        abaqus or calculix, whose C3D8 differ (`C3D8_BBAR` and `C3D8`). By default abaqus where the
+        file has parts or an assembly.
     treat_as : dict of str -> str
-        Elements of the file and the formulation to read them as, such as C3D8R as C3D8I. Plane
-        elements and shells can be "faces": their element sets become surfaces of the solids.
+        Formulation by type of element, such as C3D8I for C3D8R. For plane elements and shells it
+        can be "faces": their element sets become surfaces of the solids.
     pass_over : collection of str
-        Keywords, and elements that are no solids, to pass over that would be refused: TIE, S8R.
+        Unsupported keywords, and elements that are no solids, to leave out without an error, such
+        as TIE or S8R.
     temperature : float or None
-        At which materials are taken that depend on it.
+        Temperature at which to take materials that depend on it.
     points : bool
-        The file has the nodes of matrices: elements need not be there, all nodes are kept, and what
-        is not supported is passed over.
+        The file has the nodes of matrices: it needs no elements, all nodes stay, and unsupported
+        keywords are left out without an error.
 
     Returns
     -------
     SolidMesh
-        `passed_over` lists every keyword that is not in it.
+        `passed_over` lists all keywords that are left out.
 
     Raises
     ------
     ModelError
-        With file and line: what is malformed, not supported, or refers to what is not there.
+        Something is malformed, not supported, or refers to what the file lacks.
     """
     ignored = {_plain(keyword) for keyword in pass_over}
     contents = _sorted(read_cards(path), ignored)
@@ -123,7 +140,7 @@ def _plain(keyword: str) -> str:
 
 
 def _elements(path: Path, dialect: Dialect, treat_as: Mapping[str, str] | None) -> dict[str, str]:
-    """Formulation of each type of element of a file."""
+    """Formulation of each type of element that a file may have."""
     formulation_of = {name: name for name in FORMULATIONS if name not in UNNAMED_FORMULATIONS}
     if dialect == "abaqus":
         formulation_of["C3D8"] = "C3D8_BBAR"
@@ -135,15 +152,13 @@ def _elements(path: Path, dialect: Dialect, treat_as: Mapping[str, str] | None) 
             names = ", ".join(FORMULATIONS)
             raise ModelError(f"{path}: treat_as {written} = '{name}': expected one of {names}")
         if written.upper() not in (*formulation_of, *ELEMENTS):
-            raise ModelError(
-                f"{path}: treat_as: '{written}' is no solid element that is known here"
-            )
+            raise ModelError(f"{path}: treat_as: '{written}' is not a known solid element")
         formulation_of[written.upper()] = name
     return formulation_of
 
 
 def _text(path: Path, contents: Contents, part: str | None, elements: Mapping[str, str]) -> Text:
-    """Text of the component that was asked for."""
+    """The cards of the chosen component, and what else is needed to read them."""
     placed = (np.eye(3), np.zeros(3))
     if contents.parts and contents.model:
         raise contents.model[0].error(f"{contents.model[0].shown} stands outside of the parts")
@@ -159,7 +174,7 @@ def _text(path: Path, contents: Contents, part: str | None, elements: Mapping[st
 
 
 def _chosen(path: Path, noun: str, names: list[str], name: str | None) -> str:
-    """The name asked for, in capitals, or the only one."""
+    """`name` in capitals, or the only one of `names`; ModelError where that is not possible."""
     if name is None and len(names) > 1:
         listed = ", ".join(names)
         raise ModelError(f"{path} has {len(names)} {noun}s ({listed}): expected the name of one")
@@ -170,7 +185,10 @@ def _chosen(path: Path, noun: str, names: list[str], name: str | None) -> str:
 
 
 def _sorted(cards: list[Card], pass_over: Collection[str]) -> Contents:
-    """Where each card belongs; ModelError about cards that are refused or in a wrong place."""
+    """Sort cards by where they belong; ModelError about one in a wrong place or without an end.
+
+    Refused cards are listed in `refused`.
+    """
     contents = Contents()
     inside: list[Card] = []  # *PART, *ASSEMBLY, *INSTANCE, *STEP that are open
     material: MaterialText | None = None
@@ -239,7 +257,7 @@ def _open(contents: Contents, card: Card, inside: list[Card]) -> None:
 def _sort_card(
     contents: Contents, card: Card, inside: list[Card], pass_over: Collection[str]
 ) -> None:
-    """A card of nodes, elements, sets, surfaces or sections, where it belongs."""
+    """Add a card of the mesh to the part, instance or assembly that is open."""
     within = inside[-1].keyword if inside else ""
     if not within:
         contents.model.append(card)
@@ -276,9 +294,9 @@ def _of_instance(
 
 
 def _placement(card: Card) -> tuple[np.ndarray, np.ndarray]:
-    """Turn and shift of an instance: a point x goes to turn x + shift.
+    """Rotation matrix and shift of an instance: a point x moves to turn x + shift.
 
-    The file has a line of a shift, and a line of a turn that follows it: two points on its axis
+    The first line of the card is a shift. The second is a rotation after it: two points of its axis
     and the angle [deg].
     """
     if len(card.data) > 2:
@@ -292,7 +310,7 @@ def _placement(card: Card) -> tuple[np.ndarray, np.ndarray]:
         return np.eye(3), shift
     a, b, angle = np.array(numbers[1][:3]), np.array(numbers[1][3:6]), np.deg2rad(numbers[1][6])
     if not np.linalg.norm(b - a) > 0:
-        raise card.data[1].error("the two points of the axis are one")
+        raise card.data[1].error("expected two different points of the axis")
     x, y, z = (b - a) / np.linalg.norm(b - a)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross

@@ -1,4 +1,4 @@
-"""``*NONSTRUCTURAL MASS`` of Abaqus: mass of an element set that is no material's."""
+"""``*NONSTRUCTURAL MASS`` of Abaqus: mass of an element set in addition to that of its material."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ BY_MASS, BY_VOLUME = "MASSPROPORTIONAL", "VOLUMEPROPORTIONAL"
 
 
 def with_added_mass(mesh: SolidMesh, cards: Sequence[Card], elements_of: ElementsOf) -> SolidMesh:
-    """The mesh with the densities that its cards add; ModelError about the line of what is wrong.
+    """Add the densities that cards state to a mesh; ModelError about a line that is wrong.
 
-    `elements_of` are places of the elements of a set.
+    `elements_of` returns the indices of the elements of a set.
     """
     density = mesh.added_density.copy()
     for card in cards:
