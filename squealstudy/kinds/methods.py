@@ -1,4 +1,4 @@
-"""Common parts of the kinds that measure methods: their file, and whose results it is."""
+"""Common parts of the kinds of study that measure methods: their file, runs and plan."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class MethodsStudySection(NamedSection):
 
 @dataclass(frozen=True)
 class MethodsFile(Generic[Definition]):
-    """The file of a study of methods, as pydantic has checked it."""
+    """The checked file of a study of methods."""
 
     kind: Kind
     source: SourceText
@@ -40,7 +40,7 @@ class MethodsFile(Generic[Definition]):
 
 @dataclass(frozen=True)
 class Run:
-    """Stand-in for a design point: a cell of a map, or a measurement."""
+    """What such studies have in place of a design point: a cell of a map, or a measurement."""
 
     point_id: str
     content: Any
@@ -51,7 +51,7 @@ class Runs(tuple[Run, ...]):
 
     @property
     def ids(self) -> np.ndarray:
-        """Id (n,) of each, 16 bytes."""
+        """Ids (n,) of the runs, of 16 bytes each."""
         return np.array([run.point_id for run in self], dtype=ID_TYPE)
 
     def at(self, rows: np.ndarray) -> Runs:
@@ -66,14 +66,15 @@ class MethodsPlan:
     Attributes
     ----------
     study : MethodsFile
-        Of the kind: what its `read` made of the file.
+        The study's file, as the kind's `read` returned it.
     model : str
-        What its methods are tried on.
+        Name of the model or case on which methods are tried.
     tasks : Runs
+        The runs.
     facts : sequence of (str, str)
-        Name and value of what `check` says.
+        Name and text of each fact that `check` prints.
     content : Any
-        What the kind made of the file.
+        What else the kind needs of the file.
     """
 
     study: Any
@@ -89,10 +90,10 @@ class MethodsPlan:
 
     @property
     def owner(self) -> tuple[str, str, str]:
-        """Name, kind and model: whose results directory it is."""
+        """Name, kind and model of the study, by which a results directory belongs to it."""
         return self.study.definition.study.name, self.kind.name, self.model
 
     @property
     def study_hash(self) -> str:
-        """Hash of all that decides the tables."""
+        """Hash of all that the tables depend on."""
         return content_hash([self.tasks.ids.astype(str).tolist(), self.study.source.text])

@@ -69,6 +69,17 @@ def test_where_none_is_within_it_the_most_exact_is_told():
     assert "; no setting of the default method is within it. Its largest error" in told
 
 
+def test_where_no_error_is_known_none_is_told_as_0():
+    """As of an onset that neither the reference nor the methods have."""
+    unknown = results_of((*ROUGH[:4], np.nan, np.nan), (*USUAL[:4], np.nan, np.nan))
+    told = SCREEN.verdict(unknown)
+    assert told == "No error in RMS is known of 2 measurements against 'exact'."
+    failed = results_of(ROUGH)
+    failed.measurements.loc[1, "n_failed"] = 1
+    told = SCREEN.verdict(failed)
+    assert told.startswith("No measurement counts: in each a point failed")
+
+
 def test_of_many_measurements_one_of_each_method_is_listed():
     many = [("newmark", f"newmark, step {k}", False, 1.0 + k, 9e-3, 9e-3) for k in range(MOST_ROWS)]
     text = as_text(SCREEN.findings(results_of(*many, USUAL, ROUGH)))

@@ -282,7 +282,7 @@ def test_screens(tmp_path, monkeypatch, capsys):
             "sticking below 0.0018 m/s: 0.2 % of the slowest sliding speed of the study"
             in printed[verb]
         )
-        assert "0.9 m/s (a slower one changes all results)" in printed[verb]
+        assert "0.9 m/s (a slower design point changes all results)" in printed[verb]
     assert "by one run at half that speed" in printed["run"]
     told = json.loads(Path("here/manifest.json").read_text())["regularisation"]
     assert told["speed"] == told["speed_highest"] == pytest.approx(0.0018)

@@ -236,7 +236,7 @@ def test_of_limit_cycles_it_counts_verdicts():
     )
     told = CYCLES.verdict(made(kind="limit_cycles", points=points))
     assert told == (
-        "4 designs, of modes between 1 and 8000 Hz: 2 squeal if kicked, 1 undecided, 1 failed."
+        "4 designs, modes between 1 and 8000 Hz: 2 squeal if kicked, 1 undecided, 1 failed."
     )
 
 

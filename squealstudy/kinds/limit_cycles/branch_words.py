@@ -15,8 +15,8 @@ from squealstudy.wording import amount, error_percent, plural, setting
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-MOST_BRANCHES, MOST_EVENTS = 6, 6  # branches listed, and events of each
-SHOWN_REL_ERROR = 1e-3  # relative error of an event's value from which it is shown
+MOST_BRANCHES, MOST_EVENTS = 6, 6  # branches listed, and events told of each
+SHOWN_REL_ERROR = 1e-3  # relative error of an event's value above which it is shown
 EVENTS = {"F": "folds", "H": "Hopf points"}
 EVENT_WORDS = {
     "H": "Hopf point",
@@ -33,7 +33,7 @@ BRANCH_ENDS = {
 
 
 def branch_rows(results: ResultTables) -> Rows:
-    """A row for each branch: its events, with their parameter values, and how it ends."""
+    """A row for each branch: its events with their parameter values, how it ends, and its error."""
     branches, units, rows = results.table("branches"), results.units, []
     points = results.points.set_index("point_id")
     varied = [p for p in results.parameters if len(set(points[p])) > 1]
@@ -69,8 +69,8 @@ def branch_rows(results: ResultTables) -> Rows:
 
 
 def _levels_error(branch: pd.DataFrame) -> str:
-    """Largest error of a level on a branch in words; folds, which have none, left out."""
-    if "level_error" not in branch:  # of results of before
+    """Largest error of a level on a branch, in words; rows of events are left out."""
+    if "level_error" not in branch:  # results of older versions
         return "; error of its levels not known"
     errors = branch.loc[(branch["event"] == "").to_numpy(bool), "level_error"]
     if errors.isna().all():
@@ -81,8 +81,8 @@ def _levels_error(branch: pd.DataFrame) -> str:
 
 
 def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:
-    """Error of an event's value in words, where it is larger than the digits shown."""
-    error = event.get("value_error", 0.0)  # results of before have none
+    """Error of an event's value in words; empty where it is smaller than the digits shown."""
+    error = event.get("value_error", 0.0)  # results of older versions have none
     if error != error:
         return " (error not known)"
     shown = error > SHOWN_REL_ERROR * abs(event["value"])
@@ -90,7 +90,7 @@ def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:
 
 
 def border_rows(borders: pd.DataFrame) -> Rows:
-    """The number of borders, and how much they differ from the branches they meet."""
+    """Row on the number of borders, and how much they differ from the branches that they meet."""
     if not len(borders):
         return []
     first = borders.drop_duplicates("border_id")

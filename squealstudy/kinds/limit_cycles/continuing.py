@@ -90,7 +90,7 @@ def build_tables(plan: Plan, store: Store, workers: Workers) -> tuple[pd.DataFra
 
     Raises
     ------
-    ResultsError
+    MachineError
         Where a point of the plan is in no chunk.
     """
     rows = planned_rows(plan, store, SCHEMA)

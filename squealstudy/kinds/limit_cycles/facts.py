@@ -1,4 +1,4 @@
-"""Facts of a manifest of limit cycles: what they must be, whoever wrote them."""
+"""Types of the facts that studies of limit cycles write to a manifest; a read manifest must fit."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from squealstudy.engine.fact_types import FactGroup
 
 
 class LimitCyclesFacts(FactGroup):
-    """Beside those of every kind."""
+    """Facts of studies of limit cycles, beside those of every kind."""
 
     limit_cycles: FactGroup | None = None
 

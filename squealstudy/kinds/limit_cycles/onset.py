@@ -20,24 +20,26 @@ MAX_BRACKET_DOUBLINGS = 8  # number of brackets that are tried, each twice as wi
 def onset_near(
     designs: DesignLine, motion: PeriodicMotion, half: float
 ) -> tuple[float, float, str]:
-    """Onset of the mode to which a cycle shrinks (`refine_onset`).
+    """Onset of the mode to which a cycle shrinks, by `refine_onset`.
 
     Parameters
     ----------
     designs : DesignLine
+        Designs along the parameter.
     motion : PeriodicMotion
         A small cycle; its `parameter` is a value nearby.
     half : float
-        Half-width of the bracket about that value; it is doubled while stability does not change
-        in it.
+        Half-width of the first bracket about that value; it is doubled while stability does not
+        change in it.
 
     Returns
     -------
     value : float
         Value of the parameter at the onset.
     frequency_hz : float
+        Frequency of the mode at the onset, Hz.
     criticality : str
-        What `cycles.onset.criticality` says.
+        Direction in which cycles leave the onset (`cycles.onset.criticality`).
 
     Raises
     ------
@@ -83,10 +85,11 @@ def onset_near(
 
 
 def onset_error(designs: DesignLine, value: float, frequency_hz: float) -> float:
-    """Error of the onset at a value as that of cycles: of its search, and of what counts as growth.
+    """Error of an onset where it stands for the start of cycles, in units of the parameter.
 
-    A mode is unstable where its damping ratio is below minus the tolerance; cycles begin at zero.
-    NaN where a value beside it cannot be solved.
+    It is the sum of the error of the search, and of the distance from the value at which the
+    damping ratio is zero, where cycles begin: a mode counts as unstable only where its damping
+    ratio is below minus the tolerance. NaN where a value beside the onset cannot be solved.
     """
     width, omega = abs(designs.bounds[1] - designs.bounds[0]), 2.0 * np.pi * frequency_hz
     step = MIN_BRACKET_HALF_WIDTH * width

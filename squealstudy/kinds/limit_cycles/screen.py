@@ -1,4 +1,4 @@
-"""Screen of studies of limit cycles: verdicts first, then levels."""
+"""Screens of studies of limit cycles: verdicts first, then levels."""
 
 from __future__ import annotations
 
@@ -48,12 +48,13 @@ MAX_SHORT_REASON_CHARACTERS = 12
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MEASURED = re.compile(r"(?<![\w.])(?<!mode )(?<!modes )\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
-MOST_FOLLOWED, SAME_FREQUENCY = 3, 0.02  # followed modes told; relative distance told as one
+MOST_FOLLOWED = 3  # followed modes that are told
+SAME_FREQUENCY = 0.02  # relative distance up to which frequencies are told as one
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 
 class LimitCyclesScreen(KindScreen):
-    """Whether each design squeals, squeals if kicked, or has no cycle that was found."""
+    """Whether each design squeals, squeals if kicked, or no cycle of it was found."""
 
     tables = ("points", "verdicts", "cycles", "branches", "borders", "curves", "velocities")
     found = ("branch", "borders")
@@ -62,7 +63,7 @@ class LimitCyclesScreen(KindScreen):
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """Refused: there are verdicts, no ranking."""
+        """Raise ResultsError: such a study has verdicts, no ranking."""
         raise ResultsError(
             f"{results.directory}: a study of limit cycles has verdicts, no ranking of modes"
         )
@@ -132,7 +133,7 @@ class LimitCyclesScreen(KindScreen):
         solved = points["status"] == "ok"
         counts_text = self.counted(results, points["verdict"].where(solved, FAILED).tolist())
         band = band_text(results.fact("band_hz"))
-        counted = f"{plural(len(points), 'design')}, of modes {band}: {counts_text}."
+        counted = f"{plural(len(points), 'design')}, modes {band}: {counts_text}."
         levels = levels_in_words(points, results.units.get(TORQUE, "N m"))
         if levels:
             varied = [p for p in results.parameters if len(set(points[p])) > 1]
@@ -143,7 +144,7 @@ class LimitCyclesScreen(KindScreen):
         return f"{counted}{levels}{self.followed_in_words(results)}"
 
     def followed_in_words(self, results: ResultTables) -> str:
-        """Modes that squeal and were not followed, and the verdicts on those that were.
+        """Sentence on modes that squeal but were not followed, and on verdicts of followed ones.
 
         Empty where all modes that squeal were followed.
         """
@@ -171,7 +172,7 @@ class LimitCyclesScreen(KindScreen):
         return f"{text}."
 
     def next_steps(self, results: ResultTables) -> Rows:
-        """The page of curves and levels; where a design squeals, also the search for a change."""
+        """The page to explore; where a design squeals, also the search for a change."""
         squeals = results.points["verdict"].isin((SQUEALS, IF_KICKED)).any()
         change = [("least change", 'kind = "design" searches the least that silences it')]
         return [
@@ -180,7 +181,7 @@ class LimitCyclesScreen(KindScreen):
         ]
 
     def facts(self, results: ResultTables) -> Rows:
-        """Modes that were followed, cycles with the largest error of a level, branches, borders."""
+        """Followed modes, cycles with the largest error of a level, branches and borders."""
         cycles, verdicts = results.table("cycles"), results.table("verdicts")
         distinct_cycles = cycles[(cycles["same_as"] == "").to_numpy(bool)]
         followed = verdicts[_is_followed(verdicts)]
@@ -204,7 +205,7 @@ class LimitCyclesScreen(KindScreen):
 
 
 def _is_followed(verdicts: pd.DataFrame) -> np.ndarray:
-    """Whether the curve of each mode was followed, (n,) bool; all True in older results."""
+    """Whether the curve of each mode was followed, (n,) bool; all true in older results."""
     ends = verdicts.get("curve_end", pd.Series("", index=verdicts.index))
     return (ends != NOT_FOLLOWED).to_numpy(bool)
 
@@ -219,7 +220,7 @@ def _frequencies_text(rows: pd.DataFrame) -> str:
 
 
 def _served(results: ResultTables) -> str:
-    """Number of families whose curve is that of a design nearby, in words; empty for none."""
+    """Number of modes whose curve is that of a design nearby, in words; empty for none."""
     named = results.table("verdicts").get("curve_of")  # older results have none
     served = 0 if named is None else int((named != "").sum())
     return (
@@ -228,7 +229,7 @@ def _served(results: ResultTables) -> str:
 
 
 def levels_in_words(points: pd.DataFrame, unit: str) -> str:
-    """Levels of the loudest motions, and the kicks that start them; '' where there are none."""
+    """Sentences on levels of the loudest motions, and on kicks that start them; '' for none."""
     if "torque_rms" not in points or not (points["torque_rms"] > 0).any():
         return ""
     loud = points[(points["torque_rms"] > 0).fillna(False).to_numpy(bool)]

@@ -1,4 +1,4 @@
-"""Facts of a manifest of method stability: what they must be, whoever wrote them."""
+"""Types of the facts in a manifest of method stability; a manifest that is read must fit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
 class MethodStabilityFacts(FactGroup):
-    """Beside those of every kind; the last ones are of a finished run."""
+    """Facts beside those of every kind; those from `agreement` on are of a finished run."""
 
     title: Text
     boundary: Text

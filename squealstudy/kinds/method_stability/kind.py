@@ -1,4 +1,4 @@
-"""A method-stability study: one method over two knobs, a row a cell."""
+"""Method-stability studies as a kind: one method over two knobs, each cell a row."""
 
 from __future__ import annotations
 
@@ -66,11 +66,11 @@ class MethodStability(Kind):
     of_methods = True
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> StabilityFile:
-        """The file, checked but for its case and knobs."""
+        """The file; its case and knobs are checked later."""
         return MethodsFile(self, source, validate(MethodStabilityDefinition, source, tables))
 
     def plan(self, study: StabilityFile) -> MethodsPlan:
-        """All cells, the first knob varying fastest; StudyFileError for knobs or values unknown."""
+        """All cells, the first knob varying fastest; StudyFileError for a wrong case or knob."""
         case, knobs, axes = _checked(study)
         section = study.definition.method_stability
         cells = []
@@ -94,33 +94,33 @@ class MethodStability(Kind):
     def make_models(
         self, plan: MethodsPlan, workers: Workers, warn: Warn
     ) -> tuple[MethodsPlan, dict[str, str]]:
-        """The first cell: kernels are compiled here, before workers start."""
+        """Solve the first cell, so that kernels are compiled before workers start."""
         workers.report("first cell", 0, 1)
-        with contextlib.suppress(*FAILURES):  # its row tells
+        with contextlib.suppress(*FAILURES):  # its row says so
             plan.content[0].evaluate(plan.tasks[0].content)
         workers.report("first cell", 1, 1)
         return plan, {}
 
     def tasks(self, plan: MethodsPlan, points: Sequence[Run], workers: Workers) -> list[LineTask]:
-        """One task a line of the map: its cells that are not solved yet."""
+        """A task for each line of the map, with those of its cells that are to be solved."""
         case, knobs, _ = plan.content
         lines = itertools.groupby(points, key=lambda cell: cell.content[knobs[1]])
         return [LineTask(case.name, knobs, tuple(cells)) for _, cells in lines]
 
     def points_of(self, task: LineTask) -> Sequence[Run]:
-        """The study's cells."""
+        """The cells of a task."""
         return task.cells
 
     def single_tasks(self, task: LineTask) -> list[LineTask]:
-        """One a cell."""
+        """A task for each cell of a task."""
         return [replace(task, cells=(cell,)) for cell in task.cells]
 
     def solve(self, task: LineTask) -> Solved:
-        """Rows of one line of cells; no cell stops the others."""
+        """Rows of one line of cells; a cell that fails does not stop the others."""
         return Solved([_row(task, cell) for cell in task.cells])
 
     def manifest(self, plan: MethodsPlan) -> dict[str, Any]:
-        """The file, the case and its knobs."""
+        """Facts: the text of the file, the case and its knobs."""
         case, knobs, fixed = plan.content
         case_knobs = [case.knobs[name] for name in knobs]
         return {
@@ -137,7 +137,7 @@ class MethodStability(Kind):
     def build_tables(
         self, plan: MethodsPlan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write the cells; how often the prediction held."""
+        """Write the table of cells; that table, and how often the prediction held."""
         ids = [cell.point_id for cell in plan.tasks]
         rows = store.rows(ids, self.schema)
         table = pa.Table.from_pylist([rows[i] for i in ids], schema=self.schema).to_pandas()
@@ -147,7 +147,7 @@ class MethodStability(Kind):
 
 
 def _checked(study: StabilityFile) -> tuple[StabilityCase, tuple[str, str], tuple[np.ndarray, ...]]:
-    """Case, names and values of both knobs; StudyFileError for what they cannot be."""
+    """Case, names and values of both knobs; StudyFileError for an unknown case or a bad knob."""
     section, knobs = study.definition.method_stability, study.definition.knob
     cases = known_cases()
     if section.case not in cases:

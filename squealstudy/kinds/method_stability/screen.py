@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 
-RIGHT = (CONVERGED, SLOW, RECOVERED)  # outcomes of cells with a right answer
+RIGHT = (CONVERGED, SLOW, RECOVERED)  # outcomes of cells with a right result
 
 
 class MethodStabilityScreen(KindScreen):
@@ -27,7 +27,7 @@ class MethodStabilityScreen(KindScreen):
     unfinished = False
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """Outcomes, how many cells are as predicted, and how many are wrong without a warning."""
+        """The verdict, the number of cells of each outcome, and the predicted boundary."""
         manifest = results.manifest
         rows = [
             ("outcomes", ", ".join(f"{k} {n}" for k, n in manifest["counts"].items())),
@@ -36,7 +36,7 @@ class MethodStabilityScreen(KindScreen):
         return [self.verdict(results), "", facts(rows)]
 
     def verdict(self, results: ResultTables) -> str:
-        """How often the method is right, whether it warns where it is not, and the prediction."""
+        """How often the method is right, wrong without a warning, and as predicted."""
         manifest = results.manifest
         counts, n_silent, share = (manifest[k] for k in ("counts", "unflagged_wrong", "agreement"))
         right = sum(counts.get(outcome, 0) for outcome in RIGHT)
@@ -56,13 +56,13 @@ class MethodStabilityScreen(KindScreen):
 
 
 def _as_predicted(manifest: Mapping[str, Any], share: float, with_help: bool) -> str:
-    """How well theory foretells where the method is right, to follow others."""
+    """Sentence on how well theory predicts where the method is right."""
     judged, early = manifest["judged"], manifest.get("unpredicted_failures", 0)
     late = judged - round(share * judged) - early
     of = plural(judged, "cell")
     texts = [f" Of {of} that lie 2 % or more away from the boundary of theory "]
     texts[0] += f"{100 * share:.4g} % are as predicted"
-    texts += ["those with a help count so"] * with_help
+    texts += ["those with a help count as predicted"] * with_help
     texts += [f"{late} {'is' if late == 1 else 'are'} right beyond it by themselves"] * bool(late)
     texts += [f"{early} {'is' if early == 1 else 'are'} not right within it"] * bool(early)
     return f"{'; '.join(texts)}."

@@ -45,7 +45,7 @@ class MethodStabilitySection(Section):
 
     case: str = Field(description="method whose limits are mapped")
     set: NumberTable = Field(
-        default_factory=dict, description="knobs that are not swept, where not by default"
+        default_factory=dict, description="values of knobs that are not swept, in place of defaults"
     )
 
 

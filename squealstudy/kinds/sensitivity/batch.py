@@ -1,7 +1,7 @@
 """Sensitivities of small models, all design points of a task at once: rows as one Arrow table.
 
-No cache knows their structures (`Plan.stacked`). A design point that arrays cannot serve is solved
-by itself.
+Their structures are not kept in the cache (`Plan.stacked`). A design point that arrays cannot serve
+is solved by itself.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from squealstudy.study.design import DesignPoint
 
 @dataclass(frozen=True, eq=False)
 class BatchTask:
-    """Design points for a worker to solve at once, and what is asked of each."""
+    """Design points for a worker to solve at once, and the request for each of them."""
 
     points: DesignPoints
     request: SensitivityRequest
@@ -39,8 +39,8 @@ class BatchTask:
 def solve_batch(task: BatchTask) -> Solved:
     """Rows of the points of a task, in their order.
 
-    What fails as a whole raises, so that each point is solved by itself; one that does so is its
-    row.
+    Where a batch of several points fails as a whole its error is raised: the points are then solved
+    one by one. A single point that fails has a row with its error.
     """
     started, points = time.perf_counter(), task.points
     tables, numbers = [], []
@@ -73,7 +73,7 @@ def _alone(point: DesignPoint, request: SensitivityRequest) -> dict[str, Any]:
 
 
 def seconds_a_point(plan: Plan, request: SensitivityRequest) -> float | None:
-    """Seconds a design point of a batch, as timed for a forecast; None where none is solved."""
+    """Seconds for each point of a first batch, timed for a forecast; None where none is solved."""
     points = plan.tasks.at(slice(0, MIN_BATCH_POINTS))
     started, failed = time.perf_counter(), 0
     try:
@@ -95,7 +95,7 @@ def _table(
     all_points: int,
     started: float,
 ) -> pa.Table:
-    """Rows of `count` design points; those that are left have no modes."""
+    """Rows of `count` design points; rows of points that arrays cannot serve have no modes."""
     system, sliding = sensitivities.system, sensitivities.system.sliding
     solved = np.ones(count, dtype=bool)
     solved[list(system.failures)] = False
@@ -119,7 +119,7 @@ def _table(
 
 
 def _modes(sensitivities: StackedSensitivities) -> pa.StructArray:
-    """Modes one after the other, with the fields of MODE_FIELDS."""
+    """Modes of all points, one after the other, with the fields of MODE_FIELDS."""
     n, parts = sensitivities.energies.shape
     columns = {
         "re": pa.array(sensitivities.lam.real),
@@ -136,7 +136,7 @@ def _modes(sensitivities: StackedSensitivities) -> pa.StructArray:
 
 
 def _sensitivities(sensitivities: StackedSensitivities) -> pa.StructArray:
-    """Sensitivities one after the other, with the fields of SENSITIVITY_FIELDS."""
+    """Sensitivities of all modes, one after the other, with the fields of SENSITIVITY_FIELDS."""
     names = pa.array(sensitivities.names, pa.string())
     values = {
         "value": sensitivities.value,
@@ -163,5 +163,5 @@ def _structs(columns: dict[str, pa.Array], fields: Any) -> pa.StructArray:
 
 
 def _lists(values: pa.Array, count: np.ndarray) -> pa.ListArray:
-    """Lists of so many of the values each."""
+    """Consecutive lists of the values; `count` has the length of each."""
     return pa.ListArray.from_arrays(pa.array(np.append(0, np.cumsum(count)), pa.int32()), values)

@@ -1,4 +1,4 @@
-"""Facts of a manifest of sensitivities: what they must be, whoever wrote them."""
+"""Types of the facts that sensitivity studies write to a manifest; a read manifest must fit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class ParameterFacts(FactGroup):
 
 
 class SensitivityFacts(FactGroup):
-    """Beside those of every kind."""
+    """Facts of sensitivity studies, beside those of every kind."""
 
     sensitivity: ParameterFacts | None = None
 

@@ -44,14 +44,13 @@ from squealstudy.system.linearise import component_frequencies
 if TYPE_CHECKING:
     import pandas as pd
 
-# folders with the code that decides rows, beside the code of all numbers
-SOURCES = ("kinds/sensitivity",)
+SOURCES = ("kinds/sensitivity",)  # code on which rows depend, beside that of the library
 
 
 class Sensitivities(ModelKind):
-    """Derivatives of complex modes by parameters, each beside a finite change.
+    """Derivatives of complex modes by parameters, each with the effect of a finite change.
 
-    The finite change is the check: nothing is solved again at full order.
+    The finite change checks the derivative: nothing is solved again at full order.
     """
 
     name = "sensitivity"
@@ -76,7 +75,7 @@ class Sensitivities(ModelKind):
         ]
 
     def check(self, plan: Plan) -> None:
-        """Parameters must be held by every basis, modes of one name equal, geometry left out."""
+        """Check that the bases hold the modes of all parameters, and these have derivatives."""
         parameters = request(plan).asked
         try:
             for model, point in _prepared(plan):
@@ -89,17 +88,17 @@ class Sensitivities(ModelKind):
             raise error_at_name(plan.study, error) from None
 
     def reads_meshes(self, plan: Plan) -> bool:
-        """Derivatives by what a structure is assembled of."""
+        """Whether meshes are needed: for derivatives by structural parameters."""
         return bool(structural_names(request(plan).asked))
 
     def stacks(self, plan: Plan) -> bool:
-        """Small models, unless a kind from outside solves its own tasks."""
+        """Whether points are solved in batches: small models, by this class's `solve`."""
         return type(self).solve is Sensitivities.solve and stacks(plan)
 
     def tasks(
         self, plan: Plan, points: DesignPoints, workers: Workers
     ) -> Iterator[SensitivityTask | BatchTask]:
-        """Tasks of consecutive design points; of a small model those of a batch."""
+        """Tasks of consecutive design points; batches of a small model."""
         sensitivity_request = request(plan)
         if plan.stacked:
             return (
@@ -111,7 +110,7 @@ class Sensitivities(ModelKind):
         )
 
     def solve(self, task: SensitivityTask | BatchTask) -> Solved:
-        """Solve one chunk in a worker."""
+        """Solve the points of a task in a worker."""
         if isinstance(task, BatchTask):
             return solve_batch(task)
         return solve_points(task)
@@ -119,12 +118,15 @@ class Sensitivities(ModelKind):
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write the tables of points and of sensitivities from the chunk files."""
+        """Write the tables of points and sensitivities; the points' table, and facts."""
         section = plan.study.section
         return build_tables(plan, store), {"sensitivity": section.model_dump(mode="json")}
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
-        """Seconds of one design point, from a few of its parameters; of a batch from all."""
+        """Seconds of a design point, estimated from a few parameters (in a batch if small).
+
+        None where it fails.
+        """
         if plan.stacked:
             return seconds_a_point(plan, request(plan))
         with threadpool_limits(1):
@@ -135,9 +137,9 @@ class Sensitivities(ModelKind):
 
 
 def _prepared(plan: Plan) -> Iterator[tuple[ReducedModel, DesignPoint]]:
-    """Reduced models that are there, each with its first design point; of a batch the first one."""
+    """Reduced models in the cache, each with its first design point; for a batch the first one."""
     if plan.stacked:
-        with suppress(ConvergenceError):  # no steady sliding: its row tells
+        with suppress(ConvergenceError):  # no steady sliding: its row says so
             yield prepared_of(plan.first).model, plan.first
         return
     for key, point in plan.structures.items():
@@ -148,7 +150,7 @@ def _prepared(plan: Plan) -> Iterator[tuple[ReducedModel, DesignPoint]]:
 def _check_state(
     point: DesignPoint, model: ReducedModel, requested: Sequence[RequestedParameter]
 ) -> None:
-    """Raise ParameterError for modes that a basis does not hold, or that differ in one name."""
+    """Raise ParameterError where a basis lacks a parameter's modes, or their values differ."""
     for parameter in state_parameters(requested, component_frequencies(model)):
         parameter.value(point.state())
         if not parameter.component and max(parameter.modes, default=1) > model.n:

@@ -1,4 +1,4 @@
-"""The parameters of a sensitivity study: names and families of names, checked and expanded."""
+"""The parameters of a sensitivity study: names from its file, checked."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def mode_choice(section: SensitivitySection, stability_tolerance: float) -> Mode
 
 
 def error_at_name(study: ResolvedStudy, error: ParameterError) -> StudyFileError:
-    """The error of a parameter as one of the study file, where its name stands in it."""
+    """The error of a parameter as one of the study file, at its name if that is in the file."""
     names = study.section.parameters
     if error.key in names:
         return study.error(("sensitivity", "parameters", names.index(error.key)), error.message)

@@ -1,4 +1,4 @@
-"""Sensitivities of design points, one after the other: rows of a worker."""
+"""Sensitivities of design points, one after the other, as rows of a worker."""
 
 from __future__ import annotations
 
@@ -32,21 +32,25 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 from squealstudy.system.linearise import component_frequencies
 
-N_TIMED_PARAMETERS = 3  # parameters that stand for all in a forecast
+N_TIMED_PARAMETERS = 3  # parameters that are timed for a forecast of all
 
 
 @dataclass(frozen=True)
 class SensitivityRequest:
-    """Request for every design point.
+    """What is to be computed at every design point.
 
     Attributes
     ----------
     asked : tuple of RequestedParameter
+        Parameters of the derivatives.
     choice : ModeChoice
+        Modes of the derivatives.
     change : float
-        Relative finite change.
+        Finite change, relative to the value; absolute for damping ratios.
     band_hz : (low, high)
+        Frequency band of the modes, Hz.
     settings : ReductionSettings
+        Settings of the reduction.
     """
 
     asked: tuple[RequestedParameter, ...]
@@ -57,7 +61,7 @@ class SensitivityRequest:
 
     @property
     def of_batch(self) -> Request:
-        """Sensitivities of a batch of small models, for the library."""
+        """The same request for a batch of small models, as the library takes it."""
         return Request(self.asked, self.choice, self.change, self.band_hz)
 
 
@@ -85,7 +89,10 @@ def point_row(
     prepared: Callable[[], PreparedModel],
     gap: np.ndarray | None = None,
 ) -> dict[str, Any]:
-    """Row of one design point; what makes its prepared model, and known gaps (nc,) or None."""
+    """Row of one design point; a failure is a row, too.
+
+    `prepared` makes its prepared model; `gap` (nc,) [m] has the gaps of its working point if known.
+    """
     started = time.perf_counter()
     try:
         cells, modes = design_sensitivities(point, request, prepared(), gap)
@@ -101,7 +108,7 @@ def design_sensitivities(
     prepared: PreparedModel,
     gap: np.ndarray | None = None,
 ) -> tuple[WorkingPoint, list[ModeSensitivities]]:
-    """Working point and sensitivities of one design point; SquealstudyError."""
+    """Working point and sensitivities of one design point; one of FAILURES where it fails."""
     state = point.state()
     solved = solve_families(prepared, state, request.band_hz, request.choice, gap)
     parameters = state_parameters(request.asked, component_frequencies(prepared.model))
@@ -113,7 +120,9 @@ def design_sensitivities(
 
 
 def point_seconds(point: DesignPoint, request: SensitivityRequest) -> float:
-    """Expected seconds: modes, a few parameters of the state and one of the structure, scaled.
+    """Expected seconds of a design point, from its modes and from some of its parameters.
+
+    A few parameters of the state and one of the structure are timed, and scaled to their number.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Screen of sensitivity studies: the parameters that move one mode, strongest first."""
+"""Screens of sensitivity studies: the parameters that move a mode, strongest first."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from squealstudy.wording import any_of, in_digits, listed, plural, setting
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-MOST_NAMED = 2  # parameters that lower growth, and that raise it
+MOST_NAMED = 2  # parameters named that lower growth most, and that raise it most
 NUMBERS = ("step", "growth 1/s", "reanalysis", "off", "Hz", "damping %")
 
 
 class SensitivityScreen(KindScreen):
-    """Derivatives of one mode, each beside a finite change."""
+    """Derivatives of one mode, each with the effect of a finite change."""
 
     tables = ("points", "sensitivities")
     sure = ("without", "error")
@@ -37,18 +37,18 @@ class SensitivityScreen(KindScreen):
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """Refused: there are parameters to rank, not modes."""
+        """Raise ResultsError: such a study ranks parameters, not modes."""
         raise ResultsError(
             f"{results.directory}: a sensitivity study has no ranking of modes; 'squealstudy "
             "sensitivity' ranks its parameters"
         )
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """The sensitivities of the mode of largest growth."""
+        """The sensitivities of the mode with the largest growth."""
         return sensitivities(results)
 
     def next_steps(self, results: ResultTables) -> Rows:
-        """The command for another mode."""
+        """The command that shows the sensitivities of another mode, if there is one."""
         table = results.sensitivities
         if not len(table):
             return []
@@ -61,7 +61,7 @@ class SensitivityScreen(KindScreen):
         return [("of another mode", f"{text}: {listed(modes)}")] if len(modes) > 1 else []
 
     def facts(self, results: ResultTables) -> Rows:
-        """How far derivatives and reanalysis agree, where the derivative is said to hold."""
+        """How far derivatives and reanalysis agree, where no coalescence is near."""
         table = results.sensitivities
         isolated = table[~table["near_coalescence"].to_numpy(bool)]
         off = isolated["disagreement"].dropna()
@@ -90,8 +90,8 @@ def sensitivities(
     legend = notes(
         f"first {len(shown)} of {len(mode)} parameters; growth, Hz, damping: change at the step, "
         "first order; reanalysis: of the growth rate",
-        "off: of the growth rate, first order against reanalysis; it is the curvature over the "
-        "step, and a smaller change leaves less of it",
+        "off: change of the growth rate, first order against reanalysis; they differ by the "
+        "curvature over the step: a smaller step has less",
         "! near coalescence: the derivative does not hold over the step, or means nothing"
         if has_coalescence
         else "",
@@ -103,7 +103,7 @@ def sensitivities(
 
 
 def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:
-    """Parameters that lower and raise growth most over their steps, by reanalysis if possible."""
+    """Sentence on the parameters that lower and raise growth most, by reanalysis if possible."""
     changes = [
         (float(finite if np.isfinite(finite) else row["predicted_growth_change"]), row)
         for row in rows
@@ -122,7 +122,7 @@ def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:
 
 
 def _why_no_mode(results: ResultTables) -> str:
-    """Why no mode was chosen anywhere; real roots that grow are no modes."""
+    """Why no design point has a chosen mode, in words; real roots do not count as modes."""
     solved = int((results.points["status"] == "ok").sum())
     if not solved:
         return "No design point is solved"
@@ -136,7 +136,7 @@ def _why_no_mode(results: ResultTables) -> str:
 
 
 def _headline(results: ResultTables, first: pd.Series) -> str:
-    """The mode, and at which design point."""
+    """The mode of the table in words, and its design point."""
     points = results.points
     point = points[points["point_id"] == first["point_id"]].iloc[0]
     where = ", ".join(

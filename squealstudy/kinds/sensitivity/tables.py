@@ -62,9 +62,9 @@ SCHEMA = pa.schema(
     [pa.field(n, t, nullable=False) for n, t in (*HEAD, *WORKING_POINT_FIELDS)]
     + [pa.field("modes", pa.list_(pa.struct(list(MODE_FIELDS))))]
 )
-RAW = pa.schema([*MODE_FIELDS[:5], *MODE_HEAD, *SENSITIVITY_FIELDS])  # a row a sensitivity
+RAW = pa.schema([*MODE_FIELDS[:5], *MODE_HEAD, *SENSITIVITY_FIELDS])  # a row for each sensitivity
 PERCENT = 0.01
-# of |lambda|: finite changes below are round-off, nothing is compared with them
+# share of ``|lambda|`` below which a finite change is round-off, with which nothing is compared
 CHANGE_ROUND_OFF = 1e-12
 MODE_OF = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
 SUMMARY_FIELDS = (("n_modes", WHOLE_NUMBER), ("max_growth_rate", REAL))
@@ -81,7 +81,7 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
 
     Raises
     ------
-    ResultsError
+    MachineError
         Where a point of the plan is in no chunk.
     """
     rows = planned_table(plan, store, SCHEMA)
@@ -99,7 +99,7 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
 
 
 def _items(lists: pa.ListArray) -> tuple[np.ndarray, np.ndarray, pa.Array]:
-    """Row of each item of a column of lists, its place there from 0, and the items."""
+    """Row of each item of a column of lists, its index in its list, and the items."""
     counts = lists.value_lengths().fill_null(0).to_numpy(zero_copy_only=False)
     owner = np.repeat(np.arange(len(counts)), counts)
     positions = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -127,7 +127,7 @@ def _sensitivities(plan: Plan, rows: pa.Table) -> pd.DataFrame:
 
 
 def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> pd.DataFrame:
-    """The table's columns from roots, slopes and finite changes."""
+    """The table of sensitivities, from roots, slopes and finite changes."""
     lam, slope, finite = (
         raw[f"{a}re"].to_numpy(float) + 1j * raw[f"{a}im"].to_numpy(float)
         for a in ("", "slope_", "finite_")
@@ -172,7 +172,7 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
 
 
 def _disagreement(lam: np.ndarray, predicted: np.ndarray, finite: np.ndarray) -> np.ndarray:
-    """|predicted - finite| / |finite| of the change of lambda; NaN where nothing changes."""
+    """``|predicted - finite| / |finite|`` of the change of lambda; NaN where nothing changes."""
     size = np.abs(finite)
     above_round_off = size > CHANGE_ROUND_OFF * np.abs(lam)
     return np.where(

@@ -23,18 +23,19 @@ from squealstudy.wording import (
     with_error,
 )
 
-MOST_MODES = 4  # that lead in turn, in a sentence
+MOST_MODES = 4  # leading modes named in a sentence
 MOST_SETTINGS = 3  # parameters named at the loudest run
-# by how much swings differ, of their mean, from which on it is said that no period was seen
+# spread of swings, relative to their mean, above which a sentence says that no period was seen
 UNEVEN_SWINGS = 0.1
 
 
 def lasting_in_words(
     table: pd.DataFrame, parameters: Sequence[str], units: Mapping[str, str], unit: str
 ) -> str:
-    """Level, frequency and sticking of runs that last, to follow other sentences; '' of none.
+    """Sentences on level, frequency and sticking of runs whose vibration lasts; '' if none does.
 
-    `unit` is N m of torques, N of friction forces.
+    They begin with a blank, to follow others. A single undecided run is told by its end. `unit` is
+    "N m" for torques and "N" for friction forces.
     """
     what = "torque" if unit == "N m" else "force of friction"
     lasting = table[table["class"].isin(SUSTAINED).to_numpy(bool)]
@@ -64,14 +65,14 @@ def lasting_in_words(
 
 
 def _settings(row: pd.Series, varied: Sequence[str], units: Mapping[str, str]) -> str:
-    """Values of the parameters that differ between runs, of one run."""
+    """Values of one run's parameters, of those that differ between runs."""
     return ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied[:MOST_SETTINGS])
 
 
 def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:
-    """Limit cycles whose level stays while the motion was not seen to repeat; '' of none."""
+    """Sentence on limit cycles that keep their level but were not seen to repeat; '' if none."""
     cycles = lasting[(lasting["class"] == LIMIT_CYCLE).to_numpy(bool)]
-    if "swing_spread" not in cycles or "frequency_hz" not in cycles:  # results of before
+    if "swing_spread" not in cycles or "frequency_hz" not in cycles:  # results of older versions
         return ""
     spread = cycles["swing_spread"][cycles["frequency_hz"].isna().to_numpy(bool)]
     spread = spread[(spread > UNEVEN_SWINGS).to_numpy(bool)]
@@ -100,7 +101,7 @@ def level_error(row: Mapping[Hashable, Any] | pd.Series) -> float:
 
 
 def heard(row: pd.Series) -> str:
-    """At which frequency a run is heard, in words."""
+    """The frequency at which a run repeats, and its loudest line if that differs, in words."""
     hz, line = row.get("frequency_hz", np.nan), row["torque_line_hz"]
     if hz != hz:
         return f"loudest near {in_digits(line)} Hz" if line == line else "frequency not known"
@@ -110,10 +111,7 @@ def heard(row: pd.Series) -> str:
 
 
 def _growth(row: pd.Series) -> str:
-    """How fast a run grew or decayed, and from when on its level was steady.
-
-    '' where neither is known.
-    """
+    """Sentence on how fast a run grew or decayed, and when it became steady; '' if unknown."""
     rate, forecast = row.get("growth_rate", np.nan), row.get("predicted_growth_rate", np.nan)
     settled = row.get("settled_time", np.nan)
     parts = []
@@ -130,7 +128,10 @@ def _growth(row: pd.Series) -> str:
 
 
 def _leading(lasting: pd.DataFrame, name: str, unit: str) -> str:
-    """Which mode has most energy where, where that changes; with the frequencies of its runs."""
+    """Sentence on the mode with most energy in each range of a parameter; '' if it never changes.
+
+    Each mode is told with the frequencies of its runs.
+    """
     modes = lasting["dominant_mode"].tolist()
     if not 1 < len(set(modes)) <= MOST_MODES or not all(modes):
         return ""
@@ -145,7 +146,7 @@ def _leading(lasting: pd.DataFrame, name: str, unit: str) -> str:
 
 
 def _sticking(row: pd.Series) -> str:
-    """How much the contact of a run sticks, in words."""
+    """How much the contact of a run sticks, in words; '' where that is not known."""
     share = row.get("stick_share", np.nan)
     if not share >= 0.0:  # not known
         return ""
@@ -154,12 +155,12 @@ def _sticking(row: pd.Series) -> str:
 
 
 def _percent(share: float) -> str:
-    """In percent, in the two digits that a run's step leaves to it."""
+    """A share in percent, to two digits: a run's step makes it no more accurate."""
     return f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def _where_it_sticks(lasting: pd.DataFrame, name: str, unit: str) -> str:
-    """In which of several runs the contact sticks, and how much."""
+    """Sentence on the runs in which the contact sticks, and how much; '' where not known."""
     shares = lasting.get("stick_share", pd.Series(np.nan, lasting.index)).to_numpy(float)
     if not (shares >= 0.0).all():
         return ""

@@ -53,9 +53,9 @@ if TYPE_CHECKING:
 
 
 class Transient(ModelKind):
-    """Motion of every design point from its steady sliding state.
+    """Motion in time of every design point, about its steady sliding.
 
-    Nothing is checked at full order in time.
+    Nothing is checked at full order.
     """
 
     name = "transient"
@@ -66,7 +66,7 @@ class Transient(ModelKind):
     schema: pa.Schema = SCHEMA
     tells_reduction = False
     has_fidelity = True
-    begins_with: Mapping[str, float] = {"damping_ratio": 0.01}  # what decays is then seen to
+    begins_with: Mapping[str, float] = {"damping_ratio": 0.01}  # so that stable runs decay visibly
     start: Mapping[str, Any] = {"sweep": {"num": 4}}
     short: Mapping[str, Sequence[str]] = {
         **OFTEN_CHANGED,
@@ -74,26 +74,26 @@ class Transient(ModelKind):
     }
 
     def resolver(self, study: ResolvedStudy) -> Callable[[Columns], Columns]:
-        """Fills in the speed at which friction saturates, of the slowest design point."""
+        """A function that fills in the automatic regularisation speed, by the slowest point."""
         return partial(with_speed, slowest=slowest_speed(study))
 
     def identity(self, plan: Plan) -> list[Any]:
-        """The settings of the runs."""
+        """All that runs depend on, beside the parameters of their design points."""
         return motion_identity(plan)
 
     def table_identity(self, plan: Plan) -> list[Any]:
-        """Whether the slope of friction is looked into."""
+        """The setting of the slope pilot, which changes tables but no run."""
         return [plan.study.section.slope_pilot]
 
     def manifest(self, plan: Plan) -> dict[str, Any]:
-        """How design points are integrated; the unit of torques."""
+        """Facts of any model, with settings of runs, friction's slope and the unit of torques."""
         facts = super().manifest(plan)
         facts["units"] |= {"torque": plan.study.model.torque_unit}
         settings = motion_identity(plan)[0]
         return facts | {"transient": settings, "regularisation": regularisation_of(plan)}
 
     def check(self, plan: Plan) -> None:
-        """Sensors, perturbed modes and the continued state must fit every structure."""
+        """Check that sensors, perturbed modes and a continued state fit every structure."""
         section = plan.study.section
         if REGULARISATION_SPEED.name in plan.study.shown_parameters and not regularisation_of(plan):
             raise plan.error(
@@ -136,11 +136,11 @@ class Transient(ModelKind):
                 )
 
     def warnings(self, plan: Plan) -> list[str]:
-        """Growth above the band, and friction too stiff for the step."""
+        """Warnings of growth above the band, and of friction too stiff for the step."""
         return preparation.warnings(plan)
 
     def begin(self, plan: Plan) -> None:
-        """Compile the kernels before workers start."""
+        """Begin to compile the kernels before workers start."""
         section = plan.study.section
         if section.representation == "modal":
             begin_warming(section.storage == "single")
@@ -151,7 +151,7 @@ class Transient(ModelKind):
         make_training_runs(plan, report)
 
     def reads_meshes(self, plan: Plan) -> bool:
-        """Layers of finite elements are taken from the assembly."""
+        """Whether finite elements are needed: the hybrid representation takes layers of them."""
         return plan.study.section.representation == "hybrid"
 
     def tasks(self, plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[BatchTask]:
@@ -175,7 +175,7 @@ class Transient(ModelKind):
     def build_tables(
         self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write points, modes and growth; what ending early has saved."""
+        """Write points, modes, growth and windows; facts on the slope pilot and time saved."""
         points = build_tables(plan, store)
         section = plan.study.section
         facts: dict[str, Any] = {}
@@ -190,15 +190,15 @@ class Transient(ModelKind):
         return points, facts
 
     def solves(self, plan: Plan) -> Solves:
-        """Points are timed from their first steps; runs that end early may be over soon."""
+        """Cost in points, which are timed from their first steps; some runs may end early."""
         return Solves(least=0.0) if self.may_end_early(plan) else Solves()
 
     def may_end_early(self, plan: Plan) -> bool:
-        """Runs end once their outcome is known, where the study asks for that."""
+        """Whether runs end once their outcome is known."""
         return bool(plan.study.section.stop != "end")
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:
-        """The integrator, and what slopes of friction follow from."""
+        """The integrator, the speed from which slopes of friction follow, and schedules."""
         from squealstudy.kinds.transient.screen import regularisation
 
         section = plan.study.section
@@ -213,7 +213,7 @@ class Transient(ModelKind):
         ]
 
     def time_point(self, plan: Plan, task: DesignPoint) -> float | None:
-        """Seconds of one design point alone, from its first steps."""
+        """Seconds of one design point alone, extrapolated from its first steps."""
         preparation.warm(plan.study.section)
         started = time.perf_counter()
         with threadpool_limits(1):

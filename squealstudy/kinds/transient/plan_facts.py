@@ -1,7 +1,7 @@
-"""Facts of a whole study in time: earlier state, training, slowest speed.
+"""What design points of a study in time share: start state, training designs, slowest speed.
 
-A run starts from the steady sliding state or from the final state of an earlier run. The sliding
-speed at which friction saturates in time is one for all design points of a study.
+A run starts from steady sliding, from the final state of an earlier run or from a limit cycle. The
+automatic speed at which friction saturates is the same at all design points of a study.
 """
 
 from __future__ import annotations
@@ -38,16 +38,15 @@ from squealstudy.study.sampling import design_points
 from squealstudy.study.source import SourceText
 
 NO_MOTION = {"batch", "start", "start_point", "slope_pilot"}  # keys that change no run
-MOST_TRAINING = 4  # design points of a training run
-# code that decides what is sampled, trained and run
-TRANSIENT_SOURCES = ("kinds/transient",)
-PLAN_CACHE_SIZE = 4  # plans
+MOST_TRAINING = 4  # design points of the training runs
+TRANSIENT_SOURCES = ("kinds/transient",)  # code of which `motion_identity` has the hash
+PLAN_CACHE_SIZE = 4  # plans whose facts are kept
 KEY = ("transient", "start")
 POINT_KEY = ("transient", "start_point")
 
 
 def motion_identity(plan: Plan) -> list[Any]:
-    """All that a design point's motion depends on beside its parameters."""
+    """All that the motion of a design point depends on, beside its parameters."""
     section, start = plan.study.section, start_of(plan)
     trained = training_designs(plan) if section.pod_vectors else ()
     return [
@@ -63,7 +62,7 @@ def motion_identity(plan: Plan) -> list[Any]:
 
 
 def training_designs(plan: Plan) -> tuple[DesignPoint, ...]:
-    """Designs of a training run: the nominal one, and those at the ends of the sweeps."""
+    """Designs of the training runs: the nominal one, and some of those at ends of the sweeps."""
     chosen = {int(f(column)) for column in plan.coordinates.T for f in (np.argmin, np.argmax)}
     nominal = plan.design(plan.nominal_values)
     ends = (plan.tasks.bare(i) for i in sorted(chosen))
@@ -79,21 +78,23 @@ def slowest_speed(study: ResolvedStudy) -> float:
 
 
 def regularised(design: DesignPoint) -> bool:
-    """Whether the slope follows from a regularisation speed; else the file gives it."""
+    """Whether the slope of friction follows from a regularisation speed; else the file gives it."""
     return design.values[SLOPE.name] == 0
 
 
 @lru_cache(maxsize=PLAN_CACHE_SIZE)
 def regularisation_of(plan: Plan) -> dict[str, Any] | None:
-    """Speeds that slopes of friction follow from, for manifest and screens; None: all are given.
+    """Speeds from which slopes of friction follow, for manifest and screens.
+
+    None where the file gives the slope of every design point.
 
     Returns
     -------
     dict
         ``speed``, ``speed_highest``: least and largest regularisation speed in use, m/s;
-        ``slowest_sliding_speed``, m/s, and the ``share`` of it that is automatic; ``points``:
-        design points whose slope follows from such a speed, ``automatic``: those among them whose
-        speed follows from the slowest one.
+        ``slowest_sliding_speed``, m/s, and the ``share`` of it that is the automatic speed;
+        ``points``: number of design points whose slope follows from such a speed; ``automatic``:
+        number of those with the automatic speed.
     """
     study, points = plan.study, plan.tasks
     speeds = points.column(REGULARISATION_SPEED.name)[points.column(SLOPE.name) == 0]
@@ -117,7 +118,8 @@ def regularisation_of(plan: Plan) -> dict[str, Any] | None:
 class StartState:
     """Final state of an earlier run, or a state on a cycle, with its design point and its model.
 
-    `q` and `v` (n,) are deviation from steady sliding and velocity in component-mode coordinates.
+    `q` and `v` (n,) are deviation from steady sliding and velocity, in the coordinates of the
+    `representation`: component modes, or those of the hybrid model.
     """
 
     point_id: str
@@ -133,12 +135,12 @@ class StartState:
 
 @lru_cache(maxsize=PLAN_CACHE_SIZE)
 def start_of(plan: Plan) -> StartState | None:
-    """The state that a study continues; None where it starts from steady sliding.
+    """The state that a study continues; None where it starts from steady sliding or stuck.
 
     Raises
     ------
     StudyFileError
-        Results that are missing, of another kind, or without that point's final state.
+        Where results are missing, of another kind, or have no final state of the chosen point.
     """
     section, source = plan.study.section, plan.study.source
     if not section.continued:
@@ -177,7 +179,7 @@ def start_of(plan: Plan) -> StartState | None:
 
 
 def _on_cycle(section: TransientSection, source: SourceText) -> StartState:
-    """The state of a limit cycle at theta = 0, where cosines are 1 and sines 0."""
+    """The state of a limit cycle at phase theta = 0, where cosines are 1 and sines 0."""
     directory, cycle_id = Path(section.start_cycle).parent, Path(section.start_cycle).name
     try:
         manifest = read_manifest(directory)
@@ -192,13 +194,13 @@ def _on_cycle(section: TransientSection, source: SourceText) -> StartState:
         raise source.error(KEY, str(error)) from None
     synthesis, slope = series_at(np.zeros(1), (len(series.Q) - 1) // 2)
     q, v = (synthesis @ series.Q)[0], series.omega * (slope @ series.Q)[0]
-    name = f"{series.cycle_id} {series.omega!r}"  # what a run depends on
+    name = f"{series.cycle_id} {series.omega!r}"  # tells this start from others
     state = StartState(name, series.prepared_key, section.representation, q, v)
     return state.scaled(section.start_scale)
 
 
 def _finished(store: Store) -> set[str] | None:
-    """Ids of the design points that reached their end; None before there is a table."""
+    """Ids of the design points whose runs ended well; None while there is no table of points."""
     if not (store.directory / POINTS).is_file():
         return None
     table = store.read_table(POINTS, ["point_id", "status"]).to_pylist()
@@ -206,7 +208,7 @@ def _finished(store: Store) -> set[str] | None:
 
 
 def _chosen(section: TransientSection, source: SourceText, points: Sequence[str]) -> str:
-    """The one of the design points with final states that the study asks for."""
+    """Id of the design point whose final state the study asks for; StudyFileError if not unique."""
     point_name = section.start_point
     if not points:
         raise source.error(KEY, f"no design point of '{section.start}' has reached its end")
@@ -226,7 +228,7 @@ def _chosen(section: TransientSection, source: SourceText, points: Sequence[str]
 
 
 def check_model(start: StartState, prepared_keys: set[str], section: TransientSection) -> str:
-    """Why a state does not fit the models of a study; empty where it does."""
+    """Why a state does not fit the models of a study; empty where it fits."""
     if prepared_keys != {start.prepared_key}:
         return (
             f"'{section.start}' is of another model, basis, nominal point or pressure range "

@@ -1,4 +1,4 @@
-"""Screen of transient studies: one line a design point, and the modes' energies."""
+"""Screens of transient studies: one line for each design point, and the energies of modes."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ if TYPE_CHECKING:
 
 MOST_COLUMNS = 2  # parameters with a column of their own
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
-MOST_LONGER = 20  # advised duration over the run's, at most
-CHANCE_THAT_TELLS_NOTHING = 1.0  # relative error of a level from which nothing is said of it
+MOST_LONGER = 20  # largest advised duration, over the run's
+CHANCE_THAT_TELLS_NOTHING = 1.0  # relative scatter from which an error counts as not known
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
-LEAST_PLAIN_LEVEL = 1e-3  # N m or N: of runs that decay less is left
+LEAST_PLAIN_LEVEL = 1e-3  # N m or N; smaller levels, of runs that decay, are written as 1.2e-05
 N_FINDING_COLUMNS = 9  # columns of `_findings`
 
 
 class TransientScreen(KindScreen):
-    """Outcome of every design point in time, and the assembly modes that have the energy."""
+    """Outcome of every design point in time, and the real modes that have the energy."""
 
     tables = ("points", "modes", "growth", "windows")
     added_tables = ("windows",)
@@ -59,7 +59,10 @@ class TransientScreen(KindScreen):
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None
     ) -> pd.DataFrame:
-        """The modes that carry the energy, `tables.energy_ranking.rank_energy`."""
+        """The modes that carry the energy (`tables.energy_ranking.rank_energy`).
+
+        ResultsError where `by` is not "share".
+        """
         if by != "share":
             raise ResultsError(
                 f"{results.directory}: modes of a transient study are ranked by energy share, "
@@ -70,7 +73,7 @@ class TransientScreen(KindScreen):
     def listed(
         self, results: ResultTables, table: pd.DataFrame, where: str | None
     ) -> list[RenderableType]:
-        """Which assembly modes carry the energy."""
+        """Table of the real modes that carry the energy."""
         undecided = table.attrs["undecided"]
         left_out = f"; {plural(undecided, 'undecided run')} left out" if undecided else ""
         changing = (results.points["class"] == CHANGING).to_numpy(bool)
@@ -103,7 +106,7 @@ class TransientScreen(KindScreen):
         return [shown, legend]
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """Outcome of each design point, then the ranking."""
+        """The verdict, a map of letters, the outcome of each design point, and the ranking."""
         unit = results.units.get(TORQUE, "N m")
         parts = points(results.points, results.parameters, results.units, unit)
         if (results.points["class"] == CHANGING).any():
@@ -118,12 +121,12 @@ class TransientScreen(KindScreen):
         )
         if letters:
             parts = [*letters, "", *parts]
-        if not (results.points["class"] == CHANGING).any():  # of which nothing lasts
+        if not (results.points["class"] == CHANGING).any():  # in such runs no vibration lasts
             parts += ["", *self.ranking(results)]
         return [self.verdict(results), "", *parts]
 
     def verdict(self, results: ResultTables) -> str:
-        """How many runs came to what; level, frequency and sticking of those that last."""
+        """How many runs are of each class; level, frequency and sticking of those that last."""
         table, unit = results.points, results.units.get(TORQUE, "N m")
         text = f"{plural(len(table), 'run')}: {self.counted(results, table['class'].tolist())}."
         if (table["class"] == CHANGING).any():
@@ -132,7 +135,7 @@ class TransientScreen(KindScreen):
         return text + lasting_in_words(table, results.parameters, results.units, unit)
 
     def next_steps(self, results: ResultTables) -> Rows:
-        """The page of runs; longer ones, where they have told too little."""
+        """A shorter step or longer runs where these would decide; the page; a comparison."""
         untils = _worth_waiting(results.points)
         longer = f"a duration of {_seconds(max(untils))} in [transient]" if untils else ""
         to_the_end = results.manifest.get("simulated_time") is None
@@ -152,7 +155,7 @@ class TransientScreen(KindScreen):
         ]
 
     def facts(self, results: ResultTables) -> Rows:
-        """Time saved by early ends, the slope of friction and its error, the energy balance."""
+        """Time saved by runs that ended early, slope of friction and its error, energy balance."""
         solved = results.points[(results.points["status"] == "ok").to_numpy()]
         balance = solved["energy_balance"].abs().max()
         worst = error_percent(balance)
@@ -170,7 +173,7 @@ class TransientScreen(KindScreen):
 def points(
     table: pd.DataFrame, parameters: Sequence[str], units: Mapping[str, str], unit: str
 ) -> list[RenderableType]:
-    """Outcome of each design point; `unit` is N m of torques, N of friction forces."""
+    """Table of each design point's outcome; `unit` is "N m" for torques, "N" for forces."""
     what = "torque" if unit == "N m" else "force"
     varied = [p for p in parameters if len(set(table[p])) > 1]
     shown_parameters = varied if len(varied) <= MOST_COLUMNS else []
@@ -215,7 +218,7 @@ def _frequency(row: Mapping[Hashable, Any] | pd.Series) -> str:
 
 
 def _undecided(table: pd.DataFrame) -> list[RenderableType]:
-    """How many runs are too short for a class, and how long they would have to be."""
+    """Texts on runs with too long a step, and on runs too short to decide, with the time needed."""
     undecided = table[(table["class"] == UNDECIDED).to_numpy()]
     coarse = np.isfinite(_sufficient_steps(undecided)).sum()
     n_short = len(undecided) - coarse
@@ -242,15 +245,15 @@ def _undecided(table: pd.DataFrame) -> list[RenderableType]:
 
 
 def _sufficient_steps(table: pd.DataFrame) -> np.ndarray:
-    """Step [s] that each run (n,) should have had; NaN where its step was short enough."""
+    """Step [s] short enough for each run (n,); NaN where its own step was short enough."""
     reasons = table["invalid_reason"] if "invalid_reason" in table else pd.Series("", table.index)
     return np.array([sufficient_step(str(reason)) for reason in reasons], dtype=float)
 
 
 def _worth_waiting(table: pd.DataFrame) -> list[float]:
-    """Durations [s] at which undecided runs would be decided; of those that are not too long.
+    """Durations [s] that would decide undecided runs, up to MOST_LONGER times their own.
 
-    Runs with too long a step are not among them: a longer one would tell nothing.
+    Runs with too long a step are left out: longer ones would tell nothing either.
     """
     undecided = table[(table["class"] == UNDECIDED).to_numpy() & np.isnan(_sufficient_steps(table))]
     until = undecided["undecided_until"]
@@ -262,7 +265,7 @@ def _seconds(value: float) -> str:
 
 
 def _changes(table: pd.DataFrame, varied: Sequence[str]) -> RenderableType:
-    """Changes of each point against the first, a line a point."""
+    """A line for each point: which parameters differ from the first point's."""
     first = table.iloc[0]
     rows = []
     for number, row in enumerate(table.to_dict("records")):
@@ -325,7 +328,7 @@ def _energy(
 
 
 def _ended_early(saved: Mapping[str, Any] | None) -> Rows:
-    """Simulated time that was saved by runs that ended early; nothing where runs may not."""
+    """Row on the simulated time that early ends have saved; none where runs may not end early."""
     if saved is None:
         return []
     share = 100 * saved["saved_s"] / saved["asked_s"] if saved["asked_s"] else 0.0
@@ -337,7 +340,7 @@ def _ended_early(saved: Mapping[str, Any] | None) -> Rows:
 
 
 def regularisation(regularisation_facts: Mapping[str, Any] | None) -> Rows:
-    """Sources and error of the slopes of friction; nothing where slopes are given."""
+    """Rows on the speed from which slopes of friction follow, and its error; none if given."""
     if regularisation_facts is None:
         return []
     low, high = regularisation_facts["speed"], regularisation_facts["speed_highest"]
@@ -346,8 +349,8 @@ def regularisation(regularisation_facts: Mapping[str, Any] | None) -> Rows:
     if regularisation_facts["automatic"]:
         text += (
             f": {100 * regularisation_facts['share']:g} % of the slowest sliding speed of the "
-            f"study, {regularisation_facts['slowest_sliding_speed']:.4g} m/s (a slower one changes "
-            "all results)"
+            f"study, {regularisation_facts['slowest_sliding_speed']:.4g} m/s (a slower design "
+            "point changes all results)"
         )
     rows = [("friction", text)]
     pilot = regularisation_facts.get("pilot")
@@ -355,7 +358,7 @@ def regularisation(regularisation_facts: Mapping[str, Any] | None) -> Rows:
 
 
 def _pilot(pilot: Mapping[str, Any]) -> str:
-    """Result of one run at twice the slope of friction."""
+    """Result of the run at twice the slope of friction, in words."""
     errors_of = pilot.get("errors", {})
     errors = ", ".join(
         f"{word} {_error_share_text(errors_of[name])}"
@@ -370,7 +373,7 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
 
 
 def _error_share_text(error: Mapping[str, float]) -> str:
-    """An error in percent; what chance may do where that is more."""
+    """An error in percent; where the scatter of its runs is larger, that as its bound."""
     if error["error"] < error["chance"]:
         if error["chance"] >= CHANCE_THAT_TELLS_NOTHING:
             return "not known (its runs scatter too much)"

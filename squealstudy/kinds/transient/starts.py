@@ -1,4 +1,4 @@
-"""Where runs of design points begin: steady sliding, what they are watched through, the kick."""
+"""Starts of runs: steady sliding of each design point, its unstable modes, and its perturbation."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Failure = tuple[str, str]  # status and message
 
 
 def set_up(task: BatchTask, point: DesignPoint, gaps: NewGaps) -> MotionPoint | Failure:
-    """Working point, forecast and perturbed start of a design point, or why there is none."""
+    """A design point ready to be run from its perturbed start, or status and message of failure."""
     return set_up_all(task, [point], gaps)[0]
 
 
 def set_up_all(
     task: BatchTask, points: Sequence[DesignPoint], gaps: NewGaps
 ) -> list[MotionPoint | Failure]:
-    """Set up the design points of the task's structure."""
+    """Set up design points of the task's structure, in their order."""
     resolved = [_resolved(task, point) for point in points]
     sliding = [point for point in resolved if isinstance(point, DesignPoint)]
     motions = iter(_steady_motions(task, sliding, gaps))
@@ -40,7 +40,7 @@ def set_up_all(
 
 
 def _resolved(task: BatchTask, point: DesignPoint) -> DesignPoint | Failure:
-    """The point with the slope of friction that its schedules need, or why it cannot be run."""
+    """The point with the slope of friction that its schedule needs, or why it cannot be run."""
     schedules, values = task.schedules, point.values
     if schedules is None:
         return point
@@ -56,7 +56,7 @@ def _resolved(task: BatchTask, point: DesignPoint) -> DesignPoint | Failure:
 def _steady_motions(
     task: BatchTask, points: Sequence[DesignPoint], gaps: NewGaps
 ) -> list[MotionPoint | Failure]:
-    """Points of one structure about their steady sliding, or why there is none."""
+    """Points of one structure about their steady sliding, or why one has none."""
     if not points:
         return []
     key, reference = points[0].structure, task.reference
@@ -88,7 +88,7 @@ def _steady_motions(
 def _started(
     task: BatchTask, point: DesignPoint, motion_start: MotionPoint | Failure
 ) -> MotionPoint | Failure:
-    """A point with its schedule and its perturbed start."""
+    """A point with its schedule and its perturbed start; failures pass through."""
     if not isinstance(motion_start, MotionPoint):
         return motion_start
     section, reference, schedules = task.section, task.reference, task.schedules
@@ -114,15 +114,17 @@ def steady_motion(
     gaps: NewGaps,
     settings: MotionSettings | None = None,
 ) -> tuple[WorkingPoint, MotionPoint]:
-    """Working point of a design point, and the design about it on shared modes.
+    """Working point of a design point, and the design point about it in shared modes.
 
-    Without a band its unstable modes are not looked for; without settings of its run nobody asks
-    how these move at its step.
+    Without `band_hz` its unstable modes are not sought. Without `settings` the effect of the time
+    step on these modes is not computed.
 
     Raises
     ------
-    ParameterError, or one of FAILURES
-        A value that cannot be used; no working point.
+    ParameterError
+        A value that cannot be used.
+    ConvergenceError, or another of FAILURES
+        Where there is no working point.
     """
     cached_gap = known_gap(point.structure, point)
     prepared = prepared_model(point.structure)

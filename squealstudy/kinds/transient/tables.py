@@ -1,4 +1,4 @@
-"""Chunk rows of transient studies, and the tables built from them: points, modes and growth."""
+"""Chunk rows of transient studies; their tables of points, modes, growth and windows."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
 
     Raises
     ------
-    ResultsError
+    MachineError
         Where a point of the plan is in no chunk.
     """
     found = planned_table(plan, store, SCHEMA)
@@ -147,13 +147,13 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
 
 
 def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
-    """How many runs ended before their `duration` [s] as settled or decayed, and what that saved.
+    """How many runs ended before their `duration` [s], settled or decayed, and the time saved.
 
     Returns
     -------
     dict
-        ``settled``, ``decayed``: number of runs; ``asked_s``, ``saved_s``: simulated time of the
-        runs that did not fail, s.
+        ``settled``, ``decayed``: number of runs that ended early; ``asked_s``: duration of all runs
+        that are ok, s; ``saved_s``: time that was not simulated, s.
     """
     early = points[points["stop_reason"].isin([SETTLED, DECAYED])]
     return {
@@ -164,7 +164,7 @@ def simulated_time(points: pd.DataFrame, duration: float) -> dict[str, float]:
 
 
 def _modes(plan: Plan, findings: pa.Table) -> pa.Table:
-    """Rows of all sensed modes, with the energy of each component and of the interfaces."""
+    """Table of all sensed modes, with the energy share of each component and of the interfaces."""
     names = [f"energy_{c}" for c in (*plan.study.model.components, "interfaces")]
     table = items(findings, "modes", (*MODE_FIELDS, ENERGIES))
     shares = table[ENERGIES[0]].combine_chunks().flatten().to_numpy().reshape(-1, len(names))
@@ -175,7 +175,7 @@ def _modes(plan: Plan, findings: pa.Table) -> pa.Table:
 
 
 def _growth(findings: pa.Table) -> pa.Table:
-    """Rows of all followed modes; `expressed` is missing where it cannot be told."""
+    """Table of all followed modes; `expressed` is missing where it cannot be told."""
     table = items(findings, "growth", GROWTH_FIELDS)
     frame = table.to_pandas().astype({"expressed": "boolean"})
     return pa.Table.from_pandas(frame, schema=table.schema, preserve_index=False)
@@ -192,10 +192,10 @@ SCHEMA = pa.schema(
 
 
 def row(point_id: str, wall_s: float, status: str, message: str, **cells: Any) -> dict[str, Any]:
-    """Chunk row of a design point with these cells; all other columns are empty."""
+    """Chunk row of a design point with these cells; in others numbers are NaN and texts empty."""
     return failed_row(SCHEMA, point_id, status, message, wall_s) | cells
 
 
 def lost_row(point_id: str, status: str, message: str) -> dict[str, Any]:
-    """Chunk row of a point that has no motion."""
+    """Chunk row of a point that was not integrated."""
     return failed_row(SCHEMA, point_id, status, message) | {"class": FAILED, "stop_reason": FAILED}

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
     from squealstudy.engine.result_tables import ResultTables
 
-MIN_SLOW_RUN_S = 10.0  # longer runs show times in seconds, others in milliseconds
+MIN_SLOW_RUN_S = 10.0  # shortest run whose times are shown in seconds; others in milliseconds
 MAX_LISTED_WINDOWS = 24
 
 
 def windows(results: ResultTables, unit: str) -> list[RenderableType]:
-    """Windows of a single run, or the loudest window of each of several runs."""
+    """Table of the windows of a single run, or of the loudest window of each of several runs."""
     table, all_points = results.table("windows"), results.points["point_id"].tolist()
     several = len(set(table["point_id"])) > 1
     if several:
@@ -68,7 +68,7 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
 
 
 def in_words(results: ResultTables, unit: str) -> str:
-    """Course of one run whose speed or pressure changes, and where it is loudest."""
+    """Course of a run whose speed or pressure changes, and where it is loudest; '' for several."""
     table = results.table("windows")
     if not len(table) or len(set(table["point_id"])) > 1:
         return ""
@@ -93,7 +93,7 @@ def in_words(results: ResultTables, unit: str) -> str:
 
 
 def _frequencies(rows: pd.DataFrame) -> str:
-    """Frequencies of windows of one class after the other, in words; empty where none repeats.
+    """Frequencies of successive windows of one class, in words; empty for quiet ones.
 
     From the first to the last, or from the least to the largest where one lies beyond these.
     """

@@ -1,6 +1,6 @@
-"""Worker process: advance a batch of design points in time, and return what they did.
+"""In a worker process: set up a batch of design points about steady sliding and integrate them.
 
-Points are set up about their steady sliding and integrated; rows, histories and final states tell.
+The results are their rows, histories and final states.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ from squealstudy.reduction.working_point import with_less_friction
 from squealstudy.study.design import DesignPoint
 from squealstudy.tables.validity import BETWEEN
 
-# correlation of the contact observation of one mode in both representations
+# correlation of a mode's motion at the contact, between both representations, if it is the same
 MIN_MODE_CORRELATION = 0.99
-N_STOP_TESTS = 20  # at a run, evenly over its duration
+N_STOP_TESTS = 20  # tests of a run whether it may stop, evenly over its duration
 Failure = tuple[str, str]  # status and message
 
 
 def solve_batch(task: BatchTask) -> Solved:
-    """Integrate the points of a batch: rows, histories, final states."""
+    """Integrate the points of a batch; return their rows, histories and final states."""
     started = time.perf_counter()
     gaps = NewGaps()
     try:
@@ -82,7 +82,7 @@ def solve_batch(task: BatchTask) -> Solved:
         motions = integrate(task, chosen, points) if ready else []
     except FAILURES as error:
         if len(task.points) > 1:
-            raise  # each is tried by itself: one of them is at fault, not its neighbours
+            raise  # each is then tried by itself, so that one at fault does not spoil the others
         rows += [lost_row(point.point_id, *reason(error)) for point in chosen]
     else:
         look_ahead(motions)
@@ -143,7 +143,7 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
 
 
 def _history(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, Any]:
-    """The history of a run by its path, where it is asked for."""
+    """File of a run's history, by its path; empty where histories are not asked for."""
     section, every = task.section, task.settings().save_every
     if not section.save_every:
         return {}
@@ -153,7 +153,7 @@ def _history(task: BatchTask, point: DesignPoint, motion: Motion) -> dict[str, A
 def _states(
     task: BatchTask, points: Sequence[DesignPoint], motions: Sequence[Motion]
 ) -> dict[str, Any]:
-    """Final states of finished runs by paths: beside its history each has a file of its own."""
+    """Files of the final states of runs that are ok, by path; one each if there are histories."""
     finished = {
         point.point_id: final_state(task, motion)
         for point, motion in zip(points, motions, strict=True)
@@ -173,13 +173,13 @@ def integrate(
     Raises
     ------
     ModelError
-        Modes of the hybrid representation that do not correspond to those of the modal one.
+        Where not even the first mode of the hybrid representation is that of the modal one.
     """
     return hybrid_motions(task, chosen, points) if task.hybrid else _modal_motions(task, points)
 
 
 def final_state(task: BatchTask, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Where a motion ended (n,), in coordinates that another run can start from."""
+    """Final deviation and velocity (n,) of a motion, in coordinates to start another run from."""
     if task.hybrid:
         return motion.q, motion.v
     final = task.reference.phi @ np.stack([motion.q, motion.v], axis=1)
@@ -201,7 +201,7 @@ def _modal_motions(task: BatchTask, points: Sequence[MotionPoint]) -> list[Motio
 
 
 def _watch(task: BatchTask, settings: MotionSettings, count: int) -> Watch | None:
-    """Stops runs whose outcome is known, where the study asks for that."""
+    """A watch that stops runs whose outcome is known; None where the study does not ask for it."""
     section = task.section
     if section.stop == "end":
         return None
@@ -220,7 +220,7 @@ def hybrid_motions(
     Raises
     ------
     ModelError
-        Modes of the two representations that do not correspond.
+        Where not even the first modes of the two representations are the same.
     """
     reference, model = task.reference, _model(task)
     signs = common_modes(reference, model)
@@ -237,7 +237,7 @@ def hybrid_motions(
 
 
 def _model(task: BatchTask) -> HybridModel:
-    """The hybrid model of the batch's structure, from the cache or made now."""
+    """The hybrid model of the batch's structure, from the cache or made and kept there."""
     key = task.points[0].structure
     layers = task.section.layers
     content = [task.cutoff_hz, layers, task.component_modes, repr(task.operating)]
@@ -265,12 +265,14 @@ def _build(task: BatchTask, settings: HybridSettings) -> HybridModel:
 
 
 def common_modes(reference: SharedModes, model: HybridModel) -> np.ndarray:
-    """Sign (m,) by which each hybrid mode is the reference's mode of the same number.
+    """Signs (m,) that turn hybrid modes into the reference's modes of the same number.
+
+    They are of the first m modes, up to the first that is not the same in both.
 
     Raises
     ------
     ModelError
-        Where they are not the same modes.
+        Where not even the first mode is the same.
     """
     m = min(len(model.omega), reference.n_exact)
     system = reference.system
@@ -294,9 +296,10 @@ def _hybrid_point(
     chosen: DesignPoint,
     point: MotionPoint,
 ) -> MotionPoint:
-    """The design point in coordinates of the hybrid model, which has the first m modes too.
+    """The design point in coordinates of the hybrid model, which shares the first m modes.
 
     Modal damping acts on the real modes at the point's working point, those of `model_at_point`.
+    ConvergenceError where frequencies of component modes are scaled.
     """
     state = chosen.state()
     if point.s is not None and point.s.any():

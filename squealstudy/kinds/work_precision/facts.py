@@ -1,4 +1,4 @@
-"""Facts of a manifest of work and precision: what they must be, whoever wrote them."""
+"""Types of the facts that work-precision studies write to a manifest; a read manifest must fit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from squealstudy.engine.fact_types import Count, FactGroup, Name, Positive
 
 
 class WorkPrecisionFacts(FactGroup):
-    """Beside those of every kind."""
+    """Facts of work-precision studies, beside those of every kind."""
 
     quantities: Annotated[list[Name], Field(min_length=1)]
     tolerance: Positive

@@ -1,4 +1,7 @@
-"""A work-precision study: error against time of methods on one study, a row a measurement."""
+"""Work-precision studies as a kind: error against time of methods on one study.
+
+Each measurement is a row.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,7 @@ class WorkPrecision(Kind):
     of_methods = True
 
     def read(self, source: SourceText, tables: Mapping[str, Any]) -> PrecisionFile:
-        """The file, checked, with the study it is made on."""
+        """The file, checked, with its base study."""
         definition = validate(WorkPrecisionDefinition, source, tables)
         path = source.path.parent / definition.work_precision.base
         if not path.is_file():
@@ -58,7 +61,7 @@ class WorkPrecision(Kind):
         return PrecisionFile(self, source, definition, load_study(path))
 
     def plan(self, study: PrecisionFile) -> MethodsPlan:
-        """The reference once, then rounds over all methods."""
+        """The runs: the reference once, then rounds over all methods."""
         variants = make_variants(study)
         check_file(study, variants)
         section, base = study.definition.work_precision, study.base
@@ -89,13 +92,13 @@ class WorkPrecision(Kind):
     def make_models(
         self, plan: MethodsPlan, workers: Workers, warn: Warn
     ) -> tuple[MethodsPlan, dict[str, str]]:
-        """Make the reductions of all variants; what the models show of the file is checked."""
+        """Make the reductions of all variants, check the first one, and compile integrators."""
         for variant in plan.content:
             try:
                 build_structures(variant.plan, replace(workers, seconds_without_workers=at_once))
             except StudyFileError:
                 raise
-            except SquealstudyError:  # no structure of it can be made: its rows say so
+            except SquealstudyError:  # no structure of this variant can be made: its rows say so
                 continue
         first = plan.content[0].plan
         first.kind.check(first)
@@ -103,19 +106,19 @@ class WorkPrecision(Kind):
         return plan, {}
 
     def seconds_without_workers(self, plan: MethodsPlan) -> float:
-        """For ever: what is timed is run alone, in this process."""
+        """Infinite: what is timed runs alone, in this process."""
         return float("inf")
 
     def tasks(self, plan: MethodsPlan, points: Sequence[Run], workers: Workers) -> list[Any]:
-        """One task a measurement."""
+        """A task for each measurement."""
         return [(plan.study, run) for run in points]
 
     def points_of(self, task: tuple[PrecisionFile, Run]) -> list[Run]:
-        """The measurement."""
+        """The measurement of a task."""
         return [task[1]]
 
     def single_tasks(self, task: tuple[PrecisionFile, Run]) -> list[tuple[PrecisionFile, Run]]:
-        """It is one."""
+        """The task itself, which is a single measurement."""
         return [task]
 
     def solve(self, task: tuple[PrecisionFile, Run]) -> Solved:
@@ -133,7 +136,7 @@ class WorkPrecision(Kind):
         return Solved([row])
 
     def manifest(self, plan: MethodsPlan) -> dict[str, Any]:
-        """The files, and what is judged."""
+        """Facts: the texts of the files, the quantities that are judged, the measured points."""
         study, variants = plan.study, plan.content
         section, first = study.definition.work_precision, variants[0]
         names = [sweep.name for sweep in first.plan.study.sweeps]
@@ -154,7 +157,7 @@ class WorkPrecision(Kind):
     def build_tables(
         self, plan: MethodsPlan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Write measurements and errors."""
+        """Write the tables of measurements and errors; that of measurements, and facts."""
         study, variants = plan.study, plan.content
         row_of = store.rows([run.point_id for run in plan.tasks], self.schema)
         by_variant: dict[str, list[Mapping[str, Any]]] = {v.identity: [] for v in variants}
@@ -180,7 +183,7 @@ def quantities(study: PrecisionFile) -> tuple[str, ...]:
 
 
 def _over(study: PrecisionFile) -> int:
-    """Design points that share a set-up."""
+    """Number of design points that share a set-up."""
     return study.definition.work_precision.over or count_points(common_study(study))
 
 

@@ -1,4 +1,4 @@
-"""Screen of work-precision studies: measurements, and the cheapest within tolerances."""
+"""Screens of work-precision studies: measurements, and the cheapest within tolerances."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ WORDS = {
     "dominant_frequency": "loudest line",
     "energy_share": "energy shares",
 }
-MOST_ROWS = 24  # measurements listed; of more one of each method
+MOST_ROWS = 24  # measurements listed; where there are more, one of each method is
 SHOWN_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
@@ -54,7 +54,7 @@ class WorkPrecisionScreen(KindScreen):
     unfinished = False
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """The cheapest within each tolerance, then every measurement, or of many those that say."""
+        """The cheapest within each tolerance, then all measurements or one of each method."""
         return [self.verdict(results), "", _fronts(results), "", *_measurements(results)]
 
     def verdict(self, results: ResultTables) -> str:
@@ -62,9 +62,15 @@ class WorkPrecisionScreen(KindScreen):
         quantities, tolerance = results.fact("quantities"), results.fact("tolerance")
         measured = results.measurements
         row = at_tolerances(measured, quantities, (tolerance,)).iloc[-1]
-        judged_by = all_of([WORDS[q] for q in quantities if measured[f"error_{q}"].notna().any()])
-        others = int((usable(measured) & ~measured["reference"].to_numpy(bool)).sum())
-        measurements = f"{plural(others, 'measurement')} against '{results.fact('reference')}'"
+        others = usable(measured) & ~measured["reference"].to_numpy(bool)
+        judged = [q for q in quantities if measured.loc[others, f"error_{q}"].notna().any()]
+        judged_by = all_of([WORDS[q] for q in judged or quantities])
+        measurements = f"{plural(int(others.sum()), 'measurement')} against "
+        measurements += f"'{results.fact('reference')}'"
+        if not others.any():
+            return "No measurement counts: in each a point failed, or a mode is missed or spurious."
+        if not judged:
+            return f"No error in {judged_by} is known of {measurements}."
         if not row["cheapest"]:
             exact = _most_exact(measured, quantities)
             return f"None of {measurements} is within {tolerance:g} in {judged_by}{exact}."
@@ -88,7 +94,7 @@ class WorkPrecisionScreen(KindScreen):
 
 
 def _largest_errors(measurements: pd.DataFrame, quantities: Sequence[str]) -> np.ndarray:
-    """Largest error of each measurement (n,), infinite where it does not count."""
+    """Largest error (n,) of each measurement; infinite where it does not count."""
     names = [f"error_{q}" for q in quantities]
     errors = measurements[[n for n in names if measurements[n].notna().any()]].to_numpy(float)
     largest = errors.max(axis=1, initial=0.0)
@@ -96,7 +102,7 @@ def _largest_errors(measurements: pd.DataFrame, quantities: Sequence[str]) -> np
 
 
 def _most_exact(measurements: pd.DataFrame, quantities: Sequence[str]) -> str:
-    """The measurement with the least error, where one counts."""
+    """The measurement with the least error, in words; empty where none counts."""
     candidates = measurements[~measurements["reference"].to_numpy(bool)]
     errors = _largest_errors(candidates, quantities)
     if not np.isfinite(errors).any():
@@ -106,9 +112,9 @@ def _most_exact(measurements: pd.DataFrame, quantities: Sequence[str]) -> str:
 
 
 def _one_of_each_method(results: ResultTables) -> pd.DataFrame:
-    """All measurements; of many the reference and one of each method.
+    """All measurements; if they are many, the reference and one of each method.
 
-    That is the cheapest within the tolerance of the study, or the most exact where none is.
+    That is the cheapest within the tolerance of the study, or the most exact if none is within it.
     """
     table = results.measurements
     if len(table) <= MOST_ROWS:
@@ -173,12 +179,12 @@ def _error(value: float, within: bool) -> str:
 
 
 def _number(value: float) -> str:
-    """An error in two digits; one that is nothing as 0."""
+    """An error in two digits; zero as "0"."""
     return figure(value, ".1e") if value else "0"
 
 
 def _front(results: ResultTables) -> pd.DataFrame:
-    """The tolerances that some method meets in all quantities."""
+    """Rows of the tolerances that some method meets in all quantities."""
     table = at_tolerances(results.measurements, results.fact("quantities"), SHOWN_TOLERANCES)
     return table[
         ((table["quantity"] == table["quantity"].iloc[-1]) & (table["cheapest"] != "")).to_numpy()
@@ -186,7 +192,7 @@ def _front(results: ResultTables) -> pd.DataFrame:
 
 
 def _fronts(results: ResultTables) -> RenderableType:
-    """The cheapest measurement within each tolerance, and how far the default is from it."""
+    """Table of the cheapest measurement within each tolerance, beside the default method's."""
     table = _front(results)
     return grid(
         *("all within", "text:cheapest", "cost s", "text:default", "cost s", "ratio"),

@@ -30,7 +30,7 @@ TIME_QUANTITIES = (
 
 
 class WorkPrecisionSection(Section):
-    """What is solved, how often, and by what errors it is judged."""
+    """What is solved, how often, and by which errors methods are judged."""
 
     base: str = Field(
         min_length=1, description="study file, relative to this one, that all methods solve"
@@ -42,7 +42,7 @@ class WorkPrecisionSection(Section):
         description="design points at random in the swept box of the base study, where errors are "
         "measured; 0 for the base study's own points",
     )
-    seed: int = Field(default=0, ge=0, le=2**32 - 1, description="of these points")
+    seed: int = Field(default=0, ge=0, le=2**32 - 1, description="seed of these random points")
     repeats: int = Field(
         default=3, ge=1, le=100, description="rounds over all methods, one after the other"
     )
@@ -62,7 +62,9 @@ class WorkPrecisionSection(Section):
         + "; onset is that of instability along friction, or the first sweep where friction is "
         "not swept, on lines through the measured points",
     )
-    tolerance: float = Field(default=1e-2, gt=0, le=1, description="line of the chart")
+    tolerance: float = Field(
+        default=1e-2, gt=0, le=1, description="largest error allowed, a line of the chart"
+    )
     over: int = Field(
         default=0,
         ge=0,
@@ -77,20 +79,20 @@ class WorkPrecisionSection(Section):
 
 
 class ReferenceSection(Section):
-    """The [reference] section: settings that errors are measured against."""
+    """The [reference] section: settings against which errors are measured."""
 
-    name: str = Field(default="reference", description="as it is called in tables and pictures")
+    name: str = Field(default="reference", description="its name in tables and pictures")
     set: Changes = Field(
         default_factory=dict, description="keys of the base study with other values"
     )
-    integrator: str | None = Field(default=None, description="as of a method")
-    options: dict[str, Scalar] = Field(default_factory=dict, description="as of a method")
+    integrator: str | None = Field(default=None, description="as in [[method]]")
+    options: dict[str, Scalar] = Field(default_factory=dict, description="as in [[method]]")
 
 
 class MethodSection(Section):
     """One line of the chart: a method over the values of its knob."""
 
-    name: str = Field(min_length=1, max_length=80, description="as it is called in tables")
+    name: str = Field(min_length=1, max_length=80, description="its name in tables and pictures")
     knob: str = Field(
         default="", description="dotted key of the base study, or option.<name> of an integrator"
     )
@@ -101,13 +103,15 @@ class MethodSection(Section):
         default_factory=dict, description="keys of the base study with other values"
     )
     integrator: str | None = Field(
-        default=None, description="integrator of a transient base study, of the chart alone or not"
+        default=None,
+        description="integrator of a transient base study, those for comparison included",
     )
     options: dict[str, Scalar] = Field(
         default_factory=dict, description="options of that integrator"
     )
     default: bool = Field(
-        default=False, description="this is what a study does by itself: judged against the front"
+        default=False,
+        description="whether a study uses this method by itself; it is compared with the cheapest",
     )
 
     @model_validator(mode="after")
@@ -127,7 +131,7 @@ class WorkPrecisionDefinition(Section):
     study: MethodsStudySection = Field(description="name and kind of the study")
     work_precision: WorkPrecisionSection = Field(description="what is solved and judged")
     reference: ReferenceSection = Field(
-        default=ReferenceSection(), description="what is taken as true"
+        default=ReferenceSection(), description="what is taken as exact"
     )
     method: Annotated[tuple[MethodSection, ...], Strict(False)] = Field(
         description="lines of the chart"

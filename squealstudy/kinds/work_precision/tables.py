@@ -1,4 +1,4 @@
-"""Rows of a work-precision study, a method, knob value and round each; and its two tables."""
+"""Rows of a work-precision study, one for each method, knob value and round; its two tables."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MEASURED = (  # attributes of a Measurement
     ("onset_seconds", REAL),
     ("line_points", REAL),
 )
-# findings are JSON: measured point -> what was found there
+# findings are JSON: number of a measured point -> its results
 FIELDS = (("variant", TEXT), ("round", WHOLE_NUMBER), *MEASURED, ("findings", TEXT))
 SCHEMA = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)])
 
@@ -37,7 +37,7 @@ SCHEMA = pa.schema([pa.field(n, t, nullable=False) for n, t in (*HEAD, *FIELDS)]
 def measurement_row(
     run: Run, wall_s: float, measurement: Measurement, failure: tuple[str, str] = ("ok", "")
 ) -> dict[str, Any]:
-    """Chunk row of a measurement; `failure` is status and message of one that found nothing."""
+    """Chunk row of a measurement; `failure` is status and message of one without results."""
     variant, number = run.content
     outcomes = [(f["status"], f.get("message", "")) for f in measurement.findings.values()]
     status, message = next((outcome for outcome in outcomes if outcome[0] != "ok"), failure)
@@ -57,24 +57,25 @@ def measurement_tables(
     over: int,
     measuring: Measuring,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Write the tables of measurements and of their errors.
+    """Make the tables of measurements and of their errors.
 
     Parameters
     ----------
     variants : sequence of Variant
-        The reference among them.
-    rows : mapping of identity -> chunk rows of all rounds
+        All variants, with the reference.
+    rows : mapping of identity -> sequence of chunk rows
+        Rows of all rounds of each variant.
     quantities : sequence of str
-        Those that measurements have an error column of.
+        Quantities for which measurements get columns of errors.
     over : int
-        Design points that share a set-up.
+        Number of design points that share a set-up.
     measuring : Measuring
         How findings are compared.
 
     Raises
     ------
     ResultsError
-        Where the reference has a failed point, against which nothing can be measured.
+        Where a point of the reference failed: nothing can be measured against it.
     """
     reference = next(v for v in variants if v.reference)
     truth = _findings(rows[reference.identity])
@@ -127,9 +128,10 @@ def _measurement(
     over: int,
     reduced: bool,
 ) -> dict[str, Any]:
-    """One row; the cost has the set-up's share, and the reduction's where methods differ in it.
+    """One row of the table of measurements.
 
-    That of an onset has the share of all points of its line.
+    The cost of a point has its share of the set-up, and of the reduction where methods differ in
+    it; that of an onset has the shares of all points of its line.
     """
     seconds = np.array([r["seconds"] for r in rows], dtype=float)
     first = rows[0]
@@ -171,7 +173,8 @@ def _measurement(
 def _summary(quantity: str, errors: Sequence[Mapping[str, Any]]) -> dict[str, float | bool]:
     """Largest error of a quantity over points and modes, its bounds, and the median error.
 
-    Also what the intervals of that one explain, and whether those of all explain all errors.
+    `chance` is what the intervals of both results explain of the largest error; `within` says
+    whether they explain every error.
     """
     of_quantity = [e for e in errors if e["quantity"] == quantity]
     if not of_quantity:

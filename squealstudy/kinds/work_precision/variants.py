@@ -35,7 +35,7 @@ SweptValues = tuple[float, ...]  # swept values of a design point, in the order 
 
 @dataclass(frozen=True)
 class PrecisionFile(MethodsFile[WorkPrecisionDefinition]):
-    """A work-precision study's file, with the study it is made on."""
+    """The file of a work-precision study, with its base study."""
 
     base: ResolvedStudy
 
@@ -47,25 +47,27 @@ class Variant:
     Attributes
     ----------
     method : str
-        Name of the line of the chart; of the reference its own.
+        Name of the method, or of the reference.
     knob : str
-        Dotted key, empty without one.
+        Dotted key of the knob; empty without one.
     value : str, number or None
-        Of the knob.
+        Value of the knob.
     default, reference : bool
+        Whether this is the default method, and the reference.
     plan : Plan
-        The base study's design points, then those that are measured.
+        Plan of the base study's design points, then the measured ones that are not among them.
     measured : tuple of int
-        Positions of the latter among all.
+        Positions of the measured points among all.
     lines : mapping of int -> tuple of int
         By number of a measured point, positions of the points of the line through it on which an
-        onset is sought; one of several points that share a line, none where no onset is judged.
+        onset is sought. Of points that share a line only the first is a key; empty where no onset
+        is judged.
     integrator : str
-        Empty for the study's own.
+        Name of the integrator; empty for the study's own.
     options : mapping
-        Of the integrator.
+        Options of the integrator.
     keys : KeyPath
-        The method's place in the file.
+        Keys of the method in the file.
     """
 
     method: str
@@ -82,7 +84,7 @@ class Variant:
 
     @cached_property
     def identity(self) -> str:
-        """Hash of all that decides what it finds, and of its name: each is run on its own."""
+        """Hash of all that its results depend on, and of its name: each variant has own runs."""
         rows = [*self.measured, *(i for line in self.lines.values() for i in line)]
         ids = [self.plan.tasks[i].point_id for i in rows]
         method_facts = [self.reference, self.method, repr(self.value)]
@@ -93,13 +95,13 @@ class Variant:
 
     @property
     def label(self) -> str:
-        """Name with the knob's value."""
+        """Name of the method with the knob's value."""
         short = self.knob.rpartition(".")[2]
         return f"{self.method}, {short} {self.value}" if self.knob else self.method
 
 
 def make_variants(study_file: PrecisionFile) -> list[Variant]:
-    """The reference, then all methods in the order of the file; StudyFileError."""
+    """The reference, then all methods in the order of the file; StudyFileError for bad keys."""
     points = measured_points(study_file)
     lines = onset_lines(study_file, points)
     reference = study_file.definition.reference
@@ -162,7 +164,7 @@ def _swept_values(study: ResolvedStudy) -> list[SweptValues]:
 
 
 def _placed(swept: list[SweptValues], points: Sequence[SweptValues]) -> tuple[int, ...]:
-    """Positions of the wanted points among all, to which those that are missing are added."""
+    """Positions of points among the `swept` ones; those that are missing are appended to these."""
     position = {point: i for i, point in reversed([*enumerate(swept)])}
     for point in points:
         if point not in position:
@@ -178,14 +180,14 @@ def onset_lines(
 
     Returns
     -------
-    dict of int -> list of Place
-        By number of a measured point, swept values of its line; of points that share a line by the
-        first; none where no onset is judged.
+    dict of int -> list of SweptValues
+        By number of a measured point, swept values of the points of its line. Of points that share
+        a line only the first is a key; empty where no onset is judged.
 
     Raises
     ------
     StudyFileError
-        Where the base study has no lines.
+        Where the base study is no grid over the parameter of the onset.
     """
     section, study = study_file.definition.work_precision, common_study(study_file)
     if ONSET not in section.quantities or study.kind.name != "complex_modes":
@@ -206,12 +208,12 @@ def onset_lines(
 
 
 def _with(point: SweptValues, index: int, value: float) -> SweptValues:
-    """Swept values with another one of the sweep at a place."""
+    """Swept values, of which that of the sweep `index` is replaced."""
     return (*point[:index], value, *point[index + 1 :])
 
 
 def common_study(study_file: PrecisionFile) -> ResolvedStudy:
-    """The base study with what is changed for all methods; StudyFileError."""
+    """The base study with the changes for all methods; StudyFileError where one is refused."""
     try:
         return study_file.base.variant(study_file.definition.work_precision.set)
     except StudyFileError as error:
@@ -234,7 +236,7 @@ def measured_points(study_file: PrecisionFile) -> list[SweptValues]:
 def _in_box(
     swept_points: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
 ) -> SweptValues:
-    """A random point of the swept box; structures are among those there are."""
+    """A random point of the swept box; structural parameters take values of the study."""
     point = []
     for k, sweep in enumerate(study.sweeps):
         u = float(rng.random())
@@ -249,7 +251,7 @@ def _in_box(
 def _between(
     swept_points: Sequence[SweptValues], study: ResolvedStudy, rng: np.random.Generator
 ) -> SweptValues:
-    """A random point between two neighbours of a design whose values stand side by side."""
+    """A random point between two successive points of a zip design."""
     i, u = int(rng.integers(max(len(swept_points) - 1, 1))), float(rng.random())
     ends = swept_points[i], swept_points[min(i + 1, len(swept_points) - 1)]
     return tuple(
@@ -263,7 +265,7 @@ def _mixed(low: float, high: float, u: float, log: bool) -> float:
 
 
 def check_file(study_file: PrecisionFile, variants: Sequence[Variant]) -> None:
-    """Raise StudyFileError for what the sections alone do not show."""
+    """Raise StudyFileError for errors that need more than the sections to be seen."""
     definition, base_kind = study_file.definition, study_file.base.kind
     measuring = as_kind(base_kind).measuring()
     if measuring is None:
