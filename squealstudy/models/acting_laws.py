@@ -22,14 +22,14 @@ def laws_with(name: str) -> dict[str, list[str]]:
 
 
 def law_choices(laws: Mapping[str, list[str]]) -> str:
-    """Laws in words: ``contact_law unilateral or power``."""
+    """Text on laws, such as ``contact_law unilateral or power``."""
     return " or ".join(f"{option} {' or '.join(names)}" for option, names in laws.items())
 
 
 def expect_acting(parameter: StudyParameter, design: ModelPoint) -> None:
-    """ParameterError for a parameter that does nothing in a design point's model.
+    """Raise ParameterError where a parameter has no effect in a design point's model.
 
-    That of a law which the model does not choose, or one that no contact follows.
+    It belongs to a law that the model does not use, or no contact follows it.
     """
     if parameter.name in design.model.idle:
         text = f"'{parameter.name}' does nothing here: {design.model.idle[parameter.name]}"

@@ -1,4 +1,4 @@
-"""Cells of a meshed component: its surface, and where in it elastic energy is."""
+"""Cells of a meshed component, its surface, and the elastic energy of each cell."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.element_shapes import SHAPES
 
-NONE = -1  # in place of a node that a facet does not have
+NONE = -1  # index of a node that a facet does not have
 
 
 class CellBlock(NamedTuple):
@@ -23,7 +23,7 @@ class CellBlock(NamedTuple):
     kind : str
         A name of `SHAPES`: tet4, tet10, pyramid5, pyramid13, wedge6, wedge15, hex8 or hex20.
     nodes : ndarray (n, k) of int
-        Node numbers of the component, in the order of the shape. Jacobians are positive.
+        Indices of nodes of the component, in the order of the shape. Jacobians are positive.
     """
 
     kind: str
@@ -32,21 +32,21 @@ class CellBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class ComponentCells:
-    """Cells and nodes of a component's mesh, for pictures and files; its matrices need none of it.
+    """Cells of a component's mesh, for pictures and files of mode shapes.
 
     Attributes
     ----------
     blocks : tuple of CellBlock
     volumes : ndarray (n_cells,)
-        m3, the cells of the blocks one after the other.
+        m3, block after block.
     energies : callable
-        Displacements (3 n_nodes,), real or complex [m] -> twice the elastic energy u^H K u of each
-        cell (n_cells,) [J]; it can be pickled.
+        Takes displacements (3 n_nodes,) [m], real or complex; returns twice the elastic energy
+        u^H K u of each cell (n_cells,) [J]. It can be pickled.
 
     Raises
     ------
     ModelError
-        An unknown type, a number of nodes that it does not have, volumes that are not positive.
+        A type is unknown; cells have a wrong number of nodes; volumes are not positive.
     """
 
     blocks: tuple[CellBlock, ...]
@@ -66,10 +66,10 @@ class ComponentCells:
 
     @cached_property
     def facets(self) -> np.ndarray:
-        """The surface (n, 8): nodes of the facets that one cell alone has.
+        """The surface: nodes (n, 8) of the facets that belong to one cell only.
 
-        Four corners, counter-clockwise seen from outside, and the node in the middle of the edge
-        after each; NONE for the last corner of a triangle, and for middles that there are not.
+        Four corners, counter-clockwise as seen from outside, then the middle node of the edge after
+        each corner. NONE stands for the fourth corner of a triangle and for missing middle nodes.
         """
         faces = []
         for kind, nodes in self.blocks:
@@ -83,7 +83,7 @@ class ComponentCells:
 
 
 def _face_places(kind: str) -> np.ndarray:
-    """Places (faces, 8) in a cell of the nodes of its faces; the place after the last is NONE."""
+    """Columns (n_faces, 8) of the nodes of a cell's faces; NONE is a column after the last."""
     shape = SHAPES[kind]
     rows = []
     for face in shape.faces:

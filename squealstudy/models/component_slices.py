@@ -1,17 +1,14 @@
-"""Degrees of freedom of components in an assembly that is not there yet."""
+"""Degrees of freedom of components in an assembly, before the Assembly exists."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-
-if TYPE_CHECKING:  # scikit-fem is slow to load
-    pass
 
 
 class Sized(Protocol):
@@ -29,7 +26,7 @@ class Sized(Protocol):
 
 
 def component_slices(components: Sequence[Sized]) -> tuple[dict[str, slice], int]:
-    """Degrees of freedom of each component, and their total, before an Assembly exists."""
+    """Slice of the degrees of freedom of each component, by name, and their total number."""
     ends = np.cumsum([0, *(c.n_dof for c in components)])
     spans = {c.name: slice(a, b) for c, a, b in zip(components, ends, ends[1:], strict=False)}
     return spans, int(ends[-1])
@@ -38,7 +35,10 @@ def component_slices(components: Sequence[Sized]) -> tuple[dict[str, slice], int
 def expand_rows(
     parts: Sequence[tuple[str, sp.spmatrix]], spans: dict[str, slice], n_dof: int
 ) -> sp.csr_matrix:
-    """Sum of observation rows, each given on one component: (n_rows, n_dof)."""
+    """Sum of observation rows (n_rows, n_dof); each part is a component and rows over it.
+
+    ModelError without any part.
+    """
     total = None
     for name, rows in parts:
         coo = rows.tocoo()

@@ -1,4 +1,4 @@
-"""Fields of contact points that friction needs."""
+"""The properties of contact points that friction depends on."""
 
 from __future__ import annotations
 
@@ -27,5 +27,5 @@ class ContactPoints(Protocol):
 
     @property
     def own_friction(self) -> np.ndarray:
-        """Friction of their own (nc, k), laws/own_friction.py."""
+        """Friction of single points in place of the study's (nc, k), see laws/own_friction.py."""
         ...

@@ -1,8 +1,8 @@
-"""Shapes of solid elements: nodes in the order of Abaqus, CalculiX and VTK, functions, faces.
+"""Solid elements: nodes in the order of Abaqus, CalculiX and VTK, shape functions, faces.
 
-The functions are scikit-fem's where it has them, in another order of the nodes. Reference
-coordinates are those of scikit-fem: the unit cube, the unit tetrahedron, the unit wedge; of
-pyramids a corner of the unit cube, x and y up to 1 - z.
+Shape functions are those of scikit-fem where it has them, in another order of the nodes. Reference
+coordinates are those of scikit-fem: the unit cube, the unit tetrahedron and the unit wedge. The
+reference pyramid is the part of the unit cube with x and y up to 1 - z.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Faces = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Shape:
-    """Nodes of an element, its corners first, and its faces.
+    """An element: its nodes, corners first, and its faces.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Shape:
 
     @property
     def nodes(self) -> int:
-        """Nodes of an element."""
+        """Number of nodes."""
         return len(self.places)
 
     def is_corner(self, node: int) -> bool:
@@ -46,7 +46,7 @@ class Shape:
 
     @property
     def edges(self) -> set[tuple[int, int]]:
-        """Pairs of corners with an edge between them."""
+        """Pairs of corners with an edge between them, the smaller number first."""
         corner_pairs = set()
         for face in self.faces:
             corners = [i for i in face if self.is_corner(i)]
@@ -66,7 +66,7 @@ class Shape:
         }
 
     def functions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Functions (q, k) and their slopes (q, k, 3) at reference coordinates X (q, 3)."""
+        """Shape functions (q, k) and derivatives (q, k, 3) at reference coordinates X (q, 3)."""
         if self.name in OWN_SHAPES:
             return OWN_SHAPES[self.name](X)
         element, order = _of_library(self.name)
@@ -127,13 +127,14 @@ def _wedge15(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return N, dN
 
 
-NEAR_APEX = 1e-30  # where the ratios are those of the axis
+NEAR_APEX = 1e-30  # least 1 - z, so that x / (1 - z) is defined at the apex
 
 
 def _pyramid5(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Functions of the 5-node pyramid, and their slopes: those of a brick whose top is one point.
+    """Shape functions of the 5-node pyramid and derivatives: a brick with a top of one point.
 
-    With w = 1 - z and a brick's four functions of x / w and y / w times w; the apex has z.
+    With w = 1 - z, those of the base are w times the bilinear functions of x / w and y / w, that of
+    the apex is z.
     """
     w = np.maximum(1 - X[:, 2], NEAR_APEX)
     x, y = np.clip(X[:, 0] / w, 0, 1), np.clip(X[:, 1] / w, 0, 1)
@@ -150,7 +151,7 @@ _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 def _bilinear(x: np.ndarray, y: np.ndarray, i: int, j: int) -> tuple[np.ndarray, np.ndarray]:
-    """A function P of x / w, y / w of a unit square's corner, and the slopes (q, 3) of w P."""
+    """Bilinear function P of a corner at x / w, y / w, and the derivatives (q, 3) of w P."""
     f, df = (x, 1.0) if i else (1 - x, -1.0)
     g, dg = (y, 1.0) if j else (1 - y, -1.0)
     P = f * g
@@ -193,11 +194,12 @@ def _pyramid13(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return N, dN
 
 
+# shape functions that scikit-fem does not have
 OWN_SHAPES = {
     "pyramid5": _pyramid5,
     "pyramid13": _pyramid13,
     "wedge15": _wedge15,
-}  # the library lacks
+}
 
 
 def _node_places(corners: list[tuple[int, int, int]], edges: list[tuple[int, int]]) -> np.ndarray:
@@ -207,7 +209,7 @@ def _node_places(corners: list[tuple[int, int, int]], edges: list[tuple[int, int
 
 
 def _faces(corners: list[tuple[int, ...]], n: int, edges: list[tuple[int, int]]) -> Faces:
-    """Corners of the faces with the nodes at the middles of their sides, numbered from n."""
+    """Nodes of the faces: their corners, then middle nodes, which are numbered from n by edge."""
     middle = {frozenset(edge): n + k for k, edge in enumerate(edges)}
     return tuple(
         (

@@ -1,4 +1,4 @@
-"""Common parts of all tables of model files: strictness, names, vectors, errors at a key."""
+"""Base of all tables of model files: strict types, names, vectors, and errors at a key."""
 
 from __future__ import annotations
 
@@ -25,7 +25,15 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 class PlacedError(ModelError):
     """An error at a key of the model file.
 
-    `word` is the one at fault and `known` are those that there are, for a proposal.
+    Attributes
+    ----------
+    keys : tuple of str and int
+        The key path.
+    message : str
+    word : str
+        The wrong word, for a proposal of a similar one; empty without.
+    known : tuple of str
+        The words that are possible.
     """
 
     def __init__(

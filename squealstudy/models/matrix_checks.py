@@ -1,4 +1,4 @@
-"""Checks of the matrices and vectors of components and interfaces, as ModelError."""
+"""Checks of the matrices and vectors of components and interfaces, which raise ModelError."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SKEW_SHARE = 1e-12  # asymmetry over the largest entry of a symmetric matrix
 
 
 def is_skew(A: np.ndarray | sp.spmatrix) -> bool:
-    """Whether a matrix has a skew-symmetric part that is no round-off: something turns."""
+    """Whether a matrix has a skew-symmetric part beyond round-off, as where something turns."""
     skew = abs(A - A.T)
     return bool(skew.max() > SKEW_SHARE * max(abs(A).max(), 1e-300)) if A.size else False
 
@@ -38,13 +38,13 @@ def check_symmetric(matrix_name: str, A: sp.spmatrix, n: int) -> None:
 
 
 def check_size(matrix_name: str, A: np.ndarray | sp.spmatrix) -> None:
-    """Raise ModelError where an entry is not finite, or so large that squares of it are not."""
+    """Raise ModelError where an entry is not finite, or too large to be squared."""
     if not (size := largest_entry(A)) <= MAX_SQUARABLE_ENTRY:
         raise ModelError(too_large(matrix_name, size))
 
 
 def check_masses(matrix_name: str, M: sp.spmatrix) -> None:
-    """Raise ModelError unless the diagonal of a mass matrix is positive, and can be divided by."""
+    """Raise ModelError unless the diagonal of a mass matrix is positive and not tiny."""
     smallest = M.diagonal().min()
     if smallest <= 0:
         raise ModelError(f"{matrix_name} is not positive definite")

@@ -1,4 +1,4 @@
-"""Text files of numbers under a line of names: measured faces, what is imposed over time."""
+"""Text files of numbers below a line of names, as for measured faces and values over time."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.wording import did_you_mean, shown
 
-LARGEST_BYTES = 64 * 2**20  # of a file: a million rows and more
-Line = tuple[int, list[str]]  # its number from 1, and its cells
+LARGEST_BYTES = 64 * 2**20  # of a file, enough for a million rows
+Line = tuple[int, list[str]]  # line number from 1, and cells
 
 
 def read_lines(path: Path, example: str) -> tuple[Line, list[Line]]:
-    """The line of names, and all lines of cells below; `example` says what names are expected.
+    """The line of names, and all lines below it that are not empty.
 
-    Cells are separated by semicolons, tabs, commas or blanks, whichever the first line has.
+    Cells are separated by semicolons, tabs, commas or blanks: the first of these that the line of
+    names has. `example` are the expected names, for messages.
 
     Raises
     ------
     ModelError
-        A file that is not there, is no text, too large, or empty.
+        The file does not exist, is no text, is too large or empty.
     """
     try:
         if path.stat().st_size > LARGEST_BYTES:
@@ -49,7 +50,7 @@ def cells_of(line: str, separator: str | None) -> list[str]:
 
 
 def numbers_of(path: Path, line: int, cells: list[str], count: int) -> list[float]:
-    """The numbers of a line of so many cells; ModelError where they are none."""
+    """The cells of a line as `count` finite numbers; ModelError where they are not."""
     if len(cells) != count:
         raise ModelError(f"{path.name}, line {line}: expected {count} numbers, got {len(cells)}")
     try:
@@ -64,12 +65,14 @@ def numbers_of(path: Path, line: int, cells: list[str], count: int) -> list[floa
 
 
 def read_columns(path: Path, names: Sequence[str]) -> tuple[list[int], list[list[float]]]:
-    """Lines and numbers (rows, names) of the columns with these names; others are passed over.
+    """Line numbers, and the numbers (n_rows, n_names) in the columns of these names.
+
+    Other columns are passed over.
 
     Raises
     ------
     ModelError
-        As of `read_lines` and `numbers_of`; a column that is not there, or twice.
+        As in `read_lines` and `numbers_of`; a column is missing, or is there twice.
     """
     expected = ", ".join(names)
     (number, words), lines = read_lines(path, expected)

@@ -1,4 +1,4 @@
-"""The grammar of parameter names: a model's own, those of component and of assembly modes."""
+"""The grammar of parameter names: parameters of the model, of component and of assembly modes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # scipy stays out of `squealstudy schema`
 FREQUENCY_SCALE, DAMPING_RATIO = "frequency_scale", "damping_ratio"
 QUANTITIES = (FREQUENCY_SCALE, DAMPING_RATIO)
 LARGEST_MODE = 10_000
-ADDED = ("added_mass", "stiffener")  # begins of names of what a variable adds
+ADDED = ("added_mass", "stiffener")  # first parts of names of what a variable adds
 MODE_NAME = re.compile(
     r"(?:(?P<component>[^\[\]]+)\.)?modes\[(?P<modes>[^\[\]]*)\]\.(?P<quantity>\w+)"
 )
@@ -46,7 +46,7 @@ class PlainParameter:
 
     @property
     def unit(self) -> str:
-        """Unit of the parameter; empty, both quantities are pure numbers."""
+        """Unit of the parameter; empty for a pure number."""
         return self.parameter.unit
 
     @property
@@ -70,10 +70,10 @@ class PlainParameter:
 
 @dataclass(frozen=True)
 class ModeParameter:
-    """One quantity of some modes, all set to the same value.
+    """One quantity of some modes, which all have the same value.
 
-    The modes are free-free ones of a component, or real ones of the assembly, whose only quantity
-    is the damping ratio: it replaces the model's uniform ``damping_ratio``.
+    The modes are free-free modes of a component, or real modes of the assembly. For the latter the
+    only quantity is the damping ratio, which replaces the model's uniform ``damping_ratio``.
 
     Attributes
     ----------
@@ -100,17 +100,17 @@ class ModeParameter:
 
     @property
     def unit(self) -> str:
-        """Unit of the parameter; empty, both quantities are pure numbers."""
+        """Unit of the parameter: empty, since both quantities are pure numbers."""
         return ""
 
     @property
     def difference(self) -> bool:
-        """Neither quantity is a difference of temperatures."""
+        """False: neither quantity is a difference of temperatures."""
         return False
 
     @property
     def structural(self) -> bool:
-        """Modes are entries of the reduced matrices: nothing is built anew."""
+        """False: modes are entries of the reduced matrices, which stay."""
         return False
 
     def check(self, value: float) -> float:
@@ -122,7 +122,7 @@ class ModeParameter:
         return limits.check(value)
 
     def check_range(self, low: float, high: float) -> None:
-        """Any range of values that it takes."""
+        """Do nothing: any range between allowed values can be swept."""
 
 
 StudyParameter = PlainParameter | ModeParameter
@@ -146,7 +146,7 @@ def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
         return _parse_mode_parameter(name, model)
     if name.split(".")[0] in ADDED:
         what = "a [[variable]] of a design study"
-        text = f"'{name}' is nothing that {what} adds, which is from 0 on: expected no value of it"
+        text = f"'{name}' belongs to {what}, which starts from 0: expected no value of it"
         raise ParameterError(name, text)
     hint = f": {model.absent[name]}" if name in model.absent else ""
     hint = hint or did_you_mean(name, plain) or "; 'squealstudy models' lists its parameters"

@@ -62,7 +62,7 @@ def test_it_is_where_its_elements_are(tmp_path):
     there, beside = mesh.part(np.array([0])), mesh.part(np.array([1]))
     assert mass_of(there) == pytest.approx(STEEL_MASS / 2 + 3e-8)
     assert mass_of(beside) == pytest.approx(STEEL_MASS / 2)
-    with pytest.raises(ModelError, match="mass that is no material's cannot be written"):
+    with pytest.raises(ModelError, match="mass in addition to that of materials cannot be written"):
         write_inp(mesh, tmp_path / "b.inp")
     middle = np.array([0.0, 0.5 * mesh.nodes[:, 1].max(), 0.0])  # of the side that meets itself
     two = repeated(mesh, Repetition(middle, np.array([0.0, 0.0, 1.0]), 2))

@@ -149,7 +149,7 @@ def test_what_is_passed_over_is_listed(tmp_path):
 def test_numbers_of_generate_that_are_not_there_are_listed(tmp_path):
     mesh = read_inp(written(tmp_path, FLAT.replace("2, 8, 2", "2, 10, 2")))
     (note,) = [p for p in mesh.passed_over if p.keyword == "*NSET"]
-    assert note.why == "1 of its numbers are of no node"
+    assert note.why == "1 of its numbers belong to no node"
 
 
 # an assembly in the manner of Abaqus; the second instance is turned by 90 degrees about z
@@ -386,7 +386,10 @@ WRONG = [
     changed("8, 0., 1., 1.", "8.5, 0., 1., 1.", r"expected a node number, found '8.5'"),
     changed("8, 0., 1., 1.", "7, 0., 1., 1.", r"node 7 is there twice, at different places"),
     changed(
-        "14, 2., 1., 1.", "15, 2., 1., 1.", r"element 2 has node 14, which is not there", "2, 2, 11"
+        "14, 2., 1., 1.",
+        "15, 2., 1., 1.",
+        r"element 2 has node 14, which does not exist",
+        "2, 2, 11",
     ),
     changed(
         "6, 7, 8", "6, 7", r"expected an element and its 8 nodes, found 8 numbers", "1, 1, 2, 3"

@@ -98,7 +98,7 @@ def test_a_spring_to_a_node_of_no_element_is_to_ground(tmp_path):
     expected = 7e3 * block([0], [Z])
     np.testing.assert_allclose(K, expected, atol=1e-7 * abs(expected).max())
     told = [note.why for note in body.mesh.passed_over]
-    assert "node 9000: of no element: counts as ground" in told
+    assert "node 9000: no element: counts as ground" in told
 
 
 def test_a_mass_on_a_spring(tmp_path):
@@ -153,6 +153,14 @@ def test_older_distributing_couplings(tmp_path):
 def test_what_is_wrong_is_said_with_its_line(tmp_path, lines, message):
     with pytest.raises(ModelError, match=rf"a\.inp, line \d+: .*{message}"):
         matrices(tmp_path, *lines)
+
+
+def test_springs_and_masses_are_not_lost_in_writing(tmp_path):
+    _, _, body = matrices(
+        tmp_path, "*ELEMENT, TYPE=MASS, ELSET=W", "90, {0}", "*MASS, ELSET=W", "3."
+    )
+    with pytest.raises(ModelError, match="springs and point masses cannot be written"):
+        write_inp(body.mesh, tmp_path / "b.inp")
 
 
 def test_numbers_behind_the_nodes_of_an_element(tmp_path):

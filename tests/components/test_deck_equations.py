@@ -135,9 +135,9 @@ def test_a_node_without_elements_carries_others(tmp_path):
     ("line", "message"),
     [
         ("STRAIGHT, {0}, {4}", "expected more than 2 nodes of a straight MPC"),
-        ("STRAIGHT, {0}, {4}, {9}", "node 3 of 3 of the MPC lies off the others"),
-        ("PLANE, {0}, {4}, {8}, {12}", "the first 3 nodes give no plane"),
-        ("PLANE, {0}, {4}, {2}, {9}", "node 4 of 4 of the MPC lies off the others"),
+        ("STRAIGHT, {0}, {4}, {9}", "node 3 of 3 of the MPC lies off the line"),
+        ("PLANE, {0}, {4}, {8}, {12}", "no 3 of its nodes give a plane"),
+        ("PLANE, {0}, {4}, {2}, {9}", "node 4 of 4 of the MPC lies off the plane"),
     ],
 )
 def test_lines_and_planes_that_are_none(tmp_path, line, message):
@@ -147,7 +147,7 @@ def test_lines_and_planes_that_are_none(tmp_path, line, message):
 
 def test_equations_of_no_displacement_are_told(tmp_path):
     mesh, *_ = read(tmp_path, "*EQUATION", "2", "{0}, 11, 1., {1}, 11, -1.")
-    assert "an equation of no displacements" in [note.why for note in mesh.passed_over]
+    assert "an equation without displacements" in [note.why for note in mesh.passed_over]
 
 
 def test_equations_that_contradict_or_repeat(tmp_path):
@@ -182,4 +182,4 @@ def test_what_only_follows_is_told(tmp_path):
     assert len(K) == 3 * len(box("C3D8", (3, 1, 1)).nodes)
     told = {note.keyword: note.why for note in mesh.passed_over}
     assert "both sides of the cut stay together" in told["*PRE-TENSION SECTION"]
-    assert "the mean turn of some nodes is that of node 9000" in told["*MPC"]
+    assert "nothing holds node 9000, which has the mean turn of others" in told["*MPC"]

@@ -188,7 +188,7 @@ def test_parameters_that_are_none(tmp_path, old, new, message):
         ("LOW, HIGH, 2, 10", "LOW, HI, 2", "there is no node set 'HI'"),
         ("*NFILL, NSET", "*NFILL, BIAS=.5, NSET", r"\*NFILL, BIAS is not supported"),
         ("1, 4, 1, 1, 2", "7, 4, 1, 1, 2", "there is no solid element 7 yet"),
-        ("1, 4, 1, 1, 2", "1, 5, 1, 1, 2", "element 5 has node 6, which is not there"),
+        ("1, 4, 1, 1, 2", "1, 5, 1, 1, 2", "element 5 has node 6, which does not exist"),
         ("1, 4, 1, 1, 2", "1, 99999999, 1, 1, 2", "at most 20000000 elements"),
         ("1, 4, 1, 1, 2", "1, 4, 1, 0, 2", "element 1 is there twice"),
         ("*NODE, NSET=ENDS", "*SYSTEM\n0,0,0,1\n*NODE, NSET=ENDS", "expected an origin, a point"),

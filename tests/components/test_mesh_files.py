@@ -127,9 +127,17 @@ def test_universal_files_that_are_wrong(tmp_path, old, new, message):
         read_unv(tmp_path / "a.unv")
 
 
+def test_formulations_of_universal_files_are_those_there_are(tmp_path):
+    (tmp_path / "a.unv").write_text(unv(box("C3D8", (2, 1, 1))))
+    mesh = read_unv(tmp_path / "a.unv", treat_as={"C3D8": "C3D8I"})
+    assert {b.formulation for b in mesh.blocks} == {"C3D8I"}
+    with pytest.raises(ModelError, match=r"expected one of C3D4, .* formulation of .*C3D8I"):
+        read_unv(tmp_path / "a.unv", treat_as={"C3D8": "C3D9"})
+
+
 def test_a_dataset_without_end(tmp_path):
     (tmp_path / "a.unv").write_text(unv(box("C3D8", (2, 1, 1))).rstrip().removesuffix("-1"))
-    with pytest.raises(ModelError, match="a dataset without its end, -1"):
+    with pytest.raises(ModelError, match="this dataset has no end, -1"):
         read_unv(tmp_path / "a.unv")
 
 
@@ -177,7 +185,7 @@ def test_every_element_of_med(tmp_path, name):
         np.testing.assert_array_equal(mesh.surfaces[surface], faces)
 
 
-def test_files_of_med_that_are_none(tmp_path):
+def test_files_of_med_that_are_none(tmp_path, monkeypatch):
     h5py = pytest.importorskip("h5py")
     (tmp_path / "a.med").write_bytes(b"no HDF")
     with pytest.raises(ModelError, match="cannot be read as a mesh of MED"):
@@ -185,6 +193,12 @@ def test_files_of_med_that_are_none(tmp_path):
     with h5py.File(tmp_path / "a.med", "w") as file:
         file["ENS_MAA"] = h5py.ExternalLink("other.med", "/ENS_MAA")
     with pytest.raises(ModelError, match="links to other places, which are not followed"):
+        read_mesh(tmp_path / "a.med", ComponentTable(mesh="a.med"))
+    with h5py.File(tmp_path / "a.med", "w") as file:
+        for k in range(3):
+            file.create_group(f"{k}")
+    monkeypatch.setattr("squealstudy.models.components.med.MAX_FILE_ENTRIES", 2)
+    with pytest.raises(ModelError, match="has more than 2 groups and arrays"):
         read_mesh(tmp_path / "a.med", ComponentTable(mesh="a.med"))
 
 

@@ -14,7 +14,7 @@ from squealstudy.models.components.inp_parameters import KEYWORD as PARAMETER
 from squealstudy.models.components.inp_parameters import Parameters
 from squealstudy.models.matrices.text import TextFile, shortened
 
-MAX_INCLUDE_DEPTH = 20  # files that include each other
+MAX_INCLUDE_DEPTH = 20  # how deep files may include each other
 FROM_FILES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")  # may read data from a file by INPUT
 COMMAS = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # those outside quotes
 
@@ -32,9 +32,9 @@ class Card:
     line : Line
         That of the keyword.
     data : list of Line
-        Without comments and empty lines.
+        Lines below it, without comments and empty lines.
     unused : list of str
-        Parameters that `check` has passed over.
+        Parameters that `check` passes over.
     """
 
     keyword: str
@@ -45,7 +45,7 @@ class Card:
 
     @property
     def shown(self) -> str:
-        """The keyword as in messages: with its star, as the file writes it."""
+        """The keyword with its star, in capitals, for messages."""
         return " ".join(self.line.text.split(",")[0].split()).upper()
 
     def error(self, message: str) -> ModelError:
@@ -53,15 +53,15 @@ class Card:
         return self.line.error(message)
 
     def value(self, name: str) -> str:
-        """A parameter that must be there; ModelError where it is not."""
+        """The value of a required parameter; ModelError where it is missing or empty."""
         if not self.parameters.get(name):
             raise self.error(f"{self.shown} needs {name}=...")
         return self.parameters[name]
 
     def check(self, supported: Collection[str]) -> None:
-        """ModelError where the card has a parameter that is not supported and changes the model.
+        """Raise ModelError about an unsupported parameter that changes the model.
 
-        Others that are not supported are noted in `unused`.
+        Other unsupported parameters are noted in `unused`.
         """
         self.unused = [name for name in self.parameters if name not in supported]
         for name in self.unused:
@@ -72,7 +72,10 @@ class Card:
                 )
 
     def numbers(self, meaning: str, least: int, most: int) -> list[tuple[Line, float]]:
-        """All numbers of all its lines, `least` to `most` of them, with their lines."""
+        """All numbers on the card, each with its line.
+
+        ModelError where there are fewer than `least` or more than `most`, or a word is no number.
+        """
         numbers = [
             (line, line.real(word, meaning)) for line in self.data for word in line.words() if word
         ]
@@ -86,12 +89,13 @@ class Card:
 
 
 def read_cards(path: Path) -> list[Card]:
-    """The cards of a file and of those that it includes, which are sought in its folder.
+    """The cards of a file and of those that it includes, which are in its folder.
 
     Raises
     ------
     ModelError
-        An absent file; data before the first keyword; a parameter written twice.
+        A file does not exist; includes are nested too deep; data come before the first keyword; a
+        parameter is written twice; ``*PARAMETER`` is wrong.
     """
     cards: list[Card] = []
     parameters = Parameters()
@@ -135,14 +139,14 @@ def _read(path: Path, line: Line | None) -> TextFile:
 
 
 def _flattened(file: TextFile, folder: Path, depth: int) -> Iterator[Line]:
-    """Lines without comments and empty ones, included files in their places."""
+    """Lines that are neither comments nor empty, with included files in their places."""
     for index, text in enumerate(file.lines):
         if not text.strip() or text.lstrip().startswith("**"):
             continue
         line = Line(file, index)
         if text.lstrip().startswith("*") and _keyword(text) == "INCLUDE":
             if depth == MAX_INCLUDE_DEPTH:
-                raise line.error(f"more than {MAX_INCLUDE_DEPTH} files include each other")
+                raise line.error(f"files include each other more than {MAX_INCLUDE_DEPTH} deep")
             included = _read(folder / _card(text, line).value("INPUT"), line)
             yield from _flattened(included, folder, depth + 1)
         else:

@@ -1,4 +1,4 @@
-"""One component out of the cards of a file: nodes, elements, sets, surfaces, sections."""
+"""The mesh of a component from cards of a file: nodes, elements, sets, sections, couplings."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Component:
         )
         self.blocks: list[ElementBlock] = []
         self.marked = MarkedFaces()
-        self.labels = np.zeros(0, dtype=np.int64)  # of all elements, block after block
-        self.by_label = np.zeros(0, dtype=np.int64)  # places of elements in ascending labels
+        self.labels = np.zeros(0, dtype=np.int64)  # of all solid elements, block after block
+        self.by_label = np.zeros(0, dtype=np.int64)  # their indices in the order of labels
 
     def mesh(self) -> SolidMesh:
         """The component; ModelError about a line that is wrong or not supported."""
@@ -74,7 +74,7 @@ class Component:
         self.text.passed_over += [unused(card) for card in cards if card.unused]
         for sets in (self.node_sets, self.element_sets):
             for card, missing in sets.absent:
-                self.text.note(card, f"{missing} of its numbers are of no {sets.kind}")
+                self.text.note(card, f"{missing} of its numbers belong to no {sets.kind}")
         orientations = {
             name: axes.moved(self.text.turn, self.text.shift)
             for name, axes in mesh.orientations.items()
@@ -135,7 +135,7 @@ class Component:
                         node_sets.add(card.value("NSET"), card)
 
     def _nodes_of(self, elements: np.ndarray) -> np.ndarray:
-        """Numbers of the nodes of elements of these labels."""
+        """Numbers of the nodes of the elements with these labels."""
         block_nodes = [b.nodes[np.isin(b.labels, elements)].ravel() for b in self.blocks]
         return self.numbers[np.unique(np.concatenate([NO_LABELS, *block_nodes]))]
 
@@ -143,7 +143,7 @@ class Component:
         return np.searchsorted(self.numbers, labels)
 
     def _elements(self, labels: np.ndarray) -> np.ndarray:
-        """Places of the solid elements among labels."""
+        """Indices, ascending, of the solid elements among labels."""
         if len(self.element_sets.all_labels) > len(self.labels):
             labels = labels[np.isin(labels, self.labels)]
         indices = np.searchsorted(self.labels, labels, sorter=self.by_label)
@@ -152,7 +152,7 @@ class Component:
     def _resolved(
         self, part: Sets, assembly: Sets, places: Callable[[np.ndarray], np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """All sets by name; those of the assembly as ASSEMBLY.name where the part has the name."""
+        """Members of all sets by name; ASSEMBLY.name where part and assembly have the same name."""
         resolved = {}
         for key, name in part.shown.items():
             resolved[name] = places(part.labels(key, self._first().line))
@@ -191,7 +191,7 @@ class Component:
         return replace(mesh, surfaces=surfaces, node_sets=node_sets)
 
     def _with_marked_faces(self, mesh: SolidMesh) -> SolidMesh:
-        """Element sets with plane elements that are treated as faces become surfaces."""
+        """Make surfaces of element sets with plane elements that are treated as faces."""
         surfaces = dict(mesh.surfaces)
         for sets in (self.element_sets, self.assembly_sets[1]):
             for key, name in sets.shown.items():
@@ -213,7 +213,7 @@ class Component:
         return np.unique(np.concatenate([NO_LABELS, *labels]))
 
     def _named(self, line: Line, word: str, sets: Sets) -> np.ndarray:
-        """Labels in a surface that a word names: those of a set, or one number."""
+        """Labels that a word in a surface names: those of a set, or a single number."""
         owner, dot, label = word.rpartition(".")
         if WHOLE_NUMBER.fullmatch(label) and (sets.part is not None) == bool(dot):
             if dot and owner.upper() != sets.instance:
@@ -271,7 +271,7 @@ class Component:
         placed = replace(mesh, nodes=mesh.nodes @ turn.T + shift)
         constraints, axes = self._constraints(part, mesh, {})
         axes = {node: orientation.moved(turn, shift) for node, orientation in axes.items()}
-        of_assembly, _ = self._constraints(assembly, placed, axes)  # directions there are global
+        of_assembly, _ = self._constraints(assembly, placed, axes)  # in global directions
         constraints += [c.moved(turn.T, -turn.T @ shift) for c in of_assembly]
         mesh, abaqus = replace(mesh, constraints=tuple(constraints)), self.text.abaqus
         node_places = NodePlaces(self.node_sets, self._nodes)
@@ -280,7 +280,7 @@ class Component:
     def _constraints(
         self, scope: CardScope, mesh: SolidMesh, axes: Mapping[int, Orientation]
     ) -> tuple[list[Constraint], dict[int, Orientation]]:
-        """Constraints of a part or the assembly, and directions of nodes by ``*TRANSFORM``."""
+        """Constraints of a part or the assembly, and axes of nodes by ``*TRANSFORM``."""
         couplings = Couplings(mesh, self._nodes, self._nodes_of, self.text.note).read(scope)
         node_places, abaqus = NodePlaces(scope.nodes, self._nodes), self.text.abaqus
         equations = Equations(
@@ -309,7 +309,7 @@ class Component:
 def _free_name(
     name: str, members_by_name: Mapping[str, object], card: Card, in_assembly: bool
 ) -> str:
-    """The name; ASSEMBLY.name where the part has it too; ModelError where both are taken."""
+    """`name`, or ASSEMBLY.name where a part has it already; ModelError where both are taken."""
     taken_names = {n.upper() for n in members_by_name}
     if name.upper() not in taken_names:
         return name

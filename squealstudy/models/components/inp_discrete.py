@@ -1,4 +1,4 @@
-"""Springs, masses and older couplings of files of Abaqus and CalculiX, which have elements."""
+"""Springs, masses and ``*DISTRIBUTING COUPLING`` of files of Abaqus and CalculiX, by elements."""
 
 from __future__ import annotations
 
@@ -16,22 +16,37 @@ from squealstudy.models.components.inp_sets import Sets
 from squealstudy.models.components.inp_text import Text
 from squealstudy.models.components.mesh import SolidMesh
 
-POINTS = {  # elements and their numbers of nodes
+POINTS = {  # types of elements at points, and their numbers of nodes
     **dict.fromkeys(("MASS", "ROTARYI", "SPRING1", "DASHPOT1", "DCOUP3D"), 1),
     **dict.fromkeys(("SPRINGA", "SPRING2", "DASHPOTA", "DASHPOT2"), 2),
 }
 KEYWORDS = ("MASS", "ROTARYINERTIA", "SPRING", "DISTRIBUTINGCOUPLING")
-Members = dict[int, tuple[Line, str, np.ndarray]]  # line, element, nodes by the label
+Members = dict[int, tuple[Line, str, np.ndarray]]  # by label: line, type of element, nodes
 
 
 def read_discrete(
     mesh: SolidMesh, text: Text, at: NodePlaces, sets: Sets, abaqus: bool
 ) -> SolidMesh:
-    """The mesh with them; ModelError about the line of what is wrong.
+    """Add springs, masses and ``*DISTRIBUTING COUPLING`` to a mesh.
 
-    Springs end at the ground where a node belongs to no element and nothing moves it or weighs
-    there. `at` has places of nodes, `sets` the element sets; of Abaqus an older distributing
-    coupling carries moments, of CalculiX it is the mean of displacements.
+    A spring is connected to ground at a node without elements, couplings and masses.
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+    text : Text
+    at : NodePlaces
+        Indices of nodes.
+    sets : Sets
+        Element sets.
+    abaqus : bool
+        In Abaqus a ``*DISTRIBUTING COUPLING`` carries moments. In CalculiX it only sets the mean
+        of displacements.
+
+    Raises
+    ------
+    ModelError
+        About the line that is wrong or not supported.
     """
     cards = [card for card in text.part if card.keyword in KEYWORDS]
     if not cards:
@@ -72,7 +87,10 @@ def read_discrete(
 
 
 def _inertia(card: Card, text: Text) -> np.ndarray:
-    """I11, I22, I33 as a matrix (3, 3); ModelError about products, whose sign codes differ in."""
+    """Inertia matrix (3, 3) of I11, I22, I33.
+
+    ModelError about products of inertia, since codes differ in their sign.
+    """
     if "ORIENTATION" in card.parameters:
         raise card.error(f"{card.shown}, ORIENTATION is not supported: write global moments")
     values = [moment for _, moment in card.numbers("a moment of inertia", 1, 6)]
@@ -84,25 +102,25 @@ def _inertia(card: Card, text: Text) -> np.ndarray:
 
 
 def _check_directions(card: Card, text: Text) -> None:
-    """ModelError where a part turns with its instance."""
+    """Raise ModelError where the part turns with its instance."""
     if not np.array_equal(text.turn, np.eye(3)):
         raise card.error(
-            f"{card.shown} has directions of a part that turns with its instance, and whether they "
-            "do is not known: state it in the model file"
+            f"{card.shown} has directions, and its part turns with the instance: whether they turn "
+            "too is not known; state it in the model file"
         )
 
 
 def _turning(
     card: Card, nodes: np.ndarray, inertia: np.ndarray, mesh: SolidMesh, text: Text
 ) -> Iterator[Discrete]:
-    """Rotary inertia of the reference nodes among some; turns of others move nothing."""
+    """Rotary inertia at those nodes that are reference nodes: only these have rotations."""
     references = {c.reference for c in mesh.constraints if isinstance(c, Coupling)}
     for node in nodes.tolist():
         if node in references:
             yield rigid_mass(card.shown, node, 0.0, np.zeros(3), inertia)
         else:
             named = mesh.nodes_named(np.array([node]))
-            text.note(card, f"{named}: of no coupling: its turns move nothing")
+            text.note(card, f"{named}: no coupling has it, so that its turns move nothing")
 
 
 def _members(text: Text, at: NodePlaces) -> Members:
@@ -133,7 +151,8 @@ def _spring(
     words = [[(data_line, w) for w in data_line.words() if w] for data_line in card.data]
     if len(words) != (1 if kind == "SPRINGA" else 2):
         raise card.error(
-            "expected a line with the stiffness, of SPRING1 and SPRING2 one with directions above"
+            "expected a line with the stiffness; for SPRING1 and SPRING2 a line with directions "
+            "before it"
         )
     data_line, word = words[-1][0]
     stiffness = data_line.real(word, "a stiffness")
@@ -157,14 +176,14 @@ def _spring(
             ends = [(node, direction[:3]) for node, direction in ends]
     grounded = [node for node, _ in ends if ground[node]]
     if grounded:
-        text.note(card, f"{mesh.nodes_named(np.array(grounded))}: of no element: counts as ground")
+        text.note(card, f"{mesh.nodes_named(np.array(grounded))}: no element: counts as ground")
     ends = [end for end in ends if not ground[end[0]]]
     if ends:
         yield spring(f"{card.shown} (line {card.line.place + 1})", ends, stiffness)
 
 
 def _older(card: Card, reference: int, at: NodePlaces, abaqus: bool) -> Iterator[Constraint]:
-    """A *DISTRIBUTING COUPLING of a reference node."""
+    """The constraints of a *DISTRIBUTING COUPLING with a reference node."""
     nodes: list[np.ndarray] = []
     weights: list[np.ndarray] = []
     for line in card.data:

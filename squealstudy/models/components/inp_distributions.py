@@ -1,4 +1,4 @@
-"""Material axes element by element: ``*DISTRIBUTION`` in files of Abaqus and CalculiX."""
+"""Material axes of single elements: ``*DISTRIBUTION`` in files of Abaqus and CalculiX."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from squealstudy.models.components.materials import Orientation
 
 KEYWORD = "DISTRIBUTION"
 CARD_PARAMETERS = ("NAME", "LOCATION", "TABLE")
-ElementsOf = Callable[[Line, str], np.ndarray]  # places of the elements of a label or a set
+ElementsOf = Callable[[Line, str], np.ndarray]  # indices of the elements of a label or a set
 
 
 def orientations_of(
     card: Card, cards: Sequence[Card], elements: np.ndarray, elements_of: ElementsOf
 ) -> Iterator[tuple[np.ndarray, Orientation]]:
-    """Elements (m,) among those of a section, and the axes that an ``*ORIENTATION`` gives them.
+    """Groups of a section's elements (m,), each with the axes that an ``*ORIENTATION`` gives it.
 
     Raises
     ------
     ModelError
-        About the line of what is wrong; about elements of which a distribution says nothing.
+        A line is wrong; the distribution does not give axes to all of `elements`.
     """
     name = card.data[0].words()[0] if card.data else ""
     if not card.data or REAL.fullmatch(name):
@@ -66,7 +66,7 @@ def _rows(
         is_labelled = np.isin(elements, elements_of(line, label)) if label else row_of < 0
         row_of[is_labelled] = number
     if (row_of < 0).any():
-        raise table.error(f"it says nothing of {(row_of < 0).sum()} elements of its section")
+        raise table.error(f"it has no axes for {(row_of < 0).sum()} elements of its section")
     for number in np.unique(row_of):
         line = table.data[number]
         axes = read_orientation(card, (line, line.words()[1:]))

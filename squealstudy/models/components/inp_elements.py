@@ -1,4 +1,4 @@
-"""Elements of a part: ``*ELEMENT``, and ``*ELGEN`` of Abaqus; plane ones that mark faces."""
+"""Elements of a part: ``*ELEMENT``, ``*ELGEN`` of Abaqus, and plane elements that mark faces."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ Tables = list[tuple[np.ndarray, np.ndarray]]  # labels (n,), numbers of their no
 
 
 class Elements:
-    """Reads the elements of a part.
+    """The elements of a part.
 
     Attributes
     ----------
     blocks : list of ElementBlock
+        Solid elements.
     marked : MarkedFaces
+        Plane elements that mark faces.
     labels : ndarray (n,) of int
-        Of all elements, block after block.
+        Of all solid elements, block after block.
     by_label : ndarray (n,) of int
-        Places of elements in ascending labels.
+        Indices of solid elements in the order of their labels.
     notes : list of PassedOver
-        Numbers behind the nodes of an element.
+        On lines with numbers after the nodes of an element.
     """
 
     def __init__(
@@ -43,8 +45,10 @@ class Elements:
         sets: Sets,
         abaqus: bool,
     ) -> None:
-        """`kinds` has formulations by types, `numbers` those of nodes, ascending; `sets` gets those
-        that the cards name. ModelError about the line of what is wrong.
+        """Read the cards; ModelError about a line that is wrong.
+
+        `kinds` has the formulation of each type of element, `numbers` (n_nodes,) the numbers of
+        nodes, ascending. Element sets that the cards name are added to `sets`.
         """
         self._kinds, self._numbers, self._sets, self._abaqus = kinds, numbers, sets, abaqus
         self._beyond: dict[int, Line] = {}  # lines with more numbers than nodes
@@ -66,7 +70,7 @@ class Elements:
         ]
         self.labels = np.concatenate([NO_LABELS, *(b.labels for b in self.blocks)])
         self.by_label = np.argsort(self.labels)
-        why = "numbers behind the {} nodes of an element, which CalculiX ignores"
+        why = "numbers after the {} nodes of an element, which CalculiX ignores"
         self.notes = [
             PassedOver("*ELEMENT", line.file.path, line.place + 1, why.format(k))
             for k, line in self._beyond.items()
@@ -85,7 +89,7 @@ class Elements:
             self._sets.add(in_set, labels)
 
     def _records(self, card: Card, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Labels and nodes of elements with k nodes; a record may take several lines."""
+        """Labels (n,) and node numbers (n, k) of elements; an element may take several lines."""
         records: list[list[int]] = []
         begun: list[int] = []
         starts: list[Line] = []
@@ -121,17 +125,17 @@ class Elements:
         self._first[label] = start
 
     def _check_nodes(self, table: np.ndarray, starts: Sequence[Line]) -> None:
-        """ModelError about a node that there is not, of elements (n, 1 + k)."""
+        """Raise ModelError about unknown nodes of elements, rows (n, 1 + k) of label and nodes."""
         indices = np.searchsorted(self._numbers, table[:, 1:])
         indices[indices == len(self._numbers)] = 0
         wrong = self._numbers[indices] != table[:, 1:]
         if wrong.any():
             row, column = np.argwhere(wrong)[0]
             label, node = table[row, 0], table[row, column + 1]
-            raise starts[row].error(f"element {label} has node {node}, which is not there")
+            raise starts[row].error(f"element {label} has node {node}, which does not exist")
 
     def _generate(self, card: Card, parts: dict[str, Tables]) -> None:
-        """Elements in rows and layers, whose numbers and nodes go up in equal steps."""
+        """Add copies of an element in rows and layers; labels and nodes increase in equal steps."""
         card.check(GENERATED)
         if "ALLNODES" in card.parameters:
             raise card.error("*ELGEN, ALL NODES is not supported: write the elements")
@@ -139,7 +143,7 @@ class Elements:
         for line in card.data:
             words = line.words()
             if not 2 <= len(words) <= 10:
-                raise line.error("expected an element and how often it repeats, by which steps")
+                raise line.error("expected an element, numbers of copies and steps of numbers")
             parameters = [line.whole(w, "a whole number") if w else 1 for w in words]
             parameters += [1] * (10 - len(parameters))
             counts, node_steps, steps = (np.array(parameters[k::3]) for k in (1, 2, 3))
@@ -147,7 +151,7 @@ class Elements:
                 raise line.error(f"expected counts from 1, and at most {MAX_GENERATED} elements")
             name, nodes = self._named(line, parameters[0], parts)
             k = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-            k = k.reshape(-1, 3)[1:]  # the first is there
+            k = k.reshape(-1, 3)[1:]  # the first is the element itself
             labels = parameters[0] + k @ steps
             table = np.column_stack([labels, nodes + (k @ node_steps)[:, None]])
             for label in labels.tolist():
@@ -159,7 +163,7 @@ class Elements:
             self._sets.add(in_set, np.concatenate(members))
 
     def _named(self, line: Line, label: int, parts: Mapping[str, Tables]) -> tuple[str, np.ndarray]:
-        """Formulation and nodes (k,) of an element that there is."""
+        """Formulation and node numbers (k,) of a solid element; ModelError where it is unknown."""
         for name, tables in parts.items():
             for labels, nodes in tables:
                 row = np.flatnonzero(labels == label)

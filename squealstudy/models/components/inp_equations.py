@@ -13,37 +13,38 @@ from squealstudy.models.components.inp_orientations import read_orientation
 from squealstudy.models.components.inp_places import NodePlaces
 from squealstudy.models.components.materials import Orientation
 
-EQUAL_MPC_TYPES = ("TIE", "PIN")  # of *MPC: all displacements are the same
-ALONG = {"STRAIGHT": 2, "PLANE": 3}  # of CalculiX: nodes that say where a line or a plane is
+EQUAL_MPC_TYPES = ("TIE", "PIN")  # types of *MPC: the displacements of two nodes are equal
+ALONG = {"STRAIGHT": 2, "PLANE": 3}  # types of CalculiX: number of nodes that span the line, plane
 TURNED = (
-    "directions of a part that turns with its instance, and whether they do is not known: expected "
-    "axes of its own, or the keyword in the assembly"
+    "directions of a part that turns with its instance: whether they turn too is not known; "
+    "expected *TRANSFORM at its nodes, or the keyword in the assembly"
 )
-OFF = 1e-6  # largest distance of nodes from their line or plane, over its size
-ROPE = ", a distance that holds under some loads alone (BEAM holds it always)"
+OFF = 1e-6  # largest distance of nodes from their line or plane, over the extent of all nodes
+ROPE = ", a largest distance of two nodes (BEAM keeps their distance)"
 KEYWORDS = ("EQUATION", "MPC", "TRANSFORM")
 PASTE = 'where neither mass nor stiffness depend on it: pass_over = ["MPC"]'
 
 
 class Equations:
-    """Reads the relations of a component.
+    """Reader of the relations between displacements of a component.
 
     Parameters
     ----------
-    places : Places
-        Of the nodes that words name.
+    places : NodePlaces
+        Indices of the nodes that words name.
     nodes : ndarray (n, 3)
+        Coordinates, in the unit of the file.
     bare : ndarray (n,) of bool
-        Nodes that belong to no element.
+        Whether nodes belong to no element.
     abaqus : bool
-        Whose MPC and whose older couplings the file means.
+        Whether ``*MPC`` is that of Abaqus; else that of CalculiX.
     note : callable
-        Takes a card and why it, or something of it, is passed over.
+        Called with a card, and why something on it is passed over.
     turned : bool
-        Whether the part turns with its instance: of its directions those of ``*TRANSFORM`` do, for
+        Whether the part turns with its instance. Directions by ``*TRANSFORM`` turn with it. For
         others Abaqus does not say.
     axes : dict of int -> Orientation
-        Directions that nodes have besides.
+        Axes that nodes have already, by index.
     """
 
     def __init__(
@@ -62,14 +63,14 @@ class Equations:
         self._axes = dict(axes or {})
 
     def transforms(self, cards: Sequence[Card]) -> dict[int, Orientation]:
-        """Directions of nodes by ``*TRANSFORM``, for `read`."""
+        """Take axes of nodes from ``*TRANSFORM``, for `read`; returns the axes of all nodes."""
         for card in cards:
             if card.keyword == "TRANSFORM":
                 self._transform(card)
         return self._axes
 
     def read(self, cards: Sequence[Card]) -> Iterator[Relation | Coupling]:
-        """Equations of a part or of the assembly; ModelError about the line that is wrong."""
+        """Relations and couplings of a part or the assembly; ModelError about a wrong line."""
         beams: dict[int, tuple[str, list[int]]] = {}
         for card in cards:
             if card.keyword == "EQUATION":
@@ -80,11 +81,11 @@ class Equations:
             yield Coupling(name, "rigid", reference, np.unique(nodes))
 
     def _transform(self, card: Card) -> None:
-        """Directions of the equations of some nodes."""
+        """Take the axes in which equations of some nodes are written."""
         self._note(card, "directions of supports and loads are stated in the model file")
         kind = card.parameters.get("TYPE", "R").upper()
         if kind not in ("R", "C"):
-            return  # spherical: told if an equation has such a node
+            return  # spherical: axes of these nodes are not known
         words = {"SYSTEM": "RECTANGULAR" if kind == "R" else "CYLINDRICAL", "NAME": "axes"}
         axes = read_orientation(Card("ORIENTATION", words, card.line, card.data[:1]))
         for node in self._at.of(card.line, card.value("NSET")):
@@ -117,7 +118,7 @@ class Equations:
     def _terms(
         self, card: Card, line: Line, terms: list[tuple[Line, list[str]]]
     ) -> Iterator[Relation]:
-        """The equations of some terms: one for each node of the set that comes first."""
+        """The equations of some terms: one for each node of the first term."""
         parts = []
         directions = set()
         for data_line, (word, direction, factor) in terms:
@@ -126,8 +127,8 @@ class Equations:
             parts.append((nodes, int(direction) - 1, data_line.real(factor, "a factor")))
         if not directions <= {1, 2, 3}:
             if directions & {4, 5, 6}:
-                raise line.error("an equation of turns, which nodes of solids have not")
-            self._note(card, "an equation of no displacements")
+                raise line.error("an equation of turns, which nodes of solids do not have")
+            self._note(card, "an equation without displacements")
             return
         if not sum(len(nodes) for nodes, _, _ in parts):
             self._note(card, "of other instances")
@@ -161,7 +162,9 @@ class Equations:
             kind, *words = line.words()
             kind = kind.upper()
             if kind == "MEANROT" and words and self._bare[self._at.of(line, words[-1])].all():
-                self._note(card, f"the mean turn of some nodes is that of node {words[-1]}: free")
+                self._note(
+                    card, f"nothing holds node {words[-1]}, which has the mean turn of others"
+                )
                 continue
             if kind in ALONG and not self._abaqus:
                 yield from self._along(line, kind, words)
@@ -205,7 +208,10 @@ class Equations:
                 yield relation(name, pair, np.array([along, -along]))
 
     def _along(self, line: Line, kind: str, words: list[str]) -> Iterator[Relation]:
-        """Nodes that stay on a line or plane through the first two or three, in small motions."""
+        """Nodes that stay, in small motions, on the line or plane of two or three of them.
+
+        These are the first that are not in one place, or for a plane not on one line.
+        """
         parts = [self._at.of(line, word) for word in words]
         nodes = np.concatenate([np.zeros(0, dtype=np.int64), *parts])
         _, first = np.unique(nodes, return_index=True)
@@ -216,14 +222,15 @@ class Equations:
         x = self._nodes[nodes]
         chosen = _spanning(x, few)
         if chosen is None:
-            raise line.error(f"the first {few} nodes give no {'line' if few == 2 else 'plane'}")
+            raise line.error(f"no {few} of its nodes give a {'line' if few == 2 else 'plane'}")
         start, sides = x[chosen[0]], x[chosen[1:]] - x[chosen[0]]
-        across = np.linalg.svd(sides)[2][few - 1 :]  # directions in which nodes may not part
+        across = np.linalg.svd(sides)[2][few - 1 :]  # directions out of the line or plane
         size = np.ptp(x, axis=0).max()
         for k in np.setdiff1d(np.arange(len(nodes)), chosen):
             share = np.linalg.lstsq(sides.T, x[k] - start, rcond=None)[0]
             if np.linalg.norm(x[k] - start - sides.T @ share) > OFF * size:
-                raise line.error(f"node {k + 1} of {len(nodes)} of the MPC lies off the others")
+                shape = "line" if few == 2 else "plane"
+                raise line.error(f"node {k + 1} of {len(nodes)} of the MPC lies off the {shape}")
             factors = np.append(1 - share.sum(), share)
             related_nodes = np.append(nodes[k], nodes[chosen])
             for axis in across:
@@ -232,7 +239,7 @@ class Equations:
 
 
 def _spanning(x: np.ndarray, few: int) -> np.ndarray | None:
-    """The first nodes (few,) that are at several places, not on a line; None without such."""
+    """Indices (few,) of the first nodes of x (n, 3) that span a line or plane; None without."""
     chosen = [0]
     for k in range(1, len(x)):
         sides = x[[*chosen[1:], k]] - x[chosen[0]]

@@ -37,7 +37,7 @@ PASSED_OVER: dict[str, str] = {
         "of an optimisation",
     ),
     "PRE-TENSIONSECTION": "both sides of the cut stay together, as of a tightened bolt",
-    "DISTRIBUTIONTABLE": "what a distribution is of is known by who uses it",
+    "DISTRIBUTIONTABLE": "the keyword that uses a distribution says what its values are",
     "PHYSICALCONSTANTS": "not used here",
     "ACOUSTICWAVEFORMULATION": "not used here",
     **_each(
@@ -115,7 +115,7 @@ OTHER_LAWS = (
     *("POROUSELASTIC", "CABLE", "FABRIC", "ACOUSTICMEDIUM", "FLUIDCONSTANTS"),
 )
 
-# what a parameter of a keyword that is read would change; all others are passed over
+# parameters of keywords that would change the model, and are refused; others are passed over
 MATTERS: dict[str, tuple[str, ...]] = {
     "ELEMENT": ("OFFSET", "SOLIDELEMENTNUMBERING"),
     "SURFACE": ("COMBINE", "CROP", "FILLETING"),
@@ -130,13 +130,13 @@ MATTERS: dict[str, tuple[str, ...]] = {
     "DENSITY": ("DEPENDENCIES",),
 }
 
-# elements that join no solids, or that are stated otherwise, and why they are passed over
+# elements that are passed over, and why
 NON_STRUCTURAL_ELEMENTS: dict[str, str] = {
     "D": "of a flow network",
     "GAPUNI": OF_CONTACT,
 }
 
-# elements that are refused unless `treat_as` says what they are to be
+# elements that are refused, with advice, unless `treat_as` gives their formulation
 ELEMENTS: dict[str, str] = {
     "C3D8R": "hourglass control is each code's own; mesh with C3D8I or C3D20R",
     "C3D8H": "hybrid elements have pressures as unknowns; C3D8_BBAR is nearest",

@@ -14,18 +14,18 @@ FORTRAN = str.maketrans("dD", "eE")  # its double exponents
 
 
 class Line(NamedTuple):
-    """A line of a file, counted from 0."""
+    """A line of a file; `place` counts from 0."""
 
     file: TextFile
     place: int
 
     @property
     def text(self) -> str:
-        """The keyword line as it stands in the file."""
+        """The line as it stands in the file."""
         return self.file.lines[self.place]
 
     def error(self, message: str) -> ModelError:
-        """The error to raise about it: file, line, message."""
+        """The error to raise about the line: file, line number from 1, message."""
         return self.file.error(self.place, message)
 
     def words(self) -> list[str]:
@@ -40,7 +40,7 @@ class Line(NamedTuple):
         return int(word)
 
     def real(self, word: str, expected: str) -> float:
-        """A word as a finite number, Fortran's exponents among them; ModelError for others."""
+        """A word as a finite number, also with the exponent D of Fortran; else ModelError."""
         number = float(word.translate(FORTRAN)) if REAL.fullmatch(word) else float("nan")
         if not abs(number) < float("inf"):
             raise self.error(f"expected {expected}, found '{shortened(word)}'")

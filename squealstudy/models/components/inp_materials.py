@@ -1,4 +1,4 @@
-"""Materials and orientations of files of Abaqus and CalculiX, and the sections that give them."""
+"""Materials and orientations in files of Abaqus and CalculiX, and sections that assign them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ KINDS = {  # values of TYPE, without blanks
 }
 SECTION = ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
 COUNTS = {"isotropic": 2, "orthotropic": 9, "engineering": 9, "anisotropic": 21}
-WHAT = {
+MEANINGS = {  # of the numbers of *ELASTIC
     "isotropic": "Young's modulus, Poisson's ratio",
     "orthotropic": ", ".join(f"D{entry}" for entry in ENTRIES),
     "anisotropic": ", ".join(f"D{entry}" for entry in ALL_ENTRIES),
@@ -44,12 +44,16 @@ WHAT = {
 
 @dataclass
 class MaterialText:
-    """A material as a file has it; read when an element needs it.
+    """The cards of a material, which are read when an element needs it.
 
     Attributes
     ----------
+    name : str
+    card : Card
+        ``*MATERIAL``.
+    density, elastic : Card or None
     other : Card or None
-        Of a law that is none of linear elasticity, such as ``*HYPERELASTIC``.
+        A law other than linear elasticity, such as ``*HYPERELASTIC``.
     """
 
     name: str
@@ -66,7 +70,10 @@ class MaterialText:
         setattr(self, field, card)
 
     def read(self, temperature: float | None = None) -> Elastic | Unfinished:
-        """The material at a temperature, or what is stated of it; ModelError about a wrong line."""
+        """The material at a temperature; Unfinished where numbers are missing.
+
+        ModelError about a line that is wrong.
+        """
         lacking: list[str] = []
         density = None
         if self.density is None:
@@ -83,7 +90,7 @@ class MaterialText:
         return Unfinished(moduli, density[0] if density else None, "; ".join(lacking))
 
     def _moduli(self, temperature: float | None, lacking: list[str]) -> Elastic | None:
-        """Moduli with a density of 1; what they lack is added to `lacking`."""
+        """A material of density 1; None, and a sentence in `lacking`, where moduli are missing."""
         if self.elastic is None:
             card = self.other or self.card
             what = f"is {card.shown}, which is not read" if self.other else "has no *ELASTIC"
@@ -97,7 +104,7 @@ class MaterialText:
             lacking.append(str(self.elastic.error(text)))
             return None
         kind = KINDS[written]
-        rows = _rows(self.elastic, WHAT[kind], COUNTS[kind])
+        rows = _rows(self.elastic, MEANINGS[kind], COUNTS[kind])
         values = _at(self.elastic, rows, temperature, lacking)
         if values is None:
             return None
@@ -120,13 +127,13 @@ def _isotropic(E: float, nu: float) -> Isotropic:
     return Isotropic(E, nu, 1.0)
 
 
-Rows = list[tuple[Line, list[float]]]  # a row: where it begins, its numbers with the temperature
+Rows = list[tuple[Line, list[float]]]  # of each row its first line, and numbers and temperature
 
 
 def _rows(card: Card, meaning: str, count: int) -> Rows:
-    """The rows of a card, `count` numbers and a temperature each; ModelError about what is wrong.
+    """The rows of a card: `count` numbers and a temperature, 0 where it is not written.
 
-    A row begins a line, and takes as many more as it needs.
+    A row starts on a new line and may take several. ModelError about a line that is wrong.
     """
     rows: Rows = []
     is_complete = True
@@ -152,10 +159,10 @@ def _rows(card: Card, meaning: str, count: int) -> Rows:
 def _at(
     card: Card, rows: Rows, temperature: float | None, lacking: list[str]
 ) -> list[float] | None:
-    """Numbers at a temperature, straight between rows and constant beyond the last.
+    """Numbers at a temperature, linear between rows and constant outside them.
 
-    None where the rows differ and no temperature is given, which is added to `lacking`. ModelError
-    about temperatures that do not rise.
+    None, and a sentence in `lacking`, where rows differ and no temperature is given. ModelError
+    where temperatures do not increase.
     """
     table = np.array([row for _, row in rows])
     T, values = table[:, -1], table[:, :-1]
@@ -178,10 +185,10 @@ def with_sections(
     elements_of: ElementsOf,
     temperature: float | None = None,
 ) -> SolidMesh:
-    """The mesh with materials and axes of the ``*SOLID SECTION`` among cards.
+    """Assign materials and material axes to elements, by the ``*SOLID SECTION`` among cards.
 
-    `elements_of` gives places of the elements of a set, or of a label; ModelError about the line
-    of what is not there, or given twice.
+    `elements_of` returns the indices of the elements of a set or a label. ModelError about a line
+    that names an unknown set or orientation, or gives elements a second section.
     """
     material = np.full(mesh.n_elements, "", dtype=object)
     orientation = material.copy()

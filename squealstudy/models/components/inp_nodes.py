@@ -15,21 +15,25 @@ NGEN = ("NSET", "LINE", "SYSTEM")
 NFILL = ("NSET", "BIAS", "TWOSTEP", "SINGULAR")
 KEYWORDS = ("NODE", "SYSTEM", "NGEN", "NFILL")
 MAX_GENERATED = 20_000_000  # nodes, or elements, that a deck generates
-FLAT = 1e-10  # sine of an angle that is none
+FLAT = 1e-10  # sine of an angle below which two directions are the same
 
 
 class Nodes:
-    """Reads the nodes of a part.
+    """The nodes of a part.
 
     Attributes
     ----------
     numbers : ndarray (n,) of int
         Ascending.
     places : ndarray (n, 3)
+        Their coordinates, in the unit of the file.
     """
 
     def __init__(self, cards: Sequence[Card], sets: Sets) -> None:
-        """`sets` gets those that the cards name; ModelError about the line of what is wrong."""
+        """Read the cards, and add node sets that they name to `sets`.
+
+        ModelError about a line that is wrong.
+        """
         self._sets = sets
         self._numbers: list[int] = []
         self._places: list[list[float]] = []
@@ -102,7 +106,7 @@ class Nodes:
 
     # -- *NGEN -----------------------------------------------------------------------------------
     def _between(self, card: Card) -> None:
-        """Nodes at equal steps between two, on a line, a circular arc or a parabola."""
+        """Add nodes at equal steps between two, on a line, a circular arc or a parabola."""
         card.check(NGEN)
         kind = card.parameters.get("LINE", "").upper()
         if kind not in ("", "C", "P"):
@@ -132,7 +136,7 @@ class Nodes:
             self._name(name, members)
 
     def _extra(self, card: Card, line: Line, words: list[str]) -> np.ndarray:
-        """The centre of an arc or the middle of a parabola: a node, or a place."""
+        """The centre of an arc or the middle of a parabola: a node, or coordinates."""
         if words[3]:
             return self._place(line, line.whole(words[3], "a node number"))
         if self._local is not None:
@@ -145,7 +149,7 @@ class Nodes:
 
     # -- *NFILL ----------------------------------------------------------------------------------
     def _fill(self, card: Card, before: Sequence[Card]) -> None:
-        """Nodes at equal steps between those of two sets, node by node."""
+        """Add nodes at equal steps between each node of a set and its partner in another set."""
         card.check(NFILL)
         for name in ("BIAS", "SINGULAR", "TWOSTEP"):
             if card.parameters.get(name, "1").strip() not in ("1", "1.", "1.0"):
@@ -199,7 +203,7 @@ def _arc(
     normal: np.ndarray,
     share: np.ndarray,
 ) -> np.ndarray:
-    """Points (n, 3) on the arc from a to b, the short one without a normal."""
+    """Points (n, 3) at shares of the arc from a to b, which is the short one without a normal."""
     from scipy.spatial.transform import Rotation  # heavy: only arcs need it
 
     u, v = a - centre, b - centre
@@ -207,7 +211,7 @@ def _arc(
     across = np.cross(u, v)
     flat = not np.linalg.norm(across) > FLAT * size
     if not size > 0 or (flat and not normal.any()):
-        raise line.error("an arc of half a turn or more needs a normal, and its ends radii")
+        raise line.error("expected ends off the centre, and for 180 degrees or more a normal")
     axis = normal if normal.any() else across
     axis = axis / np.linalg.norm(axis)
     angle = np.arctan2(across @ axis, u @ v) % (2 * np.pi)
@@ -216,7 +220,7 @@ def _arc(
 
 
 def _system(card: Card) -> tuple[np.ndarray, np.ndarray] | None:
-    """Origin and axes (rows) of ``*SYSTEM``; None where nodes are global again."""
+    """Origin and axes (rows) of ``*SYSTEM``; None where coordinates are global again."""
     if not card.data:
         return None
     card.check(())
@@ -224,7 +228,9 @@ def _system(card: Card) -> tuple[np.ndarray, np.ndarray] | None:
         [line.real(w, "a coordinate") if w else 0.0 for w in line.words()] for line in card.data
     ]
     if len(rows) > 2 or len(rows[0]) not in (3, 6) or (len(rows) == 2 and len(rows[1]) != 3):
-        raise card.data[0].error("expected an origin, a point on axis 1, and below one in plane 12")
+        raise card.data[0].error(
+            "expected an origin, a point on axis 1, and on the next line a point in plane 1-2"
+        )
     origin = np.array(rows[0][:3])
     if len(rows[0]) == 3:
         return origin, np.eye(3)
@@ -240,7 +246,10 @@ def _system(card: Card) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def cartesian(system: str, x: list[float]) -> list[float]:
-    """Cartesian coordinates of rectangular, cylindrical (r, degrees, z) or spherical ones."""
+    """Cartesian coordinates from those in a system R, C (r, angle, z) or S (r, angle, elevation).
+
+    Angles are in degrees.
+    """
     if system == "R":
         return x
     angle = np.deg2rad(x[1])

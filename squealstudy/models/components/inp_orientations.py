@@ -1,4 +1,4 @@
-"""Axes by coordinates: ``*ORIENTATION`` of files of Abaqus and CalculiX."""
+"""Material axes by points: ``*ORIENTATION`` in files of Abaqus and CalculiX."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from squealstudy.models.components.materials import Orientation
 
 
 def read_orientation(card: Card, points: tuple[Line, list[str]] | None = None) -> Orientation:
-    """An ``*ORIENTATION`` by coordinates; ModelError about what is not supported or wrong.
+    """The axes of an ``*ORIENTATION``; ModelError where it is wrong or not supported.
 
-    `points` are a line and what it says, instead of its own first line.
+    `points`, a line and its words, replace the first line of the card.
     """
     card.check(("NAME", "SYSTEM", "DEFINITION"))
     system = card.parameters.get("SYSTEM", "RECTANGULAR").upper()

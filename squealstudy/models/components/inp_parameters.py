@@ -1,4 +1,4 @@
-"""``*PARAMETER`` of Abaqus: named numbers and texts, put in where a line has ``<name>``."""
+"""``*PARAMETER`` of Abaqus: named numbers and texts, which replace ``<name>`` in lines."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ USED = re.compile(r"<\s*([A-Za-z]\w*)\s*>", re.ASCII)
 
 
 class Parameters:
-    """Parameters that a deck has defined so far. No code of a file runs: values are arithmetic."""
+    """Parameters that a deck has defined so far.
+
+    Values are arithmetic expressions. No Python code of a file is executed.
+    """
 
     def __init__(self) -> None:
         self._texts: dict[str, str] = {}
         self._numbers: dict[str, float] = {}
-        self._whole: set[str] = set()  # integers of Python
-        self._copies: dict[int, tuple[TextFile, TextFile]] = {}
+        self._whole: set[str] = set()  # names of those that are integers
+        self._copies: dict[int, tuple[TextFile, TextFile]] = {}  # files with values put in
 
     def define(self, line: Line) -> None:
-        """A line of ``*PARAMETER``; ModelError about what is no name = value."""
+        """Take a parameter from a line of ``*PARAMETER``; ModelError if it is no name = value."""
         if line.text.lstrip().startswith("#"):
             return
         read = ASSIGNMENT.fullmatch(line.text)
@@ -59,7 +62,7 @@ class Parameters:
         (self._whole.add if is_whole else self._whole.discard)(name)
 
     def _check_divisions(self, line: Line, text: str) -> None:
-        """Versions of Abaqus cut the quotient of two integers, or do not."""
+        """Raise ModelError about two integers whose quotient is none: versions of Abaqus differ."""
         for node in ast.walk(ast.parse(text, mode="eval")):
             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
                 sides = (node.left, node.right)
@@ -89,7 +92,7 @@ class Parameters:
         return False
 
     def put_in(self, line: Line) -> Line:
-        """The line with values for ``<name>``; ModelError about a name that there is not yet."""
+        """The line with values in place of ``<name>``; ModelError about an undefined name."""
         if not self._texts or "<" not in line.text:
             return line
         text = line.text
@@ -107,6 +110,6 @@ class Parameters:
         return Line(copy, line.place)
 
     def check(self, parameters: Mapping[str, str], line: Line) -> None:
-        """ModelError where the keyword line says something else than values."""
+        """Raise ModelError where the keyword has parameters, such as TABLE."""
         for name in parameters:
             raise line.error(f"*PARAMETER, {name} is not supported: write its values")

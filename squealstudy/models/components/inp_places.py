@@ -11,23 +11,23 @@ from squealstudy.models.components.inp_sets import Sets
 
 
 class NodePlaces:
-    """Places in the mesh of the nodes that words name, in a part or in the assembly.
+    """Indices in the mesh of the nodes that words name, in a part or in the assembly.
 
     Parameters
     ----------
     sets : Sets
         Node sets.
     places : callable
-        Of node numbers in the mesh.
+        Returns indices in the mesh from node numbers.
     """
 
     def __init__(self, sets: Sets, places: Callable[[np.ndarray], np.ndarray]) -> None:
         self._sets, self._places = sets, places
 
     def of(self, line: Line, word: str) -> np.ndarray:
-        """Nodes of a number, instance.number or a set; none where they are of other instances.
+        """Indices of a node by number or instance.number, or of a set.
 
-        Raises ModelError about the line where there is no such node or set.
+        Empty where they belong to other instances. ModelError where there is no such node or set.
         """
         sets, (owner, _, label) = self._sets, word.rpartition(".")
         if not WHOLE_NUMBER.fullmatch(label):

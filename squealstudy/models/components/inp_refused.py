@@ -1,4 +1,4 @@
-"""Cards of a keyword file that are refused: all in one message, with a line to paste."""
+"""Refused cards of a keyword file: one message about all, with a line for the model file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from squealstudy.models.components.marked_faces import FACES, NODES
 
 
 class Refused(NamedTuple):
-    """A card that is refused: its name for `pass_over`, empty where that cannot be, and why."""
+    """A refused card, its name for `pass_over` (empty where that is not possible), and why."""
 
     card: Card
     name: str
@@ -22,7 +22,7 @@ class Refused(NamedTuple):
 
 
 def refuse(cards: Sequence[Refused]) -> None:
-    """ModelError about the line of the first card, with all of them and the line to paste."""
+    """Raise ModelError about all refused cards, at the line of the first; does nothing without."""
     if not cards:
         return
     counts: dict[str, int] = {}
@@ -40,7 +40,10 @@ def refuse(cards: Sequence[Refused]) -> None:
 
 
 def sift_elements(text: Text, pass_over: Collection[str]) -> list[Refused]:
-    """Elements of a component that cannot be read; those to pass over are removed from it."""
+    """Sort out elements that are no solids of known formulation; returns those to refuse.
+
+    Elements at points are moved to `text.points`. Elements to pass over are removed and noted.
+    """
     refused: list[Refused] = []
     readable: list[Card] = []
     dropped: dict[str, list[Card]] = {}
@@ -71,7 +74,7 @@ def sift_elements(text: Text, pass_over: Collection[str]) -> list[Refused]:
 
 def _advice(text: Text, element_type: str) -> str:
     if element_type in ELEMENTS:
-        return f"{ELEMENTS[element_type]}; or say by treat_as what it is to be"
+        return f"{ELEMENTS[element_type]}; or choose a formulation by treat_as"
     if element_type in NODES:
         return f"only solids are; where it marks faces alone, treat_as {element_type} = '{FACES}'"
     solids = [name for name, formulation in text.elements.items() if formulation != FACES]
@@ -79,7 +82,7 @@ def _advice(text: Text, element_type: str) -> str:
 
 
 def _labels(card: Card) -> list[int]:
-    """Numbers of elements that are passed over: a line that ends in a comma is continued."""
+    """Labels of the elements of a card; a line that ends in a comma is continued."""
     labels = []
     continues = False
     for line in card.data:

@@ -17,7 +17,7 @@ CARD_PARAMETERS = ("N", "NGRAPH", "TIE", "ELSET", "CHECK", "CONTACT")
 
 @dataclass(frozen=True)
 class SectorCard:
-    """A card: how a sector repeats, and of which elements it is (their numbers; None: of all)."""
+    """A ``*CYCLIC SYMMETRY MODEL``: how a sector repeats, and its elements' labels (None: all)."""
 
     card: Card
     how: Repetition
@@ -27,7 +27,10 @@ class SectorCard:
 def read_sectors(
     cards: Sequence[Card], labels_of: Callable[[str, Card], np.ndarray]
 ) -> list[SectorCard]:
-    """The cards; ModelError about the line of what is wrong. `labels_of` an element set."""
+    """Read the cards; ModelError about a line that is wrong.
+
+    `labels_of` returns the labels of an element set.
+    """
     sector_cards = []
     for card in cards:
         if card.keyword != KEYWORD:
@@ -49,9 +52,9 @@ def read_sectors(
 
 
 def whole_body(mesh: SolidMesh, sectors: Sequence[SectorCard]) -> SolidMesh:
-    """The body of which a mesh, or a part of it, is a sector.
+    """The whole body, where a card says that a mesh is a sector; else the mesh itself.
 
-    ModelError where parts of it repeat otherwise than others.
+    ModelError where cards have different numbers of sectors.
     """
     of_mesh = [s for s in sectors if s.labels is None or np.isin(mesh.labels, s.labels).any()]
     if not of_mesh:

@@ -1,4 +1,4 @@
-"""Sets of nodes and elements in files of Abaqus and CalculiX, resolved when they are needed."""
+"""Sets of nodes and elements in files of Abaqus and CalculiX, evaluated when needed."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Sets:
     kind : str
         node or element.
     part : Sets or None
-        Of an assembly: the sets of its part.
+        For an assembly: the sets of the part of the chosen instance.
     instance : str
-        Name of the part's instance in the assembly, in capitals.
+        For an assembly: the name of that instance, in capitals.
     """
 
     def __init__(self, kind: str, part: Sets | None = None, instance: str = "") -> None:
@@ -32,7 +32,7 @@ class Sets:
 
     @property
     def absent(self) -> list[tuple[Card, int]]:
-        """Cards that generate labels that do not exist, and how many."""
+        """Cards with GENERATE whose ranges have labels that do not exist, and how many."""
         return list(self._absent.values())
 
     def add(self, name: str, entry: Card | np.ndarray) -> None:
@@ -41,13 +41,13 @@ class Sets:
         self._entries.setdefault(name.upper(), []).append(entry)
 
     def labels(self, name: str, line: Line, above: tuple[str, ...] = ()) -> np.ndarray:
-        """Labels of a set, ascending, of an assembly those in the instance.
+        """Labels of a set, ascending; for an assembly those that belong to the instance.
 
         Raises
         ------
         ModelError
-            About `line`, which names it: there is no such set; a set that contains itself. About
-            lines of the set: labels that do not exist.
+            There is no such set, or it contains itself (at `line`, which names it); it has labels
+            that do not exist (at its own line).
         """
         key = name.upper()
         if key in above:
@@ -83,7 +83,7 @@ class Sets:
         return np.concatenate([written_labels, *labels_of_sets])
 
     def _named(self, line: Line, word: str, above: tuple[str, ...]) -> np.ndarray:
-        """A set, or instance.label, in a set."""
+        """Labels of a word in a set: another set, or instance.label."""
         owner, _, label = word.partition(".")
         if self.part is not None and WHOLE_NUMBER.fullmatch(label):
             if owner.upper() != self.instance:
@@ -113,7 +113,7 @@ class Sets:
         return np.concatenate([NO_LABELS, *ranges])
 
     def check(self, line: Line, label: int) -> None:
-        """ModelError about the line where a part has no such label."""
+        """Raise ModelError about the line where a part has no such label."""
         index = np.searchsorted(self.all_labels, label)
         if self.part is None and (index == len(self.all_labels) or self.all_labels[index] != label):
             raise line.error(f"there is no {self.kind} {label}")

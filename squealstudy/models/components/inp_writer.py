@@ -14,17 +14,17 @@ from squealstudy.models.components.materials import Anisotropic, Elastic, Orient
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 
-PER_LINE = 16  # entries: the most of a line that these codes read
-MAX_NUMBER_CHARACTERS = 20  # characters of a number that CalculiX reads
+PER_LINE = 16  # most entries of a line that both codes read
+MAX_NUMBER_CHARACTERS = 20  # of a number that CalculiX reads
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_. +-]{0,79}", re.ASCII)
-CALCULIX_NAMES = {"C3D8_BBAR": "C3D8"}  # of element types that have another name here
+FILE_NAMES = {"C3D8_BBAR": "C3D8"}  # names in files of formulations with another name here
 
 
 def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
     """Write a component: nodes, elements, sets, surfaces, materials, orientations.
 
-    `read_inp` gives the same mesh, most numbers exactly, elements by blocks. What Abaqus calls
-    C3D8 is C3D8_BBAR here; it is written as C3D8.
+    `read_inp` returns the same mesh, with most numbers exactly the same. What Abaqus calls C3D8 is
+    C3D8_BBAR here; it is written as C3D8.
 
     Parameters
     ----------
@@ -36,13 +36,15 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
     Raises
     ------
     ModelError
-        A name that such a file cannot hold; ties, couplings, mass that is no material's; C3D8 and
-        C3D8_BBAR in one mesh.
+        The mesh has a name that such a file cannot hold; ties, couplings, springs, point masses or
+        mass in addition to that of materials; both C3D8 and C3D8_BBAR.
     """
     if mesh.constraints:
         raise mesh.error(f"{mesh.constraints[0].name}: ties and couplings cannot be written")
     if mesh.added_density.any():
-        raise mesh.error("mass that is no material's cannot be written")
+        raise mesh.error("mass in addition to that of materials cannot be written")
+    if mesh.discrete:
+        raise mesh.error(f"{mesh.discrete[0].name}: springs and point masses cannot be written")
     kinds = {block.formulation for block in mesh.blocks}
     if {"C3D8", "C3D8_BBAR"} <= kinds:
         raise mesh.error("C3D8 and C3D8_BBAR cannot be in one file: each is a C3D8 of its code")
@@ -66,7 +68,7 @@ def write_inp(mesh: SolidMesh, path: Path, steps: Sequence[str] = ()) -> None:
 
 
 def number(x: float) -> str:
-    """A number in 20 characters, as exactly as these can hold it."""
+    """A number in at most 20 characters, with as many digits as these can hold."""
     shortest = repr(float(x))
     if len(shortest) <= MAX_NUMBER_CHARACTERS:
         return shortest
@@ -85,7 +87,7 @@ def _lines(mesh: SolidMesh) -> Iterator[str]:
     for label, x in zip(mesh.numbers, mesh.nodes, strict=True):
         yield f"{label}, " + ", ".join(number(c) for c in x)
     for block in mesh.blocks:
-        yield f"*ELEMENT, TYPE={CALCULIX_NAMES.get(block.formulation, block.formulation)}"
+        yield f"*ELEMENT, TYPE={FILE_NAMES.get(block.formulation, block.formulation)}"
         for label, nodes in zip(block.labels, mesh.numbers[block.nodes], strict=True):
             yield from _wrapped([label, *nodes])
     for name, members in mesh.node_sets.items():
@@ -106,7 +108,7 @@ def _lines(mesh: SolidMesh) -> Iterator[str]:
 
 
 def _sections(mesh: SolidMesh) -> Iterator[str]:
-    """Sections of the mesh's element sets, or of sets that are added for them."""
+    """Sections, each with an element set of the mesh or one that is added for it."""
     pairs = np.char.add(np.char.add(mesh.material.astype(str), "\n"), mesh.orientation.astype(str))
     taken = {name.upper() for name in mesh.element_sets}
     for pair in sorted(set(pairs)):

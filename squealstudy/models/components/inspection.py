@@ -1,4 +1,4 @@
-"""Inspection of a model file: facts to look at before an hour is spent, and doubts."""
+"""Inspection of a model file: facts and doubts, to look at before running a study."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
 
-FREE = 1e-9  # stiffness over mass, over the largest, of motions that nothing holds
-SAME_PLACE = 1e-9  # distance of nodes over the component's size, of a mesh that repeats
-SPREAD = 0.3  # spread of gaps over the law's length that changes the contact
-PARTLY = 0.95  # covered share of a slave face
-MAX_GAP_OVER_LAW_LENGTH = 5.0  # lengths of the law: a gap that the pressure must close first
-BALANCE = 1e-6
+FREE = 1e-9  # eigenvalue over the largest below which a rigid motion is not held
+SAME_PLACE = 1e-9  # distance of nodes over the component's size below which meshes are the same
+SPREAD = 0.3  # spread of gaps over the contact law's length above which it is doubted
+PARTLY = 0.95  # share of the slave in reach of the master below which it is doubted
+MAX_GAP_OVER_LAW_LENGTH = 5.0  # smallest gap over the law's length above which it is doubted
+BALANCE = 1e-6  # share of a force, or length of a mean normal, that counts as zero
 # of reductions of 14,769, 48,588 and 115,959 freedoms: 0.85, 2.0, 3.5 GB; 18, 72, 350 s of a core
-MEMORY, MEMORY_EACH = 0.4, 3e-5  # GB
-SECONDS, FREEDOMS, GROWTH = 18.0, 14_769, 1.4
+MEMORY, MEMORY_EACH = 0.4, 3e-5  # GB, and GB for each degree of freedom
+SECONDS, FREEDOMS, GROWTH = 18.0, 14_769, 1.4  # s at a number of degrees of freedom; exponent
 
 
 def inspect(
     brake: Brake, assembly: Assembly, pressure: float, overrides: Mapping[KeyPath, float]
 ) -> Inspection:
-    """Look at a brake.
+    """Collect facts and doubts about a brake.
 
     Parameters
     ----------
     brake : Brake
     assembly : Assembly
-        Of it, at its defaults.
+        The brake's, with `overrides`.
     pressure : float
-        Brake pressure, Pa: the contact law's length is that under it.
+        Brake pressure, Pa, at which the length scale of the contact law is taken.
     overrides : mapping of key -> float
-        Numbers of the file that have other values there, SI units.
+        Values in SI units that replace numbers of the file, by key.
 
     Raises
     ------
     ModelError
-        As `geometry_of` and `component_matrices`.
+        As in `geometry_of` and `component_matrices`.
     """
     geometry, as_meshed = geometry_at(brake, overrides), geometry_of(brake)
     inspection = Inspection()
@@ -85,9 +85,9 @@ def inspect(
     return inspection
 
 
-# -- what is between -----------------------------------------------------------------------------
+# -- supports, contact and interfaces ------------------------------------------------------------
 def unheld(inspection: Inspection, geometry: Geometry, assembly: Assembly) -> None:
-    """Tell what holds components, or doubt where rigid motions are left."""
+    """Tell what holds the components, or doubt rigid motions that nothing holds."""
     columns, names = [], []
     for component in assembly.components:
         body = geometry.bodies[component.name]
@@ -110,12 +110,12 @@ def unheld(inspection: Inspection, geometry: Geometry, assembly: Assembly) -> No
     loose = [f"{n} {m}" for (n, m), s in zip(names, size, strict=True) if s > 0.1 * size.max()]
     inspection.doubts.append(
         f"{plural(free.shape[1], 'motion')} of components that nothing holds, of {listed(loose)}: "
-        "a spring, a layer or a held set is missing (there is no working point without)"
+        "a spring, a layer or a fixed set is missing; without it there is no working point"
     )
 
 
 def _holders(file: ModelFile) -> list[str]:
-    """Parts that hold components at rest."""
+    """Names of the kinds of parts that hold components at rest, and of fixed sets."""
     holders = ["contact"]
     holders += ["springs"] * any(spring.in_static for spring in file.spring)
     holders += [f"{table}s" for table in ("layer", "tie", "coupling") if file.at((table,))]
@@ -188,7 +188,7 @@ def _contact(
 
 
 def _pull(geometry: Geometry, number: int) -> float:
-    """Share of the force of a unit pressure that opens a contact by its own two components."""
+    """Force on the two components of a contact that opens it, over the force of the pressure."""
     table, pair = geometry.file.contact[number], geometry.contacts[number]
     opening = -np.average(pair.slave.normal, axis=0, weights=pair.slave.area)
     sides = {table.slave.partition(".")[0]: opening, table.master.partition(".")[0]: -opening}
@@ -247,14 +247,14 @@ def _vector(v: np.ndarray) -> str:
 
 
 def _normals(mean: np.ndarray) -> str:
-    """The mean normal of a slave in words."""
+    """Text on the mean normal of a slave."""
     if np.linalg.norm(mean) < BALANCE:
         return "the slave looks all round, its normals cancel"
     return f"normal of the slave {_vector(mean)}"
 
 
 def _along(force: np.ndarray) -> str:
-    """The direction of a force in words, where there is one."""
+    """Text on the direction of a force."""
     return f"along {_vector(force)}" if np.linalg.norm(force) >= BALANCE else "from all round"
 
 
@@ -305,7 +305,7 @@ def _wear(
     assembly: Assembly,
     overrides: Mapping[KeyPath, float],
 ) -> None:
-    """How deep sliding has worn each contact with friction."""
+    """Tell how deep sliding has worn each contact with friction."""
     file = geometry.file
     if file.wear is None:
         return
@@ -338,7 +338,7 @@ def _heat(
     assembly: Assembly,
     overrides: Mapping[KeyPath, float],
 ) -> None:
-    """Temperatures of hot components, and the gaps that all of them open."""
+    """Tell temperatures of hot components, and how far they open the gaps together."""
     numbers = Numbers(geometry.file, overrides)
     hot = [n for n, table in geometry.file.components.items() if table.heat is not None]
     if not hot:
@@ -358,7 +358,7 @@ def _heat(
 
 
 def new_gaps(geometry: Geometry, numbers: Numbers) -> np.ndarray:
-    """Gaps (n_points,) [m] at rest of contacts that have not worn."""
+    """Gaps (n_points,) [m] at rest of all contacts, as if new."""
     gaps = []
     for i, (table, pair) in enumerate(zip(geometry.file.contact, geometry.contacts, strict=True)):
         scale = 1.0 if table.gap_scale is None else numbers.at("contact", i, "gap_scale")
@@ -369,7 +369,7 @@ def new_gaps(geometry: Geometry, numbers: Numbers) -> np.ndarray:
 
 
 def _load(inspection: Inspection, geometry: Geometry) -> None:
-    """Sums of the forces of a unit pressure, and whether they are in balance."""
+    """Tell the resultants of a unit pressure; doubt them where they are not in balance."""
     for i, table in enumerate(geometry.file.load):
         sums = []
         for surface in geometry.loads[i]:

@@ -1,4 +1,4 @@
-"""Inspection of layers, springs and couplings of a model file, SI units."""
+"""Sentences on contacts, layers, springs and couplings of a model file, in SI units."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from squealstudy.models.components.geometry import Geometry
 from squealstudy.models.components.model_file import ModelFile, Numbers
 from squealstudy.models.own_law import OF_CONTACT, law_parameter_named
 
-IN_VIBRATION = "; in vibration only"  # not while the pressure is brought up
+IN_VIBRATION = "; in vibration only"  # not in the working point
 DIRECTIONS = {"cartesian": ("x", "y", "z"), "cylindrical": ("radial", "around", "axial")}
 
 
 def kind_of_contact(numbers: Numbers, number: int) -> str:
-    """Behaviour of a contact in its plane, in a word."""
+    """Behaviour of a contact in its plane: sliding, stuck or frictionless."""
     table = numbers.file.contact[number]
     if table.state is None:
         return str(table.kind)
@@ -29,10 +29,11 @@ def kind_of_contact(numbers: Numbers, number: int) -> str:
 
 
 def friction_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
-    """`, friction_factor 0.8` of a contact that has one, or `0.7 to 0.9 of mu.csv (mean 0.8)`.
+    """Text on the friction of a contact, such as ", friction_factor 0.8"; empty where it has none.
 
-    `, friction 0.3` of one with a coefficient of its own; numbers of its friction law; of one with
-    a state the direction of slip, and what holds it.
+    It has the contact's own friction coefficient and friction-law parameters, the direction of slip
+    and the tangential stiffness of a contact with a state, and friction factors: a number, or
+    "0.7 to 0.9 of mu.csv (mean 0.8)".
     """
     table, texts = numbers.file.contact[number], []
     if table.friction is not None:
@@ -49,7 +50,7 @@ def friction_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
 
 
 def _factors_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
-    """The friction factors of a contact in words; empty where it has none."""
+    """Text on the friction factors of a contact; empty where it has none."""
     written = numbers.file.contact[number].friction_factor
     if written is None:
         return ""
@@ -63,7 +64,7 @@ def _factors_of(geometry: Geometry, numbers: Numbers, number: int) -> str:
 
 
 def tell_interfaces(inspection: Inspection, numbers: Numbers) -> None:
-    """Tell layers, springs and couplings."""
+    """Add a fact for each layer, spring and coupling to an inspection."""
     file = numbers.file
     for name, text in (*_layers(file, numbers), *_springs(file, numbers)):
         inspection.tell(name, text)
@@ -94,6 +95,6 @@ def _springs(file: ModelFile, numbers: Numbers) -> Iterator[tuple[str, str]]:
 
 
 def _along(axes: Iterable[str], sizes: Iterable[float], unit: str) -> str:
-    """`radial 4e+07, around 4e+07, axial 2e+05 N/m`."""
+    """Text such as "radial 4e+07, around 4e+07, axial 2e+05 N/m"."""
     pairs = zip(axes, sizes, strict=True)
     return ", ".join(f"{axis} {size:.3g}" for axis, size in pairs) + f" {unit}"

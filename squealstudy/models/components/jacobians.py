@@ -1,4 +1,4 @@
-"""Jacobians of elements, checked."""
+"""Jacobians of elements, which must be positive, and volumes."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ def jacobians(
     ----------
     mesh : SolidMesh
     start : int
-        Place of the first element of their block in the mesh.
+        Index in the mesh of the first element of their block.
     rows : ndarray (e,) of int
-        Places of the elements in the block.
+        Indices of the elements in the block.
     X : ndarray (e, k, 3)
-        Their nodes.
+        Coordinates of their nodes.
     dN : ndarray (q, k, 3)
-        Slopes of their functions.
+        Derivatives of the shape functions by the reference coordinates.
 
     Returns
     -------
     det : ndarray (e, q)
         Positive.
     J : ndarray (e, q, 3, 3)
-        dx_i / dX_j at [.., i, j].
+        Derivative of coordinate i by reference coordinate j at [.., i, j].
 
     Raises
     ------
     ModelError
-        A determinant that is not positive, with the elements.
+        A determinant is not positive; the message names the elements.
     """
     J = np.matmul(X.transpose(0, 2, 1)[:, None], dN)
     det = np.linalg.det(J)

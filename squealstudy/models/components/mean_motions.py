@@ -1,4 +1,7 @@
-"""The rigid motion that is nearest to that of points: distributing couplings, masses on sets."""
+"""The rigid motion that best fits displacements of points, for couplings and masses on sets.
+
+It is the least-squares fit with weights of the points.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +9,23 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 
-ON_A_LINE = 1e-8  # smallest moment of points beside the largest: turns about it are free
+ON_A_LINE = 1e-8  # smallest over largest moment of inertia below which points are on a line
 
 
 def mean_motion(points: np.ndarray, weight: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Displacement at a place, of the rigid motion nearest to that of points.
+    """Displacement at `point` (3,) of the rigid motion that best fits that of points (n, 3).
+
+    `weight` (n,) weights the squares of the fit.
 
     Returns
     -------
     ndarray (3, n, 3)
-        What the displacement of each of the points (n, 3) along each axis contributes.
+        Component i of the displacement, by the displacement of point k along axis j, at [i, k, j].
 
     Raises
     ------
     ModelError
-        Points on a line, about which a rigid motion could turn freely.
+        The points lie on a line, about which a rigid motion could turn freely.
     """
     nearest, centre = _nearest(points, weight)
     at_point: np.ndarray = _motions((point - centre)[None])[0] @ nearest
@@ -28,12 +33,12 @@ def mean_motion(points: np.ndarray, weight: np.ndarray, point: np.ndarray) -> np
 
 
 def mean_turn(points: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Turn of the rigid motion nearest to that of points, as of `mean_motion`."""
+    """Rotation (3, n, 3) of the rigid motion that best fits displacements, as in `mean_motion`."""
     return _nearest(points, weight)[0][3:].reshape(3, -1, 3)
 
 
 def _nearest(points: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Three displacements of the centre and three turns (6, 3 n) of points (n, 3); the centre."""
+    """Translation of the centre, then rotation (6, 3 n), by displacements; the centre (3,)."""
     weight = weight / weight.sum()
     centre = weight @ points
     G = _motions(points - centre)  # (n, 3, 6)
@@ -46,7 +51,7 @@ def _nearest(points: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _motions(r: np.ndarray) -> np.ndarray:
-    """Displacements (n, 3, 6) at r (n, 3) of unit translations and turns about the origin."""
+    """Displacements (n, 3, 6) at r (n, 3) of unit translations and rotations about the origin."""
     G = np.zeros((len(r), 3, 6))
     G[:, :, :3] = np.eye(3)
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""Components from files of Salome and Code_Aster (``.med``) by meshio, which reads them by h5py."""
+"""Components from files of Salome and Code_Aster (``.med``), read by meshio and h5py."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from squealstudy.models.components.gmsh import know_cells, mesh_of_cells
 from squealstudy.models.components.mesh import SolidMesh
 
 MAX_FILE_ENTRIES = 100_000  # groups and arrays of a file
-OF_NUMBERS = 4.0  # bytes of memory for each of the file's arrays
+MEMORY_OVER_ARRAYS = 4.0  # memory needed, over the bytes of the file's arrays
 
 
 def read_med(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidMesh:
-    """A component from a file of MED 3 or 4, in its units, without materials.
+    """Read a component from a file of MED 3 or 4, in the units of the file, without materials.
 
-    Groups of volumes are element sets, of faces surfaces and node sets, of edges and nodes node
-    sets. Nodes and elements are numbered from 1 in the order of the file.
+    Groups of volumes are element sets, groups of faces are surfaces and node sets, groups of edges
+    and nodes are node sets. Nodes and elements are numbered as in `read_gmsh`.
 
     Parameters
     ----------
     path : Path
     treat_as : dict of str -> str
-        As of `read_gmsh`.
+        As in `read_gmsh`.
 
     Raises
     ------
     ModelError
-        Without h5py; a file that cannot be read; elements that are not supported.
+        h5py is not installed; the file cannot be read, or needs too much memory; elements are not
+        supported.
     """
     import meshio
 
@@ -62,7 +63,7 @@ def read_med(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidM
 
 
 def _check(path: Path) -> None:
-    """ModelError without h5py, for links to other files, for more than there is memory for."""
+    """Raise ModelError without h5py, about links to other files, and about too large a file."""
     try:
         import h5py
     except ImportError:
@@ -75,9 +76,9 @@ def _check(path: Path) -> None:
             group = groups.pop()
             for name in group:
                 n_entries += 1
-                if n_entries > MAX_FILE_ENTRIES or not isinstance(
-                    group.get(name, getlink=True), h5py.HardLink
-                ):
+                if n_entries > MAX_FILE_ENTRIES:
+                    raise ModelError(f"{path} has more than {MAX_FILE_ENTRIES:,} groups and arrays")
+                if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                     raise ModelError(f"{path}: links to other places, which are not followed")
                 entry = group[name]
                 if isinstance(entry, h5py.Group):
@@ -86,11 +87,11 @@ def _check(path: Path) -> None:
                     raise ModelError(f"{path}: numbers in other files, which are not read")
                 else:
                     needed += entry.size * entry.dtype.itemsize
-    expect_room(OF_NUMBERS * needed)
+    expect_room(MEMORY_OVER_ARRAYS * needed)
 
 
 def _name_groups(meshio_mesh: Any) -> None:
-    """Families of cells as sets by the names of their groups."""
+    """Make sets of cells from their families, by the names of the groups."""
     tags = meshio_mesh.cell_data.pop("cell_tags", None)
     if tags is None:
         return

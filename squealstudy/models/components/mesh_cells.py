@@ -1,4 +1,4 @@
-"""Elements of a mesh as cells, for pictures and files of shapes."""
+"""Elements of a mesh as cells, for pictures and files of mode shapes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from squealstudy.models.components.mesh_matrices import element_stiffnesses
 
 @dataclass(frozen=True)
 class MeshEnergies:
-    """Elastic energy of each element: what `ComponentCells.energies` asks for."""
+    """Twice the elastic energy of each element, as `ComponentCells.energies`."""
 
     mesh: SolidMesh
 
     def __call__(self, u: np.ndarray) -> np.ndarray:
-        """Twice the energies u^H K u (n_elements,) [J] of displacements u (3 n_nodes,) [m]."""
+        """Twice the energy u^H K u (n_elements,) [J] of displacements u (3 n_nodes,) [m]."""
         energies, displacements = np.zeros(self.mesh.n_elements), u.reshape(-1, 3)
         for places, nodes, K in element_stiffnesses(self.mesh):
             element_motion = displacements[nodes].reshape(len(nodes), -1)
@@ -31,7 +31,7 @@ class MeshEnergies:
 
 @dataclass(frozen=True)
 class UnknownEnergies:
-    """Energies of elements that only exist as matrices of files: NaN."""
+    """NaN as the energy of each element of a component that is given by matrices."""
 
     count: int
 
@@ -41,7 +41,10 @@ class UnknownEnergies:
 
 
 def moved_cells(mesh: SolidMesh, lacking: np.ndarray) -> ComponentCells | None:
-    """The elements in whose nodes no displacement of `lacking` (3 n_nodes,) is; None for none."""
+    """The elements whose nodes have all displacements; None where there are none.
+
+    `lacking` (3 n_nodes,) of bool says which displacements the matrices do not have.
+    """
     is_known = np.asarray(~lacking.reshape(-1, 3).any(axis=1))
     blocks = []
     for block in mesh.blocks:
@@ -57,6 +60,6 @@ def moved_cells(mesh: SolidMesh, lacking: np.ndarray) -> ComponentCells | None:
 
 
 def mesh_cells(mesh: SolidMesh) -> ComponentCells:
-    """All elements of a mesh in SI."""
+    """All elements of a mesh in SI units, with volumes and energies."""
     blocks = tuple(CellBlock(b.kind.shape.name, b.nodes) for b in mesh.blocks)
     return ComponentCells(blocks, volumes(mesh), MeshEnergies(mesh))

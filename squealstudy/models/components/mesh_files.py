@@ -1,4 +1,4 @@
-"""Meshes of files of all formats, read and checked."""
+"""Reads and checks meshes from files of all formats."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from squealstudy.models.components.sectors import Repetition, repeated
 
 ANSYS, NASTRAN = ".cdb", (".bdf", ".nas", ".dat", ".fem")
 FORMATS = (".inp", ".msh", ".unv", ".med", ANSYS, *NASTRAN)
-BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # a part of a mesh that nothing connects to others
-BODIES = 100  # number of bodies from which on they are no sets
-POINTER = b"version https://git-lfs.github.com"  # what a file is replaced by
+BODY = re.compile(r"BODY[1-9][0-9]*", re.I)  # name of a part that nothing connects to others
+BODIES = 100  # largest number of bodies that become element sets
+POINTER = b"version https://git-lfs.github.com"  # start of a file that Git LFS has not fetched
 ADVICE = (
     (
         (".vtu", ".vtk", ".xdmf", ".exo", ".e", ".mesh", ".avs", ".xml"),
@@ -32,10 +32,15 @@ ADVICE = (
 
 
 def read_mesh(path: Path, table: ComponentTable) -> SolidMesh:
-    """A mesh in the units of its file, checked.
+    """Read and check the mesh of a component, in the units of its file.
 
-    Of several bodies that nothing connects each is an element set besides, BODY1, BODY2, ..., which
-    the component's `part` may name.
+    Where it consists of several bodies that nothing connects, each is also an element set, BODY1,
+    BODY2, ..., which the component's `part` may name.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, or the mesh has a fault (`check_mesh`).
     """
     body = table.part if table.part is not None and BODY.fullmatch(table.part) else None
     mesh = _read(path, table if body is None else table.model_copy(update={"part": None}))

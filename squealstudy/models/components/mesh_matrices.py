@@ -1,4 +1,4 @@
-"""Mass and stiffness of a meshed component; the stiffness as terms that moduli multiply."""
+"""Mass and stiffness of a meshed component; the stiffness also as terms times elastic moduli."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from squealstudy.models.components.materials import Elastic, Orientation, moduli
 from squealstudy.models.components.mesh import ElementBlock, SolidMesh
 
 STRAINS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # of rows 11 22 33 23 13 12
-NEARLY = 1e-12  # relative: moduli that changed by one factor
+NEARLY = 1e-12  # relative difference of moduli that changed by one factor
 SCALE = "scale"  # name of a term that all moduli of a material multiply together
 
 
 class StiffnessTerm(NamedTuple):
-    """A modulus and the symmetric matrix (3 n, 3 n) that it multiplies: "lining.D3333".
+    """A symmetric matrix (3 n, 3 n), and the name of its modulus as factor: "lining.D3333".
 
-    The name ends in ``scale`` where inner freedoms are condensed: the matrix is that of the
-    mesh's material, and only a common factor of all its moduli multiplies it.
+    For elements with condensed inner displacements the name ends in ``scale``. The matrix is then
+    that of the mesh's material, and a common factor on all its moduli multiplies it.
     """
 
     name: str
@@ -34,13 +34,13 @@ class StiffnessTerm(NamedTuple):
 def stiffness_terms(mesh: SolidMesh, material: str) -> tuple[StiffnessTerm, ...]:
     """The stiffness of all elements of a material, as terms.
 
-    K of the mesh is the sum over its materials and their terms of `coefficients` times `K`;
-    degree of freedom 3 * node + axis.
+    K of the mesh is the sum of `coefficients` times `K` over the terms of all materials. Degrees of
+    freedom are 3 * node + axis.
 
     Raises
     ------
     ModelError
-        An unknown material, or one that no element has; a negative Jacobian.
+        The material is unknown, or no element has it; a Jacobian is negative.
     """
     elastic = material_of(mesh, material)
     parts = parts_of(mesh, material)
@@ -60,13 +60,13 @@ def stiffness_terms(mesh: SolidMesh, material: str) -> tuple[StiffnessTerm, ...]
 def coefficients(
     mesh: SolidMesh, material: str, changed: Elastic | None = None
 ) -> dict[str, float]:
-    """Factors of `stiffness_terms`, of the mesh's material or of a changed one.
+    """Factors on `stiffness_terms` by their names, for the mesh's material or a changed one.
 
     Raises
     ------
     ModelError
-        A changed material of another kind; one whose moduli have not all changed by one factor,
-        where elements have condensed inner freedoms.
+        The changed material is of another kind; its moduli have not all changed by one factor, and
+        elements have condensed inner displacements.
     """
     elastic = material_of(mesh, material)
     new = elastic if changed is None else changed
@@ -88,7 +88,7 @@ def coefficients(
 
 
 def stiffness_matrix(mesh: SolidMesh, materials: Collection[str] | None = None) -> sp.csr_matrix:
-    """Stiffness (3 n, 3 n) of all or some materials at their own moduli, assembled at once."""
+    """Stiffness (3 n, 3 n) [N/m] of the elements of all materials, or of some."""
     total = sp.csr_matrix((3 * len(mesh.nodes),) * 2)
     for name in used_materials(mesh) if materials is None else materials:
         (K,) = _stiffness(mesh, parts_of(mesh, name), [material_of(mesh, name).stiffness()])
@@ -97,7 +97,7 @@ def stiffness_matrix(mesh: SolidMesh, materials: Collection[str] | None = None) 
 
 
 def element_stiffnesses(mesh: SolidMesh) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Some elements at a time: their places (e,), nodes (e, k), stiffness (e, 3 k, 3 k)."""
+    """Chunks of elements: their indices (e,), nodes (e, k) and stiffness (e, 3 k, 3 k)."""
     for name in used_materials(mesh):
         factors = _factors(material_of(mesh, name).stiffness())
         for part, rows, X in chunks(mesh, parts_of(mesh, name)):
@@ -111,21 +111,22 @@ def element_stiffnesses(mesh: SolidMesh) -> Iterator[tuple[np.ndarray, np.ndarra
 
 
 def mass_matrix(mesh: SolidMesh, rule: MassRule = "full") -> sp.csr_matrix:
-    """Consistent mass (3 n, 3 n).
+    """Mass matrix (3 n, 3 n) [kg].
 
     Parameters
     ----------
     mesh : SolidMesh
     rule : str
-        full: enough points for the mass of elements with plane faces; as_stiffness: the points of
-        the stiffness, as CalculiX has it (of C3D10 and C3D20R far fewer); lumped: at the nodes, of
-        elements without middle nodes by sums over rows, of others by the diagonal, scaled to the
-        mass of the element (Hinton, Rock, Zienkiewicz 1976).
+        full: consistent, with enough points to be exact for elements with plane faces.
+        as_stiffness: consistent, with the points of the stiffness as in CalculiX, which are far
+        fewer for C3D10 and C3D20R. lumped: diagonal, by row sums for elements without middle nodes,
+        for others by the diagonal scaled to the mass of the element (Hinton, Rock, Zienkiewicz
+        1976).
 
     Raises
     ------
     ModelError
-        Elements without material; a negative Jacobian.
+        An element has no material, or a negative Jacobian.
     """
     parts = [p for name in used_materials(mesh) for p in parts_of(mesh, name)]
     sums = NodeSums(mesh, parts, 1)
@@ -144,7 +145,7 @@ def mass_matrix(mesh: SolidMesh, rule: MassRule = "full") -> sp.csr_matrix:
 
 
 def _lumped(M: np.ndarray, kind: Formulation) -> np.ndarray:
-    """Diagonal masses (e, k, k) of consistent ones, with the same sums."""
+    """Lumped masses (e, k, k) of consistent ones, with the same total."""
     at_nodes = M.sum(axis=2)
     if not all(kind.shape.is_corner(node) for node in range(kind.shape.nodes)):
         diagonal = np.einsum("ekk->ek", M)
@@ -196,7 +197,7 @@ class ElementPart:
 
 
 def parts_of(mesh: SolidMesh, material: str) -> list[ElementPart]:
-    """The elements of a material; ModelError where there is none."""
+    """The elements of a material, by block and orientation; ModelError where there are none."""
     parts = []
     for block, start, end in zip(mesh.blocks, mesh.starts, mesh.starts[1:], strict=False):
         has_material = mesh.material[start:end] == material
@@ -212,7 +213,7 @@ def parts_of(mesh: SolidMesh, material: str) -> list[ElementPart]:
 def chunks(
     mesh: SolidMesh, parts: Sequence[ElementPart]
 ) -> Iterator[tuple[ElementPart, np.ndarray, np.ndarray]]:
-    """Some elements at a time: their part, their rows in its block, their nodes (e, k, 3)."""
+    """Chunks of elements: their part, their rows (e,) in its block, coordinates (e, k, 3)."""
     for part in parts:
         for start in range(0, len(part.rows), CHUNK):
             rows = part.rows[start : start + CHUNK]
@@ -222,7 +223,7 @@ def chunks(
 def _stiffness(
     mesh: SolidMesh, parts: Sequence[ElementPart], tensors: Sequence[np.ndarray]
 ) -> list[sp.csr_matrix]:
-    """The stiffness that each of the tensors (6, 6) gives."""
+    """Stiffness matrices (3 n, 3 n), one for each of the elasticity matrices (6, 6)."""
     sums = [NodeSums(mesh, parts, 9)]
     sums += [sums[0].like() for _ in tensors[1:]]
     factors = [_factors(tensor) for tensor in tensors]
@@ -239,7 +240,7 @@ def _stiffness(
 
 
 def _factors(C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values s (r,) and rows V (r, 6) with C = V^T s V, as few as there are."""
+    """Values s (r,) and rows V (r, 6) with C = V^T diag(s) V, r the rank of C."""
     values, vectors = np.linalg.eigh(C)
     nonzero = np.abs(values) > 1e-14 * np.abs(values).max()
     return values[nonzero], vectors[:, nonzero].T
@@ -258,7 +259,7 @@ def _products(
 
 
 def inner_freedoms(B: np.ndarray, weight: np.ndarray, C: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Freedoms of elements (e, m) behind those of the nodes u (e, k), which carry no load."""
+    """Displacements of nodes u (e, k) with the inner ones appended, which carry no load: (e, m)."""
     k = u.shape[1]
     K = _products(B, weight, _factors(C))
     inner = -np.linalg.solve(K[:, k:, k:], np.matmul(K[:, k:, :k], u[..., None]))
@@ -266,7 +267,7 @@ def inner_freedoms(B: np.ndarray, weight: np.ndarray, C: np.ndarray, u: np.ndarr
 
 
 def _condensed(K: np.ndarray, m: int) -> np.ndarray:
-    """Without the freedoms from the m-th on, which carry no load."""
+    """Condense the inner displacements from the m-th on, which carry no load."""
     inner = np.linalg.solve(K[:, m:, m:], K[:, m:, :m])
     reduced = K[:, :m, :m] - np.matmul(K[:, :m, m:], inner)
     return (reduced + reduced.transpose(0, 2, 1)) / 2
@@ -275,7 +276,7 @@ def _condensed(K: np.ndarray, m: int) -> np.ndarray:
 def strain_rows(
     mesh: SolidMesh, part: ElementPart, rows: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Strains (e, q, 6, m) in material axes of the m freedoms of elements, and weights (e, q)."""
+    """Strains (e, q, 6, m) in material axes by m displacements, and weights [m3] (e, q)."""
     kind = part.block.kind
     rule = integration(kind.stiffness)
     N, dN = kind.shape.functions(rule.points)
@@ -295,7 +296,10 @@ def strain_rows(
 
 
 def material_axes(part: ElementPart, N: np.ndarray, X: np.ndarray) -> np.ndarray | None:
-    """Material axes, rows of (e, q, 3, 3), at functions N (q, k); None where they are x, y, z."""
+    """Material axes, rows of (e, q, 3, 3), at points with shape functions N (q, k).
+
+    None where they are x, y, z.
+    """
     if part.orientation is None:
         return None
     axes: np.ndarray = part.orientation.axes(np.einsum("qn,eni->eqi", N, X, optimize=True))
@@ -303,7 +307,7 @@ def material_axes(part: ElementPart, N: np.ndarray, X: np.ndarray) -> np.ndarray
 
 
 def _rows(G: np.ndarray, axes: np.ndarray | None) -> np.ndarray:
-    """Strains (e, q, 6, k, 3) of slopes G (e, q, k, 3), in axes whose rows are (e, q, 3, 3)."""
+    """Strains (e, q, 6, k, 3) by gradients G (e, q, k, 3), in axes, rows of (e, q, 3, 3)."""
     e, q, k, _ = G.shape
     B = np.zeros((e, q, 6, k, 3))
     if axes is None:
@@ -323,11 +327,11 @@ def _rows(G: np.ndarray, axes: np.ndarray | None) -> np.ndarray:
 def _inner_slopes(
     kind: Formulation, points: np.ndarray, X: np.ndarray, det: np.ndarray
 ) -> np.ndarray:
-    """Slopes (e, q, 3, 3) of the incompatible functions 1 - xi^2, xi from -1 to 1.
+    """Gradients (e, q, 3, 3) of the incompatible functions 1 - xi^2, xi from -1 to 1.
 
-    With the Jacobian at the centre and the ratio of its determinant to that of the point, so that
-    they do no work on constant stress (Taylor, Beresford, Wilson 1976). CalculiX leaves the ratio
-    out: its distorted elements do not pass the patch test.
+    They use the Jacobian at the centre, times its determinant over that at the point, so that a
+    constant stress does no work on them (Taylor, Beresford, Wilson 1976). CalculiX leaves out this
+    ratio, and its distorted elements do not pass the patch test.
     """
     _, dN = kind.shape.functions(np.full((1, 3), 0.5))
     J = np.einsum("eni,nj->eij", X, dN[0], optimize=True)
@@ -337,13 +341,13 @@ def _inner_slopes(
 
 
 class NodeSums:
-    """Sums element matrices into one sparse matrix: for each pair of nodes a block of values.
+    """Sum of element matrices as one sparse matrix, with a block of values for each pair of nodes.
 
     Parameters
     ----------
     mesh : SolidMesh
     parts : sequence of ElementPart
-        What will be added.
+        The elements that will be added.
     size : int
         Values of a block: 1 or 9, which is 3 x 3.
     """
@@ -356,7 +360,7 @@ class NodeSums:
         self.data = np.zeros(len(self.keys) * size)
 
     def like(self) -> NodeSums:
-        """Another one of the same pairs of nodes."""
+        """An empty sum with the same pairs of nodes."""
         other = object.__new__(NodeSums)
         other.n, other.size, other.keys = self.n, self.size, self.keys
         other.data = np.zeros_like(self.data)
@@ -367,7 +371,7 @@ class NodeSums:
         return nodes[:, :, None] * self.n + nodes[:, None, :]
 
     def add(self, part: ElementPart, rows: np.ndarray, values: np.ndarray) -> None:
-        """Add values (e, k, k, size) of the pairs of nodes of elements."""
+        """Add values (e, k, k, size) for all pairs of nodes of elements."""
         positions = np.searchsorted(self.keys, self._pairs(part, rows).ravel())
         np.add.at(
             self.data,

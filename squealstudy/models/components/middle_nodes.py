@@ -1,7 +1,7 @@
-"""Middle nodes that elements lack: they are made, and move as the mean of their corners do.
+"""Missing middle nodes of quadratic elements, which are added and follow the mean of their corners.
 
-An element of the second degree without a middle node has a straight edge along which displacements
-are linear: the same as with a node there that follows its two corners.
+Without a middle node the displacement along the edge is linear. With an added node that moves as
+the mean of its two corners it is the same.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from squealstudy.models.components.constraints import Relation, relation
 from squealstudy.models.components.mesh import PassedOver, SolidMesh
 from squealstudy.models.element_shapes import Shape
 
-LACKING = -1  # the place of a middle node that is not there
+LACKING = -1  # index of a missing middle node
 
 
 class Middles:
-    """Makes middle nodes, one for each edge.
+    """Added middle nodes, one for each edge without one.
 
     Parameters
     ----------
     n : int
-        Nodes that there are: new ones have the places from there on.
+        Number of nodes of the file; added ones have indices from n on.
     """
 
     def __init__(self, n: int) -> None:
@@ -31,7 +31,7 @@ class Middles:
         self._of: dict[tuple[int, int], int] = {}
 
     def filled(self, shape: Shape, nodes: np.ndarray) -> np.ndarray:
-        """Nodes (k,) of an element with places of new ones where they are `LACKING`."""
+        """Nodes (k,) of an element with indices of added ones in place of `LACKING`."""
         filled = nodes.copy()
         for node in np.flatnonzero(nodes == LACKING):
             ends = sorted(int(nodes[corner]) for corner in shape.ends[int(node)])
@@ -39,7 +39,7 @@ class Middles:
         return filled
 
     def added(self, nodes: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates and numbers of all nodes, the new ones behind."""
+        """Coordinates and numbers of all nodes, added ones last."""
         if not self._of:
             return nodes, numbers
         ends = np.array(list(self._of))
@@ -47,7 +47,7 @@ class Middles:
         return np.vstack([nodes, nodes[ends].mean(axis=1)]), np.append(numbers, new)
 
     def tied(self, mesh: SolidMesh) -> SolidMesh:
-        """The mesh whose new nodes follow, and belong to sets that have both of their corners."""
+        """The mesh with relations for added nodes, which join node sets with both their corners."""
         if not self._of:
             return mesh
         relations: list[Relation] = []
@@ -61,8 +61,8 @@ class Middles:
             for name, members in mesh.node_sets.items()
         }
         why = (
-            f"{len(places)} middle nodes of elements are not there: the displacement of such an "
-            "edge is linear"
+            f"{len(places)} middle nodes of elements are missing: the displacement of such an edge "
+            "is linear"
         )
         note = PassedOver("middle nodes", mesh.origin, 0, why)
         return replace(

@@ -1,7 +1,7 @@
 """A model file: its tables, paths of parameters into it, and its numbers.
 
-Numbers are in the units that the file states; `Numbers` gives them in SI, with other values of
-those that parameters point to.
+Numbers are in the units that the file states. `Numbers` returns them in SI units, with the values
+of parameters in place of those that they point to.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ LISTS = (
     "load",
 )  # [[...]] with names
 
-TEMPERATURE = "temperature"  # of a component, at which its materials are taken
+TEMPERATURE = "temperature"  # key of a component: temperature at which its materials are taken
 
-DIMENSIONS = {  # of the keys of the file
+DIMENSIONS = {  # by key of the file
     "E": STRESS,
     "G": STRESS,
     "nu": NUMBER,
@@ -97,7 +97,7 @@ DIMENSIONS = {  # of the keys of the file
     "material_damping": TIME,
     "thermal_expansion": EXPANSION,
     "scale": NUMBER,
-    TEMPERATURE: NUMBER,  # of the deck, whose scale it has
+    TEMPERATURE: NUMBER,  # in the scale of the deck
 }
 POSITIVE = ("E", "G", "rho", "area", "bedding", "rate")
 NOT_NEGATIVE = (
@@ -119,8 +119,8 @@ VARIED = {  # keys that parameters may point to
 }
 WEAR = "wear"
 ROTOR_ANGLE: KeyPath = ("rotation", "angle")
-WORN = ("distance", "rate")  # its keys that parameters may point to
-HEAT = ("heat", "scale")  # of a component, that parameters may point to
+WORN = ("distance", "rate")  # keys of [wear] that parameters may point to
+HEAT = ("heat", "scale")  # path in a component that parameters may point to
 THERMAL = "thermal_expansion"
 MATERIAL = ("E", "nu", "G", "rho", THERMAL)
 DAMPING = ("mass_damping", "stiffness_damping")  # of a component
@@ -128,7 +128,14 @@ BY_MATERIAL = "material_damping"
 
 
 class ValuesError(ModelError):
-    """Values, of numbers of the model file at some keys, that nothing can have."""
+    """Values of parameters that are impossible.
+
+    Attributes
+    ----------
+    keys : tuple of key paths
+        The numbers of the model file that have these values.
+    message : str
+    """
 
     def __init__(self, keys: tuple[KeyPath, ...], message: str) -> None:
         self.keys, self.message = keys, message
@@ -178,7 +185,7 @@ class ModelFile(Table):
     )
 
     def at(self, keys: KeyPath) -> Any:
-        """The value at a key of the file; None where it is not written there."""
+        """The value or table at a key path; None where the file has none."""
         entry: Any = self
         for key in keys:
             if isinstance(entry, BaseModel):
@@ -190,7 +197,7 @@ class ModelFile(Table):
         return entry
 
     def name_of(self, kind: str, number: int) -> str:
-        """Name of a contact, tie, layer, spring, mass or load."""
+        """Name of a contact, tie, coupling, layer, spring, mass or load."""
         table = self.at((kind, number))
         if kind == "load" and not number:
             return table.name or FIRST_LOAD
@@ -203,12 +210,12 @@ class ModelFile(Table):
 
     @property
     def rotor(self) -> str | None:
-        """The component that turns, where the file names it."""
+        """The component that turns, if the file names it; else None."""
         return None if self.rotation is None else self.rotation.rotor
 
     @property
     def turning(self) -> tuple[str, ...]:
-        """The turning component: as the file names it, else the masters of sliding contacts."""
+        """Components that turn: the one that the file names, else masters of sliding contacts."""
         if self.rotation is None:
             return ()
         if self.rotor is not None:
@@ -217,12 +224,12 @@ class ModelFile(Table):
         return tuple(dict.fromkeys(self.sides(i)[1] for i in sliding))
 
     def located(self, path: str) -> KeyPath:
-        """The key that a path of a parameter means.
+        """The key path of a number that a parameter points to, "pad.materials.LINING.E[3]".
 
         Raises
         ------
         ModelError
-            No such path, or one to a number that cannot vary.
+            There is no such number, or parameters cannot point to it.
         """
         steps = [STEP.fullmatch(part) for part in path.removeprefix("components.").split(".")]
         if any(step is None or (step["number"] and step is not steps[-1]) for step in steps):
@@ -274,7 +281,7 @@ class ModelFile(Table):
         return self._checked(path, (names[0], table_names.index(names[1]), names[2]), index)
 
     def _of_law(self, path: str, number: int, rest: list[str]) -> KeyPath:
-        """The key of a contact's number of a friction law."""
+        """The key path of a friction-law parameter of a contact."""
         written = self.contact[number].friction_law
         if len(rest) != 1 or rest[0] not in written:
             text = f"contact.{self.name_of('contact', number)}.{OF_CONTACT}"
@@ -283,7 +290,7 @@ class ModelFile(Table):
         return ("contact", number, OF_CONTACT, rest[0])
 
     def _checked(self, path: str, keys: KeyPath, index: KeyPath) -> KeyPath:
-        """The key with its index, where that fits to what is written there."""
+        """The key path with its index; ModelError where it is no number, or the index is wrong."""
         written = self.at(keys)
         if written is None and keys[2] == "materials":  # a material of the mesh's file
             return (*keys, *index)
@@ -296,14 +303,14 @@ class ModelFile(Table):
 
 
 def dimension_of(keys: KeyPath) -> Dimension:
-    """Dimension of the number at a key."""
+    """Dimension of the number at a key path."""
     if OF_CONTACT in keys:
         return dimension_of_unit(law_parameter_named(str(keys[-1])).unit)
     return DIMENSIONS[kind_of(keys)]
 
 
 def kind_of(keys: KeyPath) -> str:
-    """The key that says what a number is: "E" of a modulus."""
+    """The key in a path that says what its number is, such as "E" for a modulus."""
     if BY_MATERIAL in keys:
         return BY_MATERIAL
     return next(k for k in reversed(keys) if isinstance(k, str))
@@ -311,7 +318,14 @@ def kind_of(keys: KeyPath) -> str:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers of a file in SI; those in `given`, by key, have other values."""
+    """Numbers of a model file in SI units.
+
+    Attributes
+    ----------
+    file : ModelFile
+    given : mapping of key path -> float
+        Values in SI units that replace numbers of the file.
+    """
 
     file: ModelFile
     given: Mapping[KeyPath, float]
@@ -323,5 +337,5 @@ class Numbers:
         return float(self.file.at(keys)) * dimension_of(keys).factor(self.file.units)
 
     def list_at(self, *keys: str | int) -> tuple[float, ...]:
-        """All numbers of a list."""
+        """All numbers of a list in the file, as `at`."""
         return tuple(self.at(*keys, i) for i in range(len(self.file.at(keys))))

@@ -1,7 +1,8 @@
-"""Components from bulk data of Nastran (``.bdf``, ``.nas``, ``.dat``).
+"""Components from bulk data of Nastran and OptiStruct (``.bdf``, ``.nas``, ``.dat``, ``.fem``).
 
-Solids with their materials, node sets, couplings; elements have the formulations of this program,
-not Nastran's. Sets of elements are named by their property, PID3, node sets by their SET1, SET7.
+Reads solids with their materials, node sets, surfaces, couplings, springs and masses. Elements have
+the formulations of this program, not those of Nastran. Element sets are named by property, PID3,
+node sets by the number of their SET1, SET7.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMe
 from squealstudy.models.components.middle_nodes import LACKING, Middles
 from squealstudy.models.matrices.dmig import fields_of
 
-# card and number of nodes -> name of the element, formulation, places of its nodes in our order
+# card and number of nodes -> name of the element, formulation, columns of its nodes in our order
 SOLIDS: dict[tuple[str, int], tuple[str, str, tuple[int, ...]]] = {
     ("CTETRA", 4): ("CTETRA4", "C3D4", tuple(range(4))),
     ("CTETRA", 10): ("CTETRA10", "C3D10", tuple(range(10))),
@@ -50,10 +51,10 @@ PLATE_SECTIONS = ("PSHELL",)
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
 OF_MESH = ("GRID", "GRDSET", "SET1", *CORNERS, "PSOLID", *SYSTEMS)
 READ = (*OF_MESH, *MATERIALS, *OVER_TEMPERATURE, *SURFACES, *COUPLINGS, *DISCRETE)
-# of case control: matrices of DMIG, which Nastran adds to those of the elements
+# commands of case control that add a matrix of DMIG to those of the elements
 SELECTED = ("K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP", "B2PP")
 SELECTS = re.compile(rf"\s*({'|'.join(SELECTED)})\s*=", re.I)
-ORDERS = "; p-elements have orders and curved sides that elements here have not"
+ORDERS = "; p-elements have orders and curved sides that elements here do not have"
 COUPLED = "COUPMASS"  # the parameter of consistent masses
 WEIGHT = "WTMASS"  # the parameter that multiplies the mass of elements
 
@@ -67,34 +68,35 @@ def read_bdf(
     points: bool = False,
     temperature: float | None = None,
 ) -> SolidMesh:
-    """A component from bulk data, in its units.
+    """Read a component from bulk data, in the units of the file.
 
     Parameters
     ----------
     path : Path
     part : str or None
-        Elements of one property, such as PID3.
+        Element set to read: those of a property, such as PID3. None reads all elements.
     treat_as : dict of str -> str
-        Elements, such as CHEXA8, and the formulation to read them as; plates, such as CQUAD4, as
-        "faces": their property is a surface of the solids then.
+        Formulation by type of element, such as CHEXA8. For plates, such as CQUAD4, it can be
+        "faces": their properties become surfaces of the solids.
     pass_over : collection of str
-        Cards, and selections of case control, to pass over that would be refused, such as CONM2.
+        Unsupported cards, and commands of case control, to leave out without an error, such as
+        K2GG.
     points : bool
-        The deck has the nodes of matrices: elements need not be there, all nodes are kept, and what
-        is not supported is passed over.
+        The deck has the nodes of matrices: it needs no elements, all nodes stay, and unsupported
+        cards are left out without an error.
     temperature : float or None
-        At which materials with MATT1 are taken.
+        Temperature at which to take materials with MATT1.
 
     Returns
     -------
     SolidMesh
-        `passed_over` lists every card that is not in it.
+        `passed_over` lists all cards that are left out.
 
     Raises
     ------
     ModelError
-        With file and line: what is malformed or refers to what is not there; all cards that are
-        not supported, in one message.
+        A card is malformed, or refers to what the deck lacks (with its line); cards are not
+        supported (one message lists all of them).
     """
     formulation_of = _treated(path, treat_as or {})
     cards, above = read_bulk(path)
@@ -107,7 +109,7 @@ def read_bdf(
 
 
 def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
-    """Formulation of each element, and plates that mark faces."""
+    """Formulation of each type of element, and "faces" for plates that mark faces."""
     formulation_of = {name: formulation for name, formulation, _ in SOLIDS.values()}
     for written, name in treat_as.items():
         if written.upper() in PLATES and name == FACES:
@@ -124,7 +126,7 @@ def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
 
 
 class _Deck:
-    """Cards of a deck."""
+    """The cards of a deck, and the component that they describe."""
 
     def __init__(
         self,
@@ -156,7 +158,7 @@ class _Deck:
         self._plates = plates
 
     def _refuse(self, supported: set[str]) -> None:
-        """ModelError with all cards that are not supported."""
+        """Raise ModelError with a list of all cards that are not supported."""
         unknown = {name: cards for name, cards in self._cards.items() if name not in supported}
         if not unknown:
             return
@@ -175,7 +177,7 @@ class _Deck:
         )
 
     def _parameters(self, above: list[Line], name: str) -> list[BulkCard]:
-        """Cards of a PARAM, above the bulk too; they are taken out of the deck."""
+        """Remove the cards of a PARAM from the deck and return them, with those above the bulk."""
         cards = self._all("PARAM")
         for line in above:
             first, fields = fields_of(line.text)
@@ -187,7 +189,7 @@ class _Deck:
         return parameter_cards
 
     def _factor(self, above: list[Line]) -> float:
-        """Factor on the mass of elements."""
+        """Factor on the mass of elements, PARAM,WTMASS."""
         by_factor = {card.real(1, "a factor"): card for card in self._parameters(above, WEIGHT)}
         for factor, card in by_factor.items():
             if not factor > 0:
@@ -261,7 +263,7 @@ class _Deck:
         return indices
 
     def _solids(self) -> tuple[tuple[ElementBlock, ...], dict[str, np.ndarray]]:
-        """Elements by formulation, and properties of each."""
+        """Blocks of solid elements by formulation, and property numbers of the elements of each."""
         plain = self._plain_bricks()
         self._middles = Middles(len(self._numbers))
         rows: dict[str, list[tuple[int, int, np.ndarray]]] = {}
@@ -317,7 +319,7 @@ class _Deck:
         if without:
             self._note(
                 without,
-                "IN: bricks without bubble functions and with reduced shear are no element here, "
+                "IN: bricks without bubble functions and with reduced shear are not supported: "
                 "they are read as C3D8I",
             )
         return plain
@@ -347,7 +349,7 @@ class _Deck:
         return mesh
 
     def _with_discrete(self, mesh: SolidMesh) -> SolidMesh:
-        """Springs, masses, equations."""
+        """Add springs, masses and equations."""
 
         def place(card: BulkCard, number: int) -> int:
             return int(self._places(card, [number])[0])
@@ -363,11 +365,11 @@ class _Deck:
         for spring in springs_and_masses:
             if ground[spring.nodes].any():
                 named = mesh.nodes_named(spring.nodes[ground[spring.nodes]])
-                raise mesh.error(f"{spring.name}: {named}: no element has what it joins")
+                raise mesh.error(f"{spring.name}: {named}: no element has a node that it joins")
         return mesh
 
     def _with_mass(self, mesh: SolidMesh) -> SolidMesh:
-        """Lumped where Nastran lumps it, as far as its rule is known; told."""
+        """Mark the mass as lumped where Nastran lumps it by a known rule, and note it."""
         if self._consistent or self._points:
             return mesh
         quadratic = sorted({b.formulation for b in mesh.blocks if b.nodes.shape[1] > 8})
@@ -388,7 +390,7 @@ class _Deck:
 
 
 def _refuse_selections(above: list[Line], ignored: set[str]) -> None:
-    """ModelError about a matrix that case control adds to those of the elements."""
+    """Raise ModelError where case control adds a matrix to those of the elements."""
     for line in above:
         match = SELECTS.match(line.text)
         if match is not None and match[1].upper() not in ignored:

@@ -1,4 +1,4 @@
-"""Points of a slave surface and what of the master lies opposite along the slave's normals."""
+"""Points of a slave surface, and points of the master opposite along the slave's normals."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from squealstudy.kernels.facets import CURVED_RADIUS_FACTOR, MAX_FACET_NODES, pr
 from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.fem.sampling import Surface
 
-SAMPLES = 2000  # points at which a survey asks
-AT_ONCE = 1_000_000  # pairs of facets that are compared at the same time
+SAMPLES = 2000  # most points of a survey
+AT_ONCE = 1_000_000  # pairs of facets in one array operation
 
 
 @dataclass(frozen=True)
 class Opposite:
-    """Points of a slave that have the master in reach; there may be none.
+    """Points of a slave with the master in reach along their normals; possibly none.
 
     Attributes
     ----------
@@ -31,7 +31,8 @@ class Opposite:
     gap : ndarray (n,)
         Distance along the slave's normal, m; negative where the surfaces overlap.
     same_way : float
-        Area of the slave where the master is in reach but its normals point the same way, m2.
+        Area [m2] of the slave where the master is in reach only with normals that point the same
+        way, so that the two do not face each other.
     """
 
     points: np.ndarray
@@ -45,21 +46,29 @@ class Opposite:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Master facets that may face each slave facet: candidates[start[i] : start[i + 1]]."""
+    """Master facets that may face slave facet i: candidates[start[i] : start[i + 1]].
+
+    Attributes
+    ----------
+    start : ndarray (n_slaves + 1,) of int
+    candidates : ndarray of int
+        Indices of master facets.
+    """
 
     start: np.ndarray
     candidates: np.ndarray
 
     def of(self, facets: np.ndarray) -> Neighbours:
-        """The pairs of some slave facets."""
+        """The neighbours of some slave facets, by their indices."""
         parts = [self.candidates[self.start[i] : self.start[i + 1]] for i in facets]
         return Neighbours(np.cumsum([0, *map(len, parts)]), np.concatenate(parts))
 
 
 def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
-    """Master facets that the normals of each slave facet may meet within `search` [m].
+    """Master facets that normals of each slave facet may meet within `search` [m].
 
-    Masters are looked up by size, so that a few large ones do not make all others candidates.
+    Master facets are searched in classes of size, so that a few large ones do not widen the search
+    for all others.
     """
     normal, spread = slave.directions
     sizes = np.floor(np.log2(master.radii))
@@ -90,7 +99,7 @@ def near_facets(slave: Facets, master: Facets, search: float) -> Neighbours:
 def gauss_points(
     slave: Facets, master: Facets, neighbours: Neighbours, search: float, points_per_side: int
 ) -> Opposite:
-    """The Gauss points of the slave's facets that are in reach."""
+    """The Gauss points of the slave's facets with the master within `search` [m]."""
     surface, group = slave.gauss_points(points_per_side)
     facet, same_way, gap, values = _projected(surface, group, neighbours, master, search)
     has_facet = facet >= 0
@@ -106,9 +115,9 @@ def gauss_points(
 
 
 def survey(slave: Facets, master: Facets) -> tuple[float, np.ndarray]:
-    """Share of the slave that has the master opposite at any distance, and gaps found there [m].
+    """Share of the slave with the master opposite at any distance, and the gaps there [m].
 
-    From at most SAMPLES Gauss points, evenly taken from all facets.
+    From at most SAMPLES Gauss points, evenly drawn from all facets.
     """
     surface, _ = slave.gauss_points(2)
     some = np.unique(np.linspace(0, len(surface.area) - 1, SAMPLES).astype(int))
@@ -124,7 +133,7 @@ def survey(slave: Facets, master: Facets) -> tuple[float, np.ndarray]:
 def _projected(
     surface: Surface, group: np.ndarray, neighbours: Neighbours, master: Facets, search: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Facet (n,), whether one of the same way is met (n,), gap (n,), values (n, 9): `project`."""
+    """Master facet (n,), same_way (n,), gap (n,) and shape functions (n, 9), as in `project`."""
     n = len(surface.points)
     facet, same_way = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=bool)
     gap, values = np.zeros(n), np.zeros((n, MAX_FACET_NODES))

@@ -31,12 +31,12 @@ ASSEMBLY_TABLES = ("contact", "tie", "coupling", "layer", "spring", "point_mass"
 def part_alone(
     path: Path, units: str, part: str | None = None, pass_over: Sequence[str] = ()
 ) -> Brake:
-    """A model of one component without contact, from a mesh file.
+    """A model of a single component, without contact, from a mesh file.
 
     Raises
     ------
     ModelError
-        A file name whose ending is that of no format, or a file that does not exist.
+        The ending of the file name is not that of a known format, or the file does not exist.
     """
     if path.suffix.lower() not in FORMATS:
         endings = ", ".join(FORMATS)
@@ -54,15 +54,15 @@ def part_alone(
 def inspect_parts(
     brake: Brake, overrides: Mapping[KeyPath, float]
 ) -> tuple[Inspection, Geometry | None]:
-    """Look at the components of a model file without contact or without load.
+    """Inspect the components of a model file that is not finished.
 
-    A component that cannot be used becomes a doubt of the inspection; the others are described.
+    The inspection describes components that can be used, and has a doubt about each other one.
 
     Returns
     -------
     Inspection
     Geometry or None
-        The components that can be used; None where there is none.
+        Of the components that can be used; None without any.
     """
     inspection = Inspection()
     usable = []
@@ -105,7 +105,7 @@ def inspect_parts(
 
 
 def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
-    """Geometry of the file; where a component cannot be used, of the others without contacts."""
+    """Geometry of the whole file, or of the usable components alone where some are not usable."""
     if not usable:
         return None
     if len(usable) == len(brake.file.components):
@@ -117,7 +117,7 @@ def _geometry(brake: Brake, usable: Sequence[str]) -> Geometry | None:
 
 
 def _sets(inspection: Inspection, mesh: SolidMesh, unit: str, size: float) -> None:
-    """Describe the sets of a mesh; a length of 1 `unit` is `size` in the mesh."""
+    """Tell the sets of a mesh. `size` is one `unit` of length in coordinates of the mesh."""
     surfaces = []
     for name, faces in mesh.surfaces.items():
         groups = tuple(group.nodes for group in facet_groups(mesh, faces))

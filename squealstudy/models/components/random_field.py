@@ -16,25 +16,26 @@ def random_field(
 ) -> np.ndarray:
     """A field (n,) of mean 0 and variance 1, correlated by exp(-(d / length)^2).
 
-    It is the Karhunen-Loeve series with the area as weight, sum_k sqrt(lam_k) phi_k xi_k. The
-    standard normal xi_k are those of independent numbers at the points seen in the eigenvectors,
-    so that neither their signs nor those of one eigenvalue matter.
+    It is the Karhunen-Loeve series sum_k sqrt(lam_k) phi_k xi_k with the area as weight. The
+    coefficients xi are a vector of independent standard normal numbers, one at each point,
+    projected on the eigenvectors. So the field depends neither on the signs of eigenvectors nor on
+    their choice for equal eigenvalues.
 
     Parameters
     ----------
     points : ndarray (n, 3)
-        m.
+        Contact points, m.
     area : ndarray (n,)
-        m2.
+        Their areas, m2.
     length : float
-        m.
+        Correlation length, m.
     seed : int or tuple of int
         Not negative.
 
     Raises
     ------
     ModelError
-        More than `MOST_POINTS` points.
+        There are more than `MOST_POINTS` points.
     """
     if len(points) > MOST_POINTS:
         raise ModelError(

@@ -1,4 +1,4 @@
-"""Whether two faces meet."""
+"""A check that two faces of a pair face each other."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.pairs import Pair
 from squealstudy.models.file_table import KeyPath, PlacedError
 
-LEAST_IN_REACH = 0.5  # share of a face in reach: with less the wrong faces are meant
-ALL_MET = 0.9  # share of the other face's area that is met: the first face is larger
+LEAST_IN_REACH = 0.5  # share of the slave in reach below which the pair is refused
+ALL_MET = 0.9  # share of the master that is met, above which the slave is just the larger face
 
 
 def expect_reach(
     pair: Pair, keys: KeyPath, slave: Facets, master: Facets, search: float, units: str
 ) -> None:
-    """Raise PlacedError where two faces hardly meet within `search`, in the unit of the file."""
+    """Raise PlacedError where less than half of the slave has the master within `search`.
+
+    `search` is in the unit of length of the model file.
+    """
     if pair.in_reach >= LEAST_IN_REACH:
         return
     size = LENGTH.factor(units)

@@ -1,4 +1,4 @@
-"""Checks of a rotor angle: it may not part what is joined, nor turn what is held."""
+"""Checks of a rotor angle: it must not move joined parts apart, nor rotate fixed directions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from squealstudy.models.file_table import PlacedError
 
 
 def expect_rotor(file: ModelFile) -> None:
-    """Raise PlacedError where an angle means nothing, or would part what is joined."""
+    """Raise PlacedError where nothing turns, or where the rotor is joined to what does not turn."""
     if not file.turning:
         raise PlacedError(
             ROTOR_ANGLE, "nothing turns: no contact is sliding, and there is no rotor"
@@ -41,7 +41,7 @@ def expect_rotor(file: ModelFile) -> None:
 
 
 def turns_with(dofs: Sequence[int], turn: np.ndarray) -> bool:
-    """Whether directions 1 to 6 that are held are as well those of a turned body."""
+    """Whether fixed directions, of 1 to 6, stay the same after a rotation `turn` (3, 3)."""
     for first in (1, 4):
         axes = np.array([first + axis in dofs for axis in range(3)], dtype=float)
         fixed = np.diag(axes)

@@ -1,7 +1,7 @@
-"""A sector of a body that repeats about an axis, such as one of a vented disc: the whole body.
+"""The whole body from a sector that repeats about an axis, such as one of a vented disc.
 
-Nodes that lie at one place in neighbouring sectors are one. Where the two sides of a sector are
-meshed differently, the slave's nodes of a cyclic tie follow the master's faces in the next sector.
+Nodes of neighbouring sectors at the same place become one node. Where the two sides of a sector are
+meshed differently, slave nodes of a cyclic tie follow master faces of the next sector.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from squealstudy.models.components.materials import Orientation, Orthotropic
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
 MAX_SECTORS = 1000  # sectors of a body
-MERGED = 1e-3  # distance over the shortest edge: sides are written with some six digits
+# distance of nodes that become one, over the shortest edge: files have some six digits
+MERGED = 1e-3
 SIDES_APART = "its sides do not meet; expected axis, point and count of its repetition"
-OPPOSITE = -0.99  # cosine between the normals of facets that face each other
-# of a facet: middles of facets that overlap are nearer, those of neighbours are not
-OVERLAP_DISTANCE_OVER_FACET = 0.6
-TOUCHING_DISTANCE_OVER_FACET = 0.02  # distance of facets that lie on each other, over a facet
+OPPOSITE = -0.99  # largest cosine between normals of facets that face each other
+OVERLAP_DISTANCE_OVER_FACET = 0.6  # largest distance of the middles of facets that overlap
+TOUCHING_DISTANCE_OVER_FACET = 0.02  # largest distance across facets that lie on each other
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Repetition:
     count: int
 
     def turn(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Turn and shift from the first sector to the k-th from 0: x goes to turn x + shift."""
+        """Rotation matrix and shift from sector 0 to sector k: x moves to turn x + shift."""
         from scipy.spatial.transform import Rotation  # heavy: only sectors need it
 
         along = self.axis / np.linalg.norm(self.axis)
@@ -53,15 +53,16 @@ class Repetition:
 
 
 def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
-    """The whole body of a sector; sets and surfaces are those of all sectors together.
+    """The whole body of a sector.
 
-    Faces between sectors are no longer of a surface. Cyclic ties hold where sides differ.
+    Sets and surfaces are those of all sectors together, without faces that now lie between sectors.
+    Cyclic ties hold sides together that are meshed differently.
 
     Raises
     ------
     ModelError
-        Sides that do not meet, or that are meshed differently without a cyclic tie; masses or
-        springs on a side.
+        Sides do not meet, or are meshed differently without a cyclic tie; masses or springs are on
+        a side.
     """
     turns = [how.turn(k) for k in range(how.count)]
     everywhere = np.vstack([mesh.nodes @ R.T + shift for R, shift in turns])
@@ -73,7 +74,7 @@ def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
     if not cyclic:
         _check_sides(mesh, full_mesh, how)
     joined = len(everywhere) - len(full_mesh.nodes)
-    why = f"one of {how.count}: the whole body is read, {joined} nodes of sides are those of others"
+    why = f"one of {how.count}: the whole body is made of it, {joined} nodes on sides are merged"
     note = PassedOver("sector", mesh.origin, 0, why)
     return replace(
         full_mesh,
@@ -83,16 +84,16 @@ def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
 
 
 def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
-    """Places (count, n) of the nodes of all sectors in the whole body.
+    """Indices (count, n) in the whole body of the nodes of all sectors.
 
-    ModelError where a sector meets no other one.
+    ModelError where no node of the sector meets the next one, and there is no cyclic tie.
     """
     from scipy.sparse.csgraph import connected_components
 
     n, total = len(mesh.nodes), len(everywhere)
     tolerance = MERGED * _shortest_edge(mesh)
-    # the first sector against the second tells all others but for round-off; within a body first,
-    # since nodes of bodies in contact lie at one place
+    # pairs of the first and the second sector hold for all others as well; pairs within a body come
+    # first, since nodes of two bodies in contact may be at the same place
     body = _bodies(mesh)[:, None] * 10 * np.ptp(everywhere, axis=0).max()
     a, b = _pairs(
         np.hstack([everywhere[:n], body]), np.hstack([everywhere[n : 2 * n], body]), tolerance
@@ -112,14 +113,14 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
     graph = sp.coo_matrix((np.ones(len(nodes)), (nodes, next_nodes)), (total, total))
     _, label = connected_components(graph, directed=False)
     _, first, merged_index = np.unique(label, return_index=True, return_inverse=True)
-    rank = np.argsort(np.argsort(first))  # in the order in which nodes come first
+    rank = np.argsort(np.argsort(first))  # in the order in which nodes first occur
     return rank[merged_index].reshape(count, n)
 
 
 def _pairs(
     points: np.ndarray, other_points: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of two lists of points that lie at one place."""
+    """Rows of two lists of points that are at the same place."""
     from scipy.spatial import cKDTree  # heavy: only what reads meshes needs it
 
     distance, partner = cKDTree(other_points).query(points, distance_upper_bound=tolerance)
@@ -128,7 +129,7 @@ def _pairs(
 
 
 def _bodies(mesh: SolidMesh) -> np.ndarray:
-    """Number of the body of each node (n,), as elements alone connect them."""
+    """Number of the body of each node (n,); only elements connect nodes."""
     from scipy.sparse.csgraph import connected_components
 
     ends = [b.nodes[:, [0, k]] for b in mesh.blocks for k in range(1, b.nodes.shape[1])]
@@ -163,7 +164,7 @@ class _Copies:
         self._element_at = first + np.arange(self._count)[:, None] * counts[block_of]  # (count, e)
 
     def mesh(self, everywhere: np.ndarray) -> SolidMesh:
-        """The whole body, but for cyclic ties."""
+        """The whole body, without cyclic ties."""
         m, count, flat = self._sector, self._count, self._node_at.ravel()
         size = flat.max() + 1
         first = np.full(size, -1)
@@ -180,7 +181,7 @@ class _Copies:
         )
         order = np.argsort(numbers, kind="stable")
         orientations, orientation = self._orientations()
-        positions = np.argsort(order)  # ascending numbers, as of files
+        positions = np.argsort(order)  # numbers are ascending, as in meshes of files
         self._node_at = positions[self._node_at]
         full_mesh = replace(
             m,
@@ -205,7 +206,10 @@ class _Copies:
         return repeated
 
     def _orientations(self) -> tuple[dict[str, Orientation], np.ndarray]:
-        """Material axes turn with the sectors, the global ones of directional materials too."""
+        """Material axes, which turn with the sectors, and their name for each element.
+
+        Where a material with directions has global axes, these turn too.
+        """
         m = self._sector
         names = m.orientation.astype(object)
         named: dict[str, Orientation] = dict(m.orientations)
@@ -272,7 +276,7 @@ class _Copies:
             yield replace(d.moved(self._turns[k][0]), nodes=new_index[k][d.nodes])
 
     def cyclic(self, tie: Tie) -> Iterator[Tie]:
-        """A cyclic tie in all sectors: of slave nodes that are no node of the next sector."""
+        """A cyclic tie in all sectors, for slave nodes that are not merged with the next sector."""
         m = self._sector
         times = np.bincount(self._node_at.ravel())
         slaves = tie.nodes[times[self._node_at[0][tie.nodes]] == 1]
@@ -297,12 +301,12 @@ class _Copies:
 
 
 def _step(numbers: np.ndarray) -> int:
-    """Difference of numbers from one sector to the next: a power of ten."""
+    """Difference of node or element numbers from one sector to the next: a power of ten."""
     return 10 ** len(str(int(numbers.max())))
 
 
 def _check_sides(mesh: SolidMesh, full_mesh: SolidMesh, how: Repetition) -> None:
-    """ModelError where sectors do not meet, or facets lie on each other unconnected."""
+    """Raise ModelError where sectors do not meet, or facets of sides are not connected."""
     from scipy.spatial import cKDTree
 
     outer = {tuple(f) for f in boundary(full_mesh).tolist()}

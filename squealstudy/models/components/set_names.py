@@ -1,4 +1,4 @@
-"""Names of sets and surfaces, in whatever capitals."""
+"""Look-up of sets and surfaces by name, regardless of capitals."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ T = TypeVar("T")
 
 
 def has_name(sets: Mapping[str, T], name: str) -> bool:
-    """Whether a name is there, in whatever capitals."""
+    """Whether there is a name, regardless of capitals."""
     return any(existing.casefold() == name.casefold() for existing in sets)
 
 
 def found_name(sets: Mapping[str, T], name: str, noun: str, origin: Path) -> T:
-    """The value of a name; capitals count only where names differ by nothing else.
+    """The value of a name. Capitals count only between names that differ in nothing else.
 
-    Raises ModelError, with the names that there are.
+    ModelError where there is no such name; it lists the names that there are.
     """
     if name in sets:
         return sets[name]

@@ -1,4 +1,4 @@
-"""Stiffness that stresses add to a meshed component, THEORY.md eq. (114)."""
+"""Stress stiffness of a meshed component, THEORY.md eq. (114)."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ from squealstudy.models.components.mesh_matrices import (
 def stress_stiffness(mesh: SolidMesh, u: np.ndarray) -> sp.csr_matrix:
     """Initial-stress matrix (3 n, 3 n) [N/m] of the stresses of a displacement.
 
-    The integral of grad(u_i)^T sigma grad(u_i) over the three directions i, with the points of the
-    stiffness; sigma is that of small strains, of elements with inner freedoms those of the
-    equilibrium among them. Symmetric, not definite. Translations are free; a rotation theta of the
-    whole is not, as loads stay where they point: theirs is its energy, trace(theta^T sigma theta).
+    It is the integral of the sum of grad(u_i)^T sigma grad(u_i) over the three directions i, at the
+    points of the stiffness. sigma is the stress of small strains; inner displacements of elements
+    are in equilibrium. The matrix is symmetric and not definite. Translations have no energy. A
+    rotation theta of the whole has the energy trace(theta^T sigma theta), because loads keep their
+    direction.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def stress_stiffness(mesh: SolidMesh, u: np.ndarray) -> sp.csr_matrix:
     Raises
     ------
     ModelError
-        Elements without material; a negative Jacobian.
+        An element has no material, or a negative Jacobian.
     """
     parts = [p for name in used_materials(mesh) for p in parts_of(mesh, name)]
     sums = NodeSums(mesh, parts, 1)
@@ -54,7 +55,7 @@ def stress_stiffness(mesh: SolidMesh, u: np.ndarray) -> sp.csr_matrix:
 def _stresses(
     mesh: SolidMesh, part: ElementPart, rows: np.ndarray, X: np.ndarray, u: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stresses (e, q, 3, 3) in x, y, z, weights (e, q), slopes (e, q, k, 3) of the functions."""
+    """Stresses (e, q, 3, 3) in x, y, z, weights (e, q), shape-function gradients (e, q, k, 3)."""
     kind = part.block.kind
     C = material_of(mesh, part.material).stiffness()
     N, dN = kind.shape.functions(integration(kind.stiffness).points)

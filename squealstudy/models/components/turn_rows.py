@@ -1,4 +1,4 @@
-"""Turns of sets: the mean turn of points, or that of a superelement's node that has one."""
+"""Rotations of sets: the mean rotation of points, or that of a superelement's node that has one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,14 @@ Rows = Callable[..., sp.csr_matrix]  # parts (component, rows over its nodes) ->
 
 
 class Turn(NamedTuple):
-    """A component, and its turn (3, 3 n_nodes) by displacements, or by turns of its nodes."""
+    """The rotation of a set.
+
+    Attributes
+    ----------
+    component : str
+    by_displacements, by_turns : csr_matrix (3, 3 n_nodes)
+        Rotation by displacements [1/m] and by rotations of the component's nodes; one is zero.
+    """
 
     component: str
     by_displacements: sp.csr_matrix
@@ -27,7 +34,7 @@ class Turn(NamedTuple):
 
 
 def turn_of(geometry: Geometry, reference: str, points: Surface, keys: KeyPath) -> Turn:
-    """The turn of a set; PlacedError where it can have none."""
+    """The rotation of a set; PlacedError where it has none."""
     name, nodes = geometry.nodes(reference, keys)
     body = geometry.bodies[name]
     n = 3 * len(body.nodes)
@@ -46,12 +53,12 @@ def turn_of(geometry: Geometry, reference: str, points: Surface, keys: KeyPath) 
 
 
 def rigid_motion(points: Surface, point: np.ndarray) -> sp.csr_matrix:
-    """Displacement (3, 3 n_nodes) at a place, of the rigid motion nearest to the points'.
+    """Displacement (3, 3 n_nodes) at `point` of the rigid motion that best fits that of the points.
 
     Raises
     ------
     ModelError
-        Points on a line, or fewer than three.
+        The points lie on a line, or are fewer than three.
     """
     try:
         mean_rows = mean_motion(points.points, points.area, point)  # (3, n, 3) of point and axis
@@ -62,7 +69,15 @@ def rigid_motion(points: Surface, point: np.ndarray) -> sp.csr_matrix:
 
 
 class Coupled(NamedTuple):
-    """Rows of what a coupling holds together, and the stiffness of each."""
+    """Relative motions that a coupling holds.
+
+    Attributes
+    ----------
+    B : csr_matrix (k, n_dof)
+        A row for each.
+    stiffness : ndarray (k,)
+        N/m, of rotations N m.
+    """
 
     B: sp.csr_matrix
     stiffness: np.ndarray
@@ -73,7 +88,8 @@ def coupled(
 ) -> Coupled:
     """Relative motions of the node and the face of a coupling.
 
-    PlacedError where the node has no turns; where both are of one component.
+    `bedding` is the stiffness per area [N/m3]. PlacedError where the set of the node has several
+    nodes or no rotations, and where node and face belong to the same component.
     """
     table = geometry.file.coupling[number]
     keys: KeyPath = ("coupling", number)

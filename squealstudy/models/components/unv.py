@@ -1,7 +1,8 @@
-"""Components from universal files (``.unv``): datasets 2411, 2412 and 2467 of I-deas, Salome.
+"""Components from universal files (``.unv``) of I-deas and Salome.
 
-pyuff reads one line of nodes an element, of which those of the second degree have two and three:
-the three datasets are gone through here.
+Reads nodes (datasets 2411 and 781), elements (2412) and groups (2467, 2477, 2452, 2435). The
+library pyuff is not used: it reads one line of nodes for each element, and quadratic elements have
+two or three.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from squealstudy.models.matrices.text import TextFile
 MARK = "-1"  # the line around each dataset
 NODES, ELEMENTS = ("2411", "781"), ("2412",)
 GROUPS = ("2467", "2477", "2452", "2435")
-# number of the element -> formulation, places of its nodes in our order: middles follow corners
-# along each edge there (dataset 2412, I-deas Test Universal File Datasets)
+# number of the element -> formulation, columns of its nodes in our order: in files middle nodes
+# stand between the corners of their edges (dataset 2412, I-deas Test Universal File Datasets)
 SOLIDS: dict[int, tuple[str, tuple[int, ...]]] = {
     111: ("C3D4", tuple(range(4))),
     112: ("C3D6", tuple(range(6))),
@@ -32,21 +33,22 @@ SOLIDS: dict[int, tuple[str, tuple[int, ...]]] = {
     113: ("C3D15", (0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8)),
     116: ("C3D20", (0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)),
 }
-PLATES = {  # with the places of their corners
+PLATES = {  # number of the element -> columns of its corners
     **dict.fromkeys((41, 51, 61, 74, 81, 91), (0, 1, 2)),
     **dict.fromkeys((42, 52, 62, 72, 82, 92), (0, 2, 4)),
     **dict.fromkeys((44, 54, 64, 71, 84, 94), (0, 1, 2, 3)),
     **dict.fromkeys((45, 55, 65, 75, 85, 95), (0, 2, 4, 6)),
 }
-BEAMS = (11, 21, 22, 23, 24)  # have a line of their own between
+BEAMS = (11, 21, 22, 23, 24)  # elements with an additional line before that of the nodes
 OF_NODE, OF_ELEMENT = 7, 8  # kinds of members of groups
-OFF = 0.6  # distance of a middle node from the middle of its corners, over the edge
+OFF = 0.6  # largest distance of a middle node from the middle of its edge, over the edge
 
 
 def read_unv(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidMesh:
-    """A component from a universal file, in the units of its numbers, without materials.
+    """Read a component from a universal file, in the units of its numbers, without materials.
 
-    Groups of solids are element sets, of plates on the boundary surfaces, of nodes node sets.
+    Groups of solids are element sets, groups of plates on the boundary are surfaces, groups of
+    nodes are node sets.
 
     Parameters
     ----------
@@ -57,7 +59,8 @@ def read_unv(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidM
     Raises
     ------
     ModelError
-        With the line of what is malformed, or refers to what is not there.
+        The file cannot be read, has no solid element, or has a line that is malformed or refers to
+        what it lacks; `treat_as` has an unknown word.
     """
     names = _treated(path, treat_as or {})
     try:
@@ -72,13 +75,16 @@ def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
     for old, new in treat_as.items():
         if old not in formulation_of or new not in FORMULATIONS:
             names = ", ".join(formulation_of)
-            raise ModelError(f"{path}: treat_as {old} = '{new}': expected one of {names}")
+            raise ModelError(
+                f"{path}: treat_as {old} = '{new}': expected one of {names} and a formulation of "
+                f"{', '.join(FORMULATIONS)}"
+            )
         formulation_of[old] = new
     return formulation_of
 
 
 class _Reader:
-    """Datasets of a file."""
+    """The datasets of a file, and the component that they describe."""
 
     def __init__(self, path: Path, text: TextFile, names: Mapping[str, str]) -> None:
         self._path, self._text, self._names = path, text, names
@@ -133,7 +139,7 @@ class _Reader:
                 line_number += 1
             if line_number >= len(lines):
                 break_at = Line(self._text, min(start, len(lines) - 1))
-                raise break_at.error("a dataset without its end, -1")
+                raise break_at.error("this dataset has no end, -1")
             kind = lines[start].strip()
             yield kind, [Line(self._text, k) for k in range(start + 1, line_number)]
             line_number += 1
@@ -206,12 +212,12 @@ class _Reader:
         for label, nodes, line in rows:
             missing = next((n for n in nodes if n not in index_of_node), None)
             if missing is not None:
-                raise line.error(f"element {label} has node {missing}, which is not there")
+                raise line.error(f"element {label} has node {missing}, which does not exist")
         node_indices = np.array([[index_of_node[n] for n in nodes] for _, nodes, _ in rows])
         return ElementBlock(name, node_indices, np.array([label for label, *_ in rows]))
 
     def _check_middles(self, mesh: SolidMesh) -> None:
-        """ModelError where middle nodes are not on their edges: programs differ in the order."""
+        """Raise ModelError if middle nodes are off their edges: programs order them differently."""
         for block, start in zip(mesh.blocks, mesh.starts, strict=False):
             shape = block.kind.shape
             X = mesh.nodes[block.nodes]
@@ -256,7 +262,7 @@ class _Reader:
                     surfaces[name] = faces
                 if not is_face.all():
                     missing = f"{(~is_face).sum()} of {len(is_face)} faces"
-                    why = f"{missing} are none of the solid's boundary"
+                    why = f"{missing} are not on the boundary of the solid"
                     notes.append(PassedOver(f"group {name}", self._path, 0, why))
         return replace(
             mesh,
