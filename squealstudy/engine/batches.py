@@ -1,4 +1,4 @@
-"""Studies of small models whose design points are solved in batches, structures and all."""
+"""Studies of small models, whose design points are built and solved in batches."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from squealstudy.models.parameter import nothing_vanishes
 from squealstudy.modes.point import DENSE
 from squealstudy.stacked.modes import MOST_COORDINATES, POINTS_PER_BLOCK
 
-# tasks of a batch for each worker, at least MIN_BATCH_POINTS points each
-BATCH_TASKS_PER_WORKER = 4
-MIN_BATCH_POINTS = POINTS_PER_BLOCK // BATCH_TASKS_PER_WORKER
+MIN_BATCH_POINTS = POINTS_PER_BLOCK // 4  # least design points of a task, if there are as many
 
 
 def stacks(plan: Plan) -> bool:
-    """Whether a plan is of a small model that is solved exactly, and so in batches."""
+    """Whether a plan is solved in batches: exactly, and with a small model without a mesh."""
     model = plan.study.model
     if has_mesh(plan.study) or isinstance(model, FamilyDefinition) or plan.method.name != DENSE:
         return False
@@ -26,14 +24,17 @@ def stacks(plan: Plan) -> bool:
         return False
     try:
         assembly = plan.first.assembly()
-    except FAILURES:  # which the way point by point tells
+    except FAILURES:  # solved point by point, each failure becomes a row
         return False
     plain = all(c.correspondence is None for c in assembly.components)
     return plain and assembly.n_dof <= MOST_COORDINATES
 
 
 def batch_parts(points: DesignPoints, jobs: int) -> Iterator[DesignPoints]:
-    """Consecutive points, BLOCK at a time, or fewer where workers would have none."""
+    """Consecutive points, one part for each of `jobs` workers, within limits of size.
+
+    A part has at least MIN_BATCH_POINTS points, except the last, and at most POINTS_PER_BLOCK.
+    """
     size = min(POINTS_PER_BLOCK, max(MIN_BATCH_POINTS, -(-len(points) // max(jobs, 1))))
     for start in range(0, len(points), size):
         yield points.at(slice(start, start + size))

@@ -1,4 +1,4 @@
-"""Two studies of complex modes, before and after a change: what they need to have in common."""
+"""Comparison of two studies of complex modes, before and after a change."""
 
 from __future__ import annotations
 
@@ -18,19 +18,24 @@ from squealstudy.tables.comparison import join_points
 from squealstudy.tables.mode_ranking import line_codes
 from squealstudy.wording import amount, shown, units_of
 
-NAMES_ALONE = {("study", "name"), ("study", "description")}  # no change of what is computed
+NAMES_ALONE = {("study", "name"), ("study", "description")}  # settings that change no result
 
 
 def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
     """Effect of a change on the unstable modes (`tables.before_after.paired`).
 
-    `attrs` tell ``points``, how many solved points are compared, and how many of both failed in a
-    study; ``along``, the parameter of the onsets, or None; of each of SIDES a mapping with
-    ``unstable`` and ``uncertain`` points, ``failed`` ones on its lines, whether tables have
-    ``knots`` between its values, and the largest value ``top`` of that parameter; ``changes``,
-    texts on what differs in the study files.
+    The table's `attrs` have ``points`` and ``failed``, the numbers of common design points that are
+    compared and that failed in a study; ``along``, the parameter of the onsets, or None;
+    ``changes``, texts on what differs between the study files; ``parameters`` and ``units``; and
+    under each of SIDES a mapping with the numbers of ``unstable`` and ``uncertain`` points, of
+    ``failed`` points on the lines of onsets, whether tables have ``knots`` between values of
+    `along`, and its largest value ``top``.
 
-    Raises ResultsError where bands or models differ, or no points are common.
+    Raises
+    ------
+    ResultsError
+        A study has a boundary design; bands or models differ; no design point is common, or none
+        was solved in both studies.
     """
     both = (before, after)
     for results in both:
@@ -49,7 +54,7 @@ def compare_modes(before: ResultTables, after: ResultTables) -> pd.DataFrame:
     status = [r.points["status"].to_numpy() for r in both]
     solved = [(i, k) for i, k in pairs if status[0][i] == status[1][k] == "ok"]
     if not solved:
-        raise ResultsError("every design point that both studies have failed in one of them")
+        raise ResultsError("every common design point failed in one of the two studies")
     same = before.along == after.along
     drawn = {before.design, after.design} & set(RANDOM_DESIGNS)
     along = before.along if same and not drawn else None
@@ -100,7 +105,7 @@ def _expect_alike(noun: str, texts: list[str], both: tuple[ResultTables, ResultT
 
 
 def _changes(before: ResultTables, after: ResultTables) -> list[str]:
-    """Differences of the study files and of the files that they name, each in words."""
+    """Texts on the differences of the study files, of the model's files and of versions."""
     both = (before, after)
     settings = [dict(_settings(tomllib.loads(str(r.fact("study"))))) for r in both]
     names = [n for n in dict.fromkeys([*settings[0], *settings[1]]) if n not in NAMES_ALONE]
@@ -123,9 +128,9 @@ def _changes(before: ResultTables, after: ResultTables) -> list[str]:
 
 
 def _settings(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> list[tuple[Any, Any]]:
-    """Keys of a TOML table with their values, of tables within it those of theirs.
+    """Key paths and values of a TOML table, with those of tables within it.
 
-    What a parameter follows is one setting, `{table = ..}`.
+    A table that a parameter follows, `{table = ..}`, is one value.
     """
     settings: list[tuple[Any, Any]] = []
     for name, setting in table.items():
@@ -143,9 +148,9 @@ def _setting_text(
     other: object,
     units: Mapping[str, str],
 ) -> str:
-    """A setting of a study in words; of a parameter that it leaves out the default.
+    """Text of a setting of a study; for a parameter that it leaves out, the default.
 
-    The default has the unit that the other study writes, if it does.
+    The default is in the unit of the other study, `other`, if that writes one.
     """
     if name in settings:
         return shown(settings[name])

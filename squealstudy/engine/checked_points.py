@@ -1,4 +1,4 @@
-"""The design points of a study that are also solved at full order."""
+"""The choice of design points that are also solved at full order."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from squealstudy.study.sampling import farthest_points
 
 
 def checked_points(plan: Plan) -> list[int]:
-    """Indices of the design points solved at full order too: the chosen ones, then the audit's.
+    """Indices of the design points to solve at full order too: reference points, then the audit.
 
-    The audit draws its share of all points at random; which they are depends on their number alone.
+    The audit draws a share of all points at random, always the same of a number of points.
     """
     section = plan.study.definition.modes
     chosen = reference_choice(plan, section.reference_points)
@@ -23,9 +23,10 @@ def checked_points(plan: Plan) -> list[int]:
 
 
 def reference_choice(plan: Plan, count: int) -> list[int]:
-    """Indices of the design points to check by the full-order model.
+    """Indices of `count` reference points.
 
-    The upper corner of the swept box first (most friction, pressure, change), where a reduced
-    model has most to lose; then the points farthest from all chosen.
+    The first is the upper corner of the swept box (highest friction, pressure and so on), where a
+    reduced model is expected to be least accurate. Each other one is the farthest from those
+    before it.
     """
     return farthest_points(plan.coordinates, count)

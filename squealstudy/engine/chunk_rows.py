@@ -1,7 +1,7 @@
-"""Rows that a worker makes of a task: one a design point, whatever happens there.
+"""The rows of a task: one for each design point, also where it fails.
 
-What a kind of study foresees it puts into rows itself (`failures.FAILURES`); what nobody foresaw is
-made a failed row here. No point ends its study.
+A kind of study puts expected failures (`failures.FAILURES`) into rows itself. Unexpected errors
+become failed rows here, so that no design point ends its study.
 """
 
 from __future__ import annotations
@@ -29,14 +29,27 @@ from squealstudy.mechanics.failures import reason
 if TYPE_CHECKING:
     from squealstudy.engine.kind import Kind
 
-DIED = "worker_died"  # status of the points of a task that ends every worker that tries it
-OF_THE_STUDY = (StudyFileError, ResultsError, ExtensionError)  # not of one of its points
+DIED = "worker_died"  # status of the points of a task that killed every worker that tried it
+OF_THE_STUDY = (StudyFileError, ResultsError, ExtensionError)  # errors that all points have
 PACKAGE = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
 class ChunkRows:
-    """Rows that are written as one file, and what they took: seconds, MB of the worker."""
+    """Rows that are written as one chunk file.
+
+    Attributes
+    ----------
+    table : Table
+    files : mapping of str -> Table, or mapping of names to arrays
+        As of `Solved`.
+    known : int
+        Number of points whose working point an earlier study had solved.
+    wall_s : float
+        Time that the worker needed, s.
+    peak_mb : float
+        Largest memory of the worker up to now, MB.
+    """
 
     table: pa.Table
     files: Mapping[str, pa.Table | Mapping[str, Any]]
@@ -46,21 +59,21 @@ class ChunkRows:
 
 
 def lost_chunk(kind: Kind, task: Any, why: str) -> ChunkRows:
-    """Failed rows, one a point, for a task that ended every worker that tried it."""
+    """Failed rows for the points of a task that killed every worker that tried it."""
     rows = [kind.failed_row(p.point_id, DIED, why) for p in kind.points_of(task)]
     return ChunkRows(pa.Table.from_pylist(rows, schema=kind.schema), {}, 0, 0.0, 0.0)
 
 
 def solve_chunk(kind: Kind, task: Any) -> ChunkRows:
-    """Solve a task of a kind of study in a worker; nothing is written here.
+    """Solve a task of a kind of study in a worker, which writes nothing.
 
-    Where the task fails as a whole, each of its design points is solved by itself, and those that
-    fail then are failed rows.
+    If the task fails as a whole, each of its design points is solved by itself, and those that fail
+    become failed rows.
 
     Raises
     ------
     SquealstudyError, OSError, MemoryError
-        What is at fault with the study as a whole, or with the machine.
+        The error concerns the whole study, or the machine.
     """
     started = time.perf_counter()
     try:
@@ -97,14 +110,14 @@ def _solved_or_failed(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
 
 
 def _of_all_points(error: Exception) -> bool:
-    """Whether an error is of the machine or of the study, and would be that of every point."""
+    """Whether an error concerns the machine or the whole study, not a single point."""
     return isinstance(error, OF_THE_STUDY) or faults.sentence(error) is not None
 
 
 def unforeseen(error: Exception) -> tuple[str, str]:
-    """Status and message of a point that ended with an error nobody foresaw: its words, its place.
+    """Status and message of a point with an unexpected error.
 
-    The place is the last line of this package that was being executed.
+    The message has the last line of this package that was executed, if there is one.
     """
     status, message = reason(error)
     if isinstance(error, SquealstudyError):

@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from distributed import Client
     from distributed.diagnostics.plugin import SchedulerPlugin
 
-CONNECT_TIMEOUT_S = 10.0  # s, for a scheduler to answer
+CONNECT_TIMEOUT_S = 10.0
 NAME = "squealstudy"
-MAX_WORKER_DEATHS_PER_TASK = 2  # after so many a task waits until it can be tried by itself
-ALONE = "-alone"  # suffix of the keys of such tasks: they fail with the next death
+MAX_WORKER_DEATHS_PER_TASK = 2  # after these a task waits until it can run alone
+ALONE = "-alone"  # suffix of the keys of tasks that run alone: they fail with the next death
 
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Without the log of the library: errors are one sentence."""
+    """Silence the log of dask.distributed; errors are told in one sentence."""
     names = [n for n in logging.root.manager.loggerDict if n.partition(".")[0] == "distributed"]
     before = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -35,7 +35,7 @@ def quiet() -> Iterator[None]:
 
 
 def client_of(scheduler: str) -> Client:
-    """A client of a scheduler, by its address or its file."""
+    """A client of a scheduler, which is given by address or file; MachineError without answer."""
     from distributed import Client
 
     scheduler_file = Path(scheduler)
@@ -57,10 +57,11 @@ def client_of(scheduler: str) -> Client:
 
 @contextlib.contextmanager
 def retries_limited(client: Client, run: str) -> Iterator[None]:
-    """Tasks whose keys begin with `run` fail after MAX_WORKER_DEATHS_PER_TASK deaths of workers.
+    """Let tasks whose keys begin with `run` fail after MAX_WORKER_DEATHS_PER_TASK worker deaths.
 
     Those whose keys end with ALONE fail with the first death. dask's own limit (`allowed-failures`,
-    3 by default) holds for the tasks of all clients: these tasks begin with a count above zero.
+    3 by default) is the same for the tasks of all clients. So these tasks start with a count of
+    deaths above zero.
     """
     client.register_plugin(_suspicion(run, MAX_WORKER_DEATHS_PER_TASK, ALONE), name=run)
     try:
@@ -71,9 +72,9 @@ def retries_limited(client: Client, run: str) -> Iterator[None]:
 
 
 def _suspicion(run: str, deaths: int, alone: str) -> SchedulerPlugin:
-    """A plugin by which the deaths of tasks whose keys begin with `run` count from above zero.
+    """A plugin that starts the count of deaths of tasks whose keys begin with `run` above zero.
 
-    Its class is local so that its code is sent: a scheduler need not have this package.
+    Its class is local, so that its code is sent and the scheduler does not need this package.
     """
     from distributed.diagnostics.plugin import SchedulerPlugin
 

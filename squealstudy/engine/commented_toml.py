@@ -21,9 +21,9 @@ def table_lines(
     with_defaults: bool = True,
     comments: bool = True,
 ) -> Iterator[str]:
-    """A table; keys that are not given are comments, left out unless `with_defaults`.
+    """Lines of a table: keys with values, and `with_defaults` other keys as comments.
 
-    Where no table is given, all of it is a comment.
+    Where `values` is None, the whole table is a comment. `comments` also writes descriptions.
     """
     yield head if values is not None else f"# {head}"
     for key, field in fields.items():
@@ -43,7 +43,10 @@ def section_lines(
     always_shown: Collection[str] | None,
     commented: bool = False,
 ) -> Iterator[str]:
-    """A section with the keys that are given, and those of `always_shown` at their defaults."""
+    """Lines of a section: keys with values, and those of `always_shown` as comments.
+
+    None shows all keys. `commented` makes a comment of the head.
+    """
     yield f"# [{name}]" if commented else f"[{name}]"
     for key, field in type(section).model_fields.items():
         if always_shown is None or key in always_shown or key in values:
@@ -52,7 +55,7 @@ def section_lines(
 
 
 def section_fields(field: FieldInfo) -> dict[str, FieldInfo]:
-    """Keys of the section in an annotation such as ``Section | None``."""
+    """Keys of the section that a field such as ``Section | None`` holds."""
     kinds: tuple[Any, ...] = getattr(field.annotation, "__args__", ())
     return next(k.model_fields for k in kinds if hasattr(k, "model_fields"))
 
@@ -60,7 +63,7 @@ def section_fields(field: FieldInfo) -> dict[str, FieldInfo]:
 def key_lines(
     name: str, default: object, described: str, values: Mapping[str, Any]
 ) -> Iterator[str]:
-    """A key below its description: as given, else as a comment with its default."""
+    """Lines of a key below its description: with its value, else as a comment with its default."""
     yield from comment_lines(described)
     if name in values:
         yield f"{toml_key(name)} = {toml_value(values[name])}"
@@ -79,13 +82,13 @@ def default_line(key: str, field: FieldInfo) -> str:
 
 
 def described(field: FieldInfo) -> str:
-    """Description of a key, with its allowed words if it has such."""
+    """Description of a key, with its allowed words if there are any."""
     words = [word for word in get_args(field.annotation) if isinstance(word, str)]
     return f"{field.description} ({' | '.join(words)})" if words else field.description or ""
 
 
 def comment_lines(text: str) -> Iterator[str]:
-    """A text as lines of comments."""
+    """A text as comment lines."""
     return (f"#   {line}" for line in wrapped(text, 4))
 
 

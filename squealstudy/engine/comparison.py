@@ -1,4 +1,4 @@
-"""Predictions compared with runs in time: what both studies need to have in common."""
+"""Comparison of predictions (complex modes or limit cycles) with runs in time."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from squealstudy.wording import units_of
 
 AnyTables = TypeVar("AnyTables", bound=ResultTables)
 PARAMETERS = "parameters"  # table of study files
-LIMIT_CYCLES = "cycles"  # table that results of limit cycles have
+LIMIT_CYCLES = "cycles"  # table that only results of limit cycles have
 BOUNDS = {"low": "1/s", "high": "1/s"}  # of the fitted growth rate
 
 
 def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
-    """The comparison of a study in time with complex modes or limit cycles, in whichever order.
+    """Compare a study in time with one of complex modes or limit cycles, in either order.
 
-    Raises ResultsError where they are not one of each, of one model, with common design points.
+    Raises ResultsError unless there is one of each, of the same model, with common design points.
     """
     frequency, transient = in_order(first, second)
     models = [r.manifest["model"] for r in (frequency, transient)]
@@ -47,8 +47,8 @@ def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
     files = [model_files(r) for r in (frequency, transient)]
     if files[0] != files[1]:
         raise ResultsError(
-            f"{frequency.directory} and {transient.directory} are of model files that differ, or "
-            "whose meshes do: expected two studies of one model"
+            f"{frequency.directory} and {transient.directory} have different model files or "
+            "meshes: expected two studies of one model"
         )
     frequency_options, time_options = (
         r.manifest.get("options", {}) for r in (frequency, transient)
@@ -101,7 +101,7 @@ def compare_results(first: ResultTables, second: ResultTables) -> pd.DataFrame:
 
 
 def in_order(first: AnyTables, second: AnyTables) -> tuple[AnyTables, AnyTables]:
-    """Complex modes, which have onsets, or limit cycles; then the study in time."""
+    """The study of complex modes or limit cycles, then the one in time; ResultsError for others."""
     for frequency, transient in ((first, second), (second, first)):
         predicts = {"onsets", LIMIT_CYCLES} & set(frequency.tables)
         if predicts and "growth" in transient.tables:
@@ -114,16 +114,16 @@ def in_order(first: AnyTables, second: AnyTables) -> tuple[AnyTables, AnyTables]
 
 
 def _followed(results: ResultTables) -> dict[str, Any]:
-    """The tables in [parameters] of a study, by what follows them."""
+    """The tables in [parameters] of a study, by the name of what follows them."""
     text = str(results.manifest.get("study", "")) if results.manifest.get("tables") else ""
     source = SourceText(results.directory / MANIFEST, text)
     return {name: table for _, name, table in take_tables(source.tables)[1]}
 
 
 def model_files(results: ResultTables) -> list[str]:
-    """Hashes of a model's files; of masses that the study adds by name, not: they are parameters.
+    """Hashes of a model's files; empty for a model without files.
 
-    Empty of models without files.
+    Masses that the study adds by name are left out: they are parameters, not files.
     """
     named = [n for n in results.fact("nominal") if n.startswith(ADDED_MASS)]
     source = SourceText(results.directory / MANIFEST, "")
@@ -133,9 +133,9 @@ def model_files(results: ResultTables) -> list[str]:
 
 
 def value_elsewhere(results: ResultTables, name: str) -> float:
-    """The value at which a study ran that neither sweeps nor sets the parameter.
+    """The value of a parameter in a study that does not sweep it.
 
-    Of an added mass that it does not name it has none: 0.
+    An added mass that the study does not name is 0.
     """
     model = model_of(results.manifest)
     declared = {parameter.name for parameter in model.parameters}

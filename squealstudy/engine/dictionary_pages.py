@@ -1,7 +1,7 @@
-"""The longest text in the dictionary of a part of a Parquet file, without the part being decoded.
+"""The longest text in the dictionary of a column chunk of a Parquet file, without decoding it.
 
-A dictionary page is a header in Thrift's compact protocol, then its entries, compressed: of each
-four bytes with its length, and its letters.
+A dictionary page is a header in Thrift's compact protocol, then its entries, compressed. Each entry
+is four bytes with its length, then its bytes.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-NUMBER = rb"([\x80-\xff]{0,4}[\x00-\x7f])"  # of a header: seven bits a byte, the lowest first
-HEADER = re.compile(  # of a dictionary page of plain entries, alone; sizes, count, order
+NUMBER = rb"([\x80-\xff]{0,4}[\x00-\x7f])"  # in a header: seven bits a byte, the lowest first
+HEADER = re.compile(  # of a dictionary page of plain entries: two sizes, count, maybe order
     rb"\x15\x04\x15" + NUMBER + rb"\x15" + NUMBER + rb"\x4c\x15" + NUMBER + rb"\x15\x00[\x11\x12]?"
     rb"\x00\x00"
 )
 LONGEST_HEADER = 32  # bytes
 LENGTH_BYTES = 4
-MOST_COMPRESSED = 2**28  # bytes of a page: a longer one is looked at by the reader of tables
+MOST_COMPRESSED = 2**28  # bytes of a page: longer ones are left to the reader of tables
 
 
 def longest_entry(handle: IO[bytes], part: pq.ColumnChunkMetaData, little: float) -> float | None:
-    """Letters of the longest text in the dictionary of a part.
+    """Bytes of the longest text in the dictionary of a column chunk, or an upper bound.
 
-    A bound where the size of the page tells that it is `little`, in letters; None where the page is
-    not of the usual form, and nothing is known. `handle` reads the file of the part.
+    It is the size of the page where that is at most `little` bytes. None where it is not known: the
+    page has an unusual form, or texts of different lengths. `handle` reads the file.
     """
     if not part.has_dictionary_page or part.dictionary_page_offset is None:
         return None
@@ -49,7 +49,7 @@ def _number(digits: bytes) -> int:
 
 
 def _unpacked(page: bytes, compression: str, size: int) -> Any:
-    """The entries; None where they are no page of this size."""
+    """The uncompressed entries; None where these do not have `size` bytes."""
     if compression == "UNCOMPRESSED":
         return page if len(page) == size else None
     try:
@@ -59,7 +59,7 @@ def _unpacked(page: bytes, compression: str, size: int) -> Any:
 
 
 def _longest_entry(entries: Any, count: int) -> float | None:
-    """The longest of so many entries; None unless all are of the length of the first."""
+    """Bytes of the longest of `count` entries; None unless all have the same length."""
     if entries is None:
         return None
     each, rest = divmod(len(entries), count) if count else (0, 1)

@@ -1,4 +1,4 @@
-"""A page in which results are explored, as a program or a notebook has it."""
+"""A page in which results are explored, to save or to show in a notebook."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Exploration:
     html: str = field(repr=False)
 
     def save(self, path: str | Path) -> Path:
-        """Write the page, over what is there; its path."""
+        """Write the page, over an existing file; returns its path."""
         write_text(Path(path), self.html)
         return Path(path)
 

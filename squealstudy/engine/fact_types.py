@@ -1,4 +1,4 @@
-"""Types of facts in files of results: what they may be, whoever wrote them."""
+"""Types of facts in files of results, by which every file is checked."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ Range = Annotated[list[Finite], Field(min_length=2, max_length=2)]  # lowest and
 
 
 class FactGroup(BaseModel):
-    """Facts that belong together; others beside them are kept, and nobody reads them."""
+    """Facts that belong together. Unknown ones are allowed, and never read."""
 
     model_config = ConfigDict(extra="allow", strict=True)

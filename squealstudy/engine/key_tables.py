@@ -1,4 +1,4 @@
-"""The keys of study and model files in words: tables of Markdown, made from the JSON Schema."""
+"""The keys of study and model files as tables of Markdown, made from the JSON Schema."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ GUARD_AGAINST_OVERFLOW = 1e30  # bounds of this size only prevent overflow, and 
 
 
 def key_tables(schema: Mapping[str, Any]) -> str:
-    """Every key of a schema with type, unit, default and meaning, by tables of the file."""
+    """All keys of a schema with type, unit, default and meaning, a section for each table."""
     lines: list[str] = []
     plain: dict[str, Any] = {}
     for name, table in schema["properties"].items():
@@ -39,7 +39,7 @@ def _heading(name: str, table: Mapping[str, Any]) -> str:
 
 
 def _table_suffix(table: Mapping[str, Any]) -> str:
-    """Text that follows the name of a table of tables by name."""
+    """Text after the name of a table: ".NAME" where its keys are names of tables."""
     return ".NAME" if {"additionalProperties", "patternProperties"} & table.keys() else ""
 
 
@@ -91,7 +91,7 @@ def _rows(
 
 
 def _entries(schema: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """All keys of the file and of tables in it."""
+    """Schemas of all keys of the file and of tables in it."""
     for table in (schema, *schema.get("$defs", {}).values()):
         yield from table.get("properties", {}).values()
 

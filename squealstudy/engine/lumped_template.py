@@ -1,4 +1,4 @@
-"""The file of a lumped model to start from, and what studies of it begin with."""
+"""A lumped model to start from: its file, and the first values in new studies of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from squealstudy.models.lumped.definition import LumpedDefinition
 from squealstudy.study.lumped import lumped_of
 from squealstudy.study.source import SourceText
 
-SUFFIX = "_model"  # ends the name of the model file, after that of its study
+SUFFIX = "_model"  # the model file has the name of its study with this suffix
 START = {
     "sweep": {"parameter": "sliding_speed", "start": 0.2, "stop": 0.5, "num": 7},
     "modes": {"band": [10.0, 5000.0]},
@@ -80,11 +80,11 @@ normal_force = { default = 1500.0, unit = "N", description = "presses the pad on
 
 
 def file_beside(study: Path) -> Path:
-    """Where the model file of a study to start from is."""
+    """Path of the model file of a new study."""
     return study.with_name(f"{study.stem}{SUFFIX}.toml")
 
 
 def lumped_start(study: Path) -> LumpedDefinition:
-    """The model of that file, which need not be there yet."""
+    """The model of `file_beside`, which need not exist yet."""
     definition = lumped_of(SourceText(file_beside(study), TEXT))
     return replace(definition, start=START)

@@ -1,8 +1,8 @@
-"""Types of the facts in a manifest, at any depth, which is checked whoever wrote it.
+"""Types of the facts in a manifest, by which every manifest is checked at all depths.
 
-A seal shows that a manifest is as it was written, not who wrote it. Facts of every study are here;
-those of one kind are in ``facts.py`` of its folder, as FACTS. Nothing reads other facts. Older
-versions have fewer facts.
+A seal shows that a manifest has not changed, not who wrote it. Facts of all studies are here; those
+of a kind are FACTS in ``facts.py`` of its folder. Other facts are never read. Older versions of
+squealstudy have fewer facts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FolderName = Annotated[str, _name_pattern(FOLDER, "a folder below")]
 
 
 class DesignFacts(FactGroup):
-    """Which design points there are."""
+    """The design: how the design points are chosen."""
 
     type: Name = "grid"
     samples: Count | None = None
@@ -47,7 +47,7 @@ class DesignFacts(FactGroup):
 
 
 class ModelFileFacts(FactGroup):
-    """A model of a file: files, defaults and components."""
+    """A model from a file: hashes of its files, defaults and components."""
 
     path: Name
     files: list[Name]
@@ -81,7 +81,7 @@ class CodeFacts(FactGroup):
 
 
 class Setting(FactGroup):
-    """A setting that [fidelity] chose, or one beside it."""
+    """A setting that [fidelity] chose, or the next cheaper or dearer one."""
 
     settings: Text | None = None
     reason: Text = ""
@@ -90,7 +90,7 @@ class Setting(FactGroup):
 
 
 class ChosenSetting(Setting):
-    """The one chosen: its error is known where its time is."""
+    """The chosen setting, whose text and error are always known."""
 
     settings: Text
     estimated_error: float
@@ -165,10 +165,7 @@ class Facts(FactGroup):
 
 
 def check_facts(content: Mapping[str, Any], path: Path) -> None:
-    """Raise ResultsError naming the first fact of a manifest that is wrong.
-
-    A fact of NEVER_NULL may be absent, but not null.
-    """
+    """Raise ResultsError about the first wrong fact of a manifest."""
     kinds = facts_of(str(content.get("kind")))
     for model in (Facts, kinds) if kinds else (Facts,):
         _check(model, content, path)

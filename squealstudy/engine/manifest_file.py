@@ -1,16 +1,14 @@
-"""The file of the manifest: read, checked, written whole."""
+"""Reads, checks and writes the file of the manifest."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from squealstudy.engine.manifest_facts import MAX_BYTES, check_facts
-from squealstudy.engine.result_names import (
-    MANIFEST,
-)
+from squealstudy.engine.result_names import MANIFEST
 from squealstudy.errors import ResultsError
 from squealstudy.files import (
     OF_JSON,
@@ -22,10 +20,7 @@ from squealstudy.files import (
     write_text,
 )
 
-if TYPE_CHECKING:
-    pass
-
-PICTURES = "pictures"  # key of the manifest: those drawn beside the tables
+PICTURES = "pictures"  # key of the manifest: names of pictures in the results directory
 
 
 def read_manifest(directory: Path) -> dict[str, Any] | None:
@@ -38,7 +33,7 @@ def read_manifest(directory: Path) -> dict[str, Any] | None:
     try:
         text = read_whole(path, OF_JSON)
         content: dict[str, Any] = json.loads(text)
-        if SEAL in content:  # those of older versions have none
+        if SEAL in content:  # manifests of older versions have none
             content = unsealed(text)
     except (OSError, ValueError, TypeError, RecursionError) as error:
         raise ResultsError(f"{path}: not a readable manifest ({error})") from error

@@ -1,4 +1,4 @@
-"""Which rung serves a study: as its file says, or the one of least total cost."""
+"""The choice of a study's rung: the one that its file names, or that of least cost."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from squealstudy.study.sampling import distinct_rows
 
 
 class RungChoice(NamedTuple):
-    """A rung by its name, the tolerance it keeps, and why it was chosen.
+    """The rung of a study.
 
     Attributes
     ----------
@@ -23,8 +23,9 @@ class RungChoice(NamedTuple):
     tolerance : float
         Largest error of lightly damped and of growing roots, relative to their moduli.
     reason : str
+        Why it was chosen.
     exact : str
-        The rung that is exact for the model, for what this one cannot solve.
+        Name of the exact rung for the model, which solves points that this rung cannot.
     """
 
     name: str
@@ -34,7 +35,7 @@ class RungChoice(NamedTuple):
 
     @property
     def rung(self) -> Rung:
-        """The rung itself."""
+        """The rung of that name."""
         return rung_named(self.name)
 
     @property
@@ -44,7 +45,7 @@ class RungChoice(NamedTuple):
 
     @property
     def identity(self) -> list[object]:
-        """All that results depend on beside the model: nothing where the reduced model is exact."""
+        """What results depend on besides the model; empty for the exact rung of reduced models."""
         rung = self.rung
         outside = [rung.source_hash] if rung.source_hash else []
         if rung.exact:
@@ -64,7 +65,7 @@ def choose_method(study: ResolvedStudy, swept: np.ndarray) -> RungChoice:
     Raises
     ------
     StudyFileError
-        A method that cannot serve this study.
+        The method of the file cannot solve this study.
     """
     section, scope = study.definition.modes, _scope(study, swept)
     exact = exact_rung(scope.reduced).name
@@ -86,7 +87,7 @@ def choose_method(study: ResolvedStudy, swept: np.ndarray) -> RungChoice:
 
 
 def _who_says(study: ResolvedStudy) -> str:
-    """Who set the method: the file, [fidelity], or a study of methods that varies the file."""
+    """Text on who set the method: the file, [fidelity], or a variant in a study of methods."""
     if "modes.method" in given_keys(study):
         return "as the study says"
     return "as this variant sets it" if study.definition.fidelity is None else "by [fidelity]"
@@ -128,14 +129,14 @@ def _cheapest(study: ResolvedStudy, scope: Scope, exact: str) -> tuple[str, str]
 
 
 def _followed(study: ResolvedStudy) -> str:
-    """Which parameters follow a table over what is swept, in words; or ''."""
+    """Text on parameters that follow a table over a swept one; empty without any."""
     swept = {s.name for s in study.sweeps}
     names = [t.name for t in study.model.tables if swept.intersection(t.over)]
     return f"tables of {', '.join(names)} over what is swept bend at their knots" if names else ""
 
 
 def _single_mode_damping(study: ResolvedStudy, swept: np.ndarray) -> str:
-    """Name of a damping ratio of a single assembly mode that is not that of all modes, or ''."""
+    """Name of a damping ratio of single assembly modes that differs from the uniform one, or ''."""
     names = [*study.values, *(s.name for s in study.sweeps)]
     for name in (n for n in names if n.startswith("modes[")):
         if np.any(_values(study, swept, name) != _values(study, swept, DAMPING_RATIO)):
@@ -144,7 +145,7 @@ def _single_mode_damping(study: ResolvedStudy, swept: np.ndarray) -> str:
 
 
 def _values(study: ResolvedStudy, swept: np.ndarray, name: str) -> np.ndarray | float:
-    """Values of a parameter at all points (n,), or the one that the study has; 0 without any."""
+    """Values of a swept parameter at all points (n,), else its value in the study, or 0."""
     for k, sweep in enumerate(study.sweeps):
         if sweep.name == name:
             column: np.ndarray = swept[:, k]

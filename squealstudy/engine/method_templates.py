@@ -1,4 +1,4 @@
-"""Studies of methods to start from."""
+"""Texts of study files of methods, to start from."""
 
 from __future__ import annotations
 

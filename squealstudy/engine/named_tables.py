@@ -1,4 +1,4 @@
-"""The tables that results have by kind of study, each as an attribute."""
+"""The tables of results as attributes; each kind of study has some of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class NamedTables:
-    """Tables of results by name; those that a kind has not raise ResultsError.
+    """Tables of results; ResultsError for a table that the kind of study does not have.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class NamedTables:
 
     @property
     def onsets(self) -> pd.DataFrame:
-        """One row for each value of the parameter `along` at which a track turns (un)stable.
+        """One row for each value of the parameter `along` at which a track becomes (un)stable.
 
         See kinds.complex_modes.onsets.
         """
@@ -50,11 +50,11 @@ class NamedTables:
 
     @property
     def growth(self) -> pd.DataFrame:
-        """One row a followed complex mode of a design point, fitted growth beside the predicted.
+        """One row a complex mode of a run in time, with its fitted and its predicted growth rate.
 
-        These are the unstable ones, or the least stable one where none is (column `unstable`).
+        The modes are the unstable ones, or the least stable one without any (column `unstable`).
 
-        Raises ResultsError where the study is not a transient one, or of an earlier version.
+        Raises ResultsError for other kinds of study, and for a table of an earlier version.
         """
         table = self.table("growth")
         if "unstable" not in table:
@@ -86,7 +86,7 @@ class NamedTables:
 
     @property
     def verdicts(self) -> pd.DataFrame:
-        """One row a mode of a design point of a study of limit cycles: does it squeal?"""
+        """One row a mode of a design point in a study of limit cycles: whether it squeals."""
         return self.table("verdicts")
 
     @property
@@ -96,7 +96,7 @@ class NamedTables:
 
     @property
     def curves(self) -> pd.DataFrame:
-        """One row a motion along the growth of a family over its amplitude."""
+        """One row an amplitude of a family of motions, with its growth rate there."""
         return self.table("curves")
 
     @property
@@ -126,7 +126,7 @@ class NamedTables:
 
     @property
     def slopes(self) -> pd.DataFrame:
-        """One row a mode and variable of a design study: what a change does to its damping."""
+        """One row a mode and variable of a design study: the effect of a change on its damping."""
         return self.table("slopes")
 
     @property

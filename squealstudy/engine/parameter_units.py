@@ -1,4 +1,4 @@
-"""Units of a study's parameters from its manifest, with those in which its file gives values."""
+"""Units of a study's parameters, with those in which its file writes values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @lru_cache(maxsize=16)  # each table of the results asks for them
 def _quantities(text: str) -> dict[str, list[str]]:
-    """Values with units in a study file by parameter."""
+    """Values that a study file writes with a unit, by parameter."""
     by_name: dict[str, list[str]] = {}
     try:
         tables = tomllib.loads(text)
@@ -28,9 +28,9 @@ def _quantities(text: str) -> dict[str, list[str]]:
 
 
 def parameter_units(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Unit of each parameter in the tables, and under ``torque`` that of the columns ``torque_*``.
+    """Unit of each parameter in the tables; ``torque`` has that of the columns ``torque_*``.
 
-    Where the study file gives values in another unit, it is a `UnitAsWritten`.
+    Where the study file writes values in another unit, it is a `UnitAsWritten`.
     """
     by_name = _quantities(str(manifest.get("study", "")))
     return {

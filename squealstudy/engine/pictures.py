@@ -1,7 +1,7 @@
-"""The plots there are: files of the folder `plots`, and what extensions register beside them.
+"""The register of plots: those of the folder `plots`, and those of extensions.
 
 A plot draws a matplotlib figure from results. It says which tables and columns it needs, so that
-every study gets the pictures that its tables allow; nothing else names it.
+every study gets the pictures that its tables allow. No plot is named anywhere else.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 130
-AS_PNG = "_repr_png_"  # method by which a notebook shows what a cell ends with
-NOTHING_TO_SEE = "nothing to see"  # label of a figure that only says why
+AS_PNG = "_repr_png_"  # method by which a notebook shows a figure at the end of a cell
+NOTHING_TO_SEE = "nothing to see"  # label of a figure that only says why it is empty
 PACKAGE = "squealstudy"
 FOLDER = "squealstudy.plots"
 Draw = Callable[..., "Figure"]
@@ -41,7 +41,7 @@ Pictures = Callable[[Any], Iterable[tuple[str, Choices]]]  # of `Results`
 
 
 def once(_: ResultTables) -> Iterable[tuple[str, Choices]]:
-    """One picture of a study, without choices."""
+    """One picture of a study, with default arguments."""
     return [("", {})]
 
 
@@ -58,8 +58,8 @@ class Plot:
     needs : mapping of str -> sequence of str
         Tables of the results, and the columns of each that are drawn.
     pictures : callable
-        (results) -> the pictures that a study gets: what follows the name in the file's name, and
-        the choices.
+        (results) -> the pictures that a study gets: for each the suffix of its file's name, and the
+        arguments of `draw`.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Plot:
     pictures: Pictures = once
 
     def missing(self, results: ResultTables) -> str:
-        """The first table or column of the results that is needed and not there, in words."""
+        """Text on the first needed table or column that the results lack; empty without one."""
         for table, columns in self.needs.items():
             if table not in results.tables:
                 return f"a table '{table}'"
@@ -78,15 +78,15 @@ class Plot:
         return ""
 
     def __call__(self, results: ResultTables, *arguments: Any, **choices: Any) -> Figure:
-        """The figure, which a notebook shows; choices in their order or by name.
+        """The figure, which a notebook shows; arguments as those of `draw`.
 
-        ResultsError where the results lack what is drawn; ExtensionError where a plot from outside
-        the package fails.
+        ResultsError where the results lack a needed table or column; ExtensionError where a plot
+        from outside the package fails.
         """
         if lacking := self.missing(results):
             raise ResultsError(
                 f"{results.directory}: the plot {self.name} needs {lacking}, which these results "
-                f"of kind {results.kind} have not"
+                f"of kind {results.kind} do not have"
             )
         from matplotlib.figure import Figure
 
@@ -100,9 +100,9 @@ class Plot:
 
     @contextlib.contextmanager
     def named(self) -> Iterator[None]:
-        """Name the file of a plot from outside the package where drawing, or writing it, fails.
+        """Raise ExtensionError, with its file, where a plot from outside the package fails.
 
-        What the machine refuses stays what it is.
+        Errors of squealstudy and of the machine stay as they are.
         """
         try:
             yield
@@ -131,19 +131,19 @@ _REGISTERED: dict[str, Plot] = {}
 def register_plot(
     pictures: Pictures = once, **needs: Sequence[str]
 ) -> Callable[[AnyDraw], AnyDraw]:
-    """Decorator: a function of results, and of choices, that gives a Figure is a plot of its name.
+    """Decorator: register a function of results that returns a Figure as the plot of its name.
 
     Parameters
     ----------
     pictures : callable
-        As of a Plot; by default one picture.
+        As in `Plot`; by default one picture.
     **needs : sequence of str
         Columns by table, as ``modes=("frequency_hz",)``.
 
     Raises
     ------
     ValueError
-        Where another plot has the name.
+        Another plot has the name.
 
     Examples
     --------
@@ -170,7 +170,7 @@ def register_plot(
 
 
 def plots() -> Mapping[str, Plot]:
-    """All plots by name; those of the package are imported when they are first asked for."""
+    """All plots by name; the first call imports those of the package."""
     _read_folder()
     return _REGISTERED
 
@@ -184,7 +184,7 @@ def _read_folder() -> None:
 class Plots:
     """The plots of some results as methods: ``results.plot.evolution(along="friction")``.
 
-    `dir` has those that the results have the tables for.
+    `dir` lists those for which the results have the tables.
     """
 
     def __init__(self, results: ResultTables) -> None:
@@ -205,12 +205,12 @@ class Plots:
         return _method(plot, self._results)
 
     def __dir__(self) -> list[str]:
-        """Plots that these results have the tables for, and something to draw by default."""
+        """Plots for which these results have the tables and at least one picture."""
         return sorted({plot.name for _, plot, _ in pictures(self._results)})
 
 
 def _method(plot: Plot, results: ResultTables) -> Draw:
-    """A plot of some results, with the signature and the text of its function but for these."""
+    """A plot as a method of some results: with signature and docstring of its function."""
 
     def method(*arguments: Any, **choices: Any) -> Figure:
         return plot(results, *arguments, **choices)
@@ -225,7 +225,7 @@ def _method(plot: Plot, results: ResultTables) -> Draw:
 
 
 def _without_results(text: str) -> str:
-    """A docstring of a plot as that of a method: `results` is given, the figure is told."""
+    """A docstring of a plot as that of a method: without `results`, with the returned figure."""
     text = re.sub(r"^results : .*\n(?: +.*\n?)*", "", text, flags=re.MULTILINE)
     text = re.sub(r"^Parameters\n-+\s*(?=\n\n|\n*\Z)", "", text, flags=re.MULTILINE)
     section = re.search(r"^(?:Raises|Examples)\n-+\n", text, re.MULTILINE)
@@ -248,7 +248,7 @@ def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:
     """Draw every picture that results allow, as `Results.draw`."""
     to_draw = list(pictures(results))
     paths = [(directory or results.directory) / f"{name}.png" for name, _, _ in to_draw]
-    if directory is None and paths:  # first, so that none is there that is not known
+    if directory is None and paths:  # before drawing, so that the manifest has all that exist
         results.manifest[PICTURES] = sorted(path.name for path in paths)
         write_manifest(results.directory, results.manifest)
     failed: list[ExtensionError] = []
@@ -256,7 +256,7 @@ def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:
         try:
             with plot.named():
                 save_figure(_signed(plot(results, **choices), results), path)
-        except ExtensionError as error:  # the others are drawn all the same
+        except ExtensionError as error:  # the others are still drawn
             failed.append(error)
     if failed:
         raise failed[0]
@@ -264,16 +264,16 @@ def draw_pictures(results: ResultTables, directory: Path | None) -> list[Path]:
 
 
 def _signed(figure: Figure, results: ResultTables) -> Figure:
-    """The figure with the name of its study in a corner: a file may be sent alone."""
+    """The figure with the name of its study in a corner, for files that are passed on alone."""
     text = f"study {results.manifest['name']}"
     figure.text(0.004, 0.004, text, fontsize=8, color="0.45", ha="left", va="bottom")
     return figure
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a PNG, or an SVG by the suffix: never half a picture. Missing directories are made.
+    """Write a figure as SVG if the suffix says so, else as PNG; whole or not at all.
 
-    OSError where the file cannot be written.
+    Missing directories are made. OSError where the file cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -1,8 +1,8 @@
-"""Code that results were made with: kept as text, executed only where this user has run it before.
+"""Code of extensions that results were made with, and when it may be executed.
 
-A results directory may come from anybody, and so may a hash in its manifest. What is executed is
-never what the directory holds: it is the file, or the copy of it, of this user's own list, in which
-every run enters the extensions that it executes; or a file that ``--extension`` names.
+Manifests keep it as text. A results directory, and a hash in its manifest, may come from anybody:
+this text is never executed. Executed are files that ``--extension`` names, and files of the user's
+own list, into which every run enters the extensions that it executes.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from squealstudy.files import sealed, unsealed, write_bytes, write_text
 from squealstudy.paths import cache_directory, others_may_write, user_cache
 
 RECORDS = "extensions"  # key of the manifest
-LIST_FOLDER = "executed_extensions"  # folder of the cache; in it each hash has a folder
-ENTRY_FILE = "entry.json"  # in that: path and name of the file
+LIST_FOLDER = "executed_extensions"  # folder of the cache with a folder for each hash
+ENTRY_FILE = "entry.json"  # file there with path and name of the extension
 
 
 def recorded_extensions(hashes: Sequence[str]) -> list[dict[str, Any]]:
-    """Extensions of a study as a manifest keeps them: names and texts, by their hashes."""
+    """Extensions of these hashes as a manifest keeps them: name, hash and source texts."""
     files = {source_hash: path for path, source_hash in executed_files().items()}
     return [
         {
@@ -48,12 +48,12 @@ def enter_executed(hashes: Sequence[str]) -> None:
 
 
 def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str, ...]:
-    """Execute the extensions of results; their hashes.
+    """Execute the extensions of results, and return their hashes.
 
     Raises
     ------
     ResultsError
-        Code that this user has not run here and that ``--extension`` does not name.
+        This user has not run an extension on this machine, and ``--extension`` does not name it.
     """
     named = executed_files()
     hashes = []
@@ -74,7 +74,7 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
 
 
 def code_of(manifest: Mapping[str, Any], directory: Path) -> list[tuple[str, bool]]:
-    """Names of the files of code that results were made with, and whether commands execute them."""
+    """Names of the extensions that results were made with, and whether commands execute them."""
     names_and_hashes = [_name_and_hash(record, directory) for record in manifest.get(RECORDS, [])]
     return [(name, _listed_file(source_hash) is not None) for name, source_hash in names_and_hashes]
 
@@ -96,7 +96,7 @@ def _list() -> Path:
 
 
 def _listed_file(source_hash: str) -> Path | None:
-    """The file of a hash in the user's list: where it was, or its copy; None where neither is."""
+    """The file of a hash in the user's list: the original, else its copy; None without either."""
     folder = _list() / source_hash
     try:
         entry = unsealed((folder / ENTRY_FILE).read_bytes())

@@ -1,4 +1,4 @@
-"""Pictures of a report, the most important first, each with an alternative text."""
+"""Pictures of a report in order of importance, each with an alternative text."""
 
 from __future__ import annotations
 
@@ -16,18 +16,21 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 DPI = 110
-# beginnings of pictures' names in the order of a report; a study has some of them
+# beginnings of the names of pictures, in the order of a report
 FIRST_PICTURES = (
     *("torque_history", "verdict_map", "design_history"),
     *("evolution", "stability_map_growth", "designs", "cycle_levels", "levels"),
     *("robust", "sensitivity", "ranking", "stability_diagram_worst", "operating_matrix"),
     *("cycle_growth", "growth_comparison", "spectrogram", "modal_energies"),
 )
-MAX_LABELS = 6  # labels of axes that an alternative text names
+MAX_LABELS = 6  # most axes in an alternative text
 
 
 def in_order(results: ResultTables) -> list[tuple[str, Plot, Choices]]:
-    """`pictures` in the order of FIRST_PICTURES, those of the loudest run before other runs'."""
+    """All pictures of results in the order of FIRST_PICTURES, the loudest run before others.
+
+    Pictures along the default parameter come first.
+    """
     loudest = None
     if results.kind == "transient" and results.points["torque_rms"].notna().any():
         loudest = int(results.points["torque_rms"].to_numpy(float, na_value=-1.0).argmax())
@@ -45,7 +48,7 @@ def in_order(results: ResultTables) -> list[tuple[str, Plot, Choices]]:
 
 
 def report_pictures(results: ResultTables, max_bytes: int) -> tuple[list[str], int]:
-    """Figures (HTML) of all pictures that fit into `max_bytes`, and the bytes they take."""
+    """HTML of the pictures that fit into `max_bytes`, a note on others, and the bytes they take."""
     figures, spent, left_out = [], 0, []
     for name, plot, choices in in_order(results):
         image, drawn = BytesIO(), plot(results, **choices)
@@ -76,7 +79,7 @@ def figure_of(image: str, caption: str, alternative: str) -> str:
 
 
 def in_words(figure: Figure) -> str:
-    """Titles of a figure, and what its axes show."""
+    """Alternative text of a figure: its titles and the labels of its axes."""
     titles = [figure.get_suptitle()]
     labels: dict[str, None] = {}
     for axes in figure.axes:
@@ -90,7 +93,7 @@ def in_words(figure: Figure) -> str:
 
 
 def images(results: ResultTables) -> Iterator[str]:
-    """Every picture that the results allow, drawn for a page of HTML, the most telling first."""
+    """HTML images of all pictures that the results allow, in order of importance."""
     for _, plot, choices in in_order(results):
         image, drawn = BytesIO(), plot(results, **choices)
         with plot.named():

@@ -1,4 +1,4 @@
-"""One name for one squeal: what a run or a limit cycle sounds at, and the predicted mode."""
+"""The predicted mode of the loudest run or limit cycle, told in a sentence of a report."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from squealstudy.wording import (
     track_number,
 )
 
-# of a squeal over its predicted mode, relative: beyond it they are not called one (a choice)
+# relative difference of the frequencies of a squeal and a predicted mode up to which the report
+# calls them the same (our choice)
 MAX_REL_SHIFT = 0.25
 
 if TYPE_CHECKING:
@@ -25,9 +26,10 @@ if TYPE_CHECKING:
 
 
 def squeal_text(results: ResultTables, others: Sequence[ResultTables]) -> str:
-    """Which predicted mode the loudest motion of results is, in a sentence; empty where unknown.
+    """Sentence on the predicted mode of the loudest motion of results; empty where unknown.
 
-    `others` are those of the same page: complex modes of the same model give the mode its name.
+    `others` are the results in the same report. Those of complex modes of the same model give the
+    mode its name.
     """
     loudest = _of_run(results) if results.kind == "transient" else None
     loudest = _of_cycle(results) if results.kind == "limit_cycles" else loudest
@@ -51,7 +53,10 @@ def squeal_text(results: ResultTables, others: Sequence[ResultTables]) -> str:
 
 
 def _of_run(results: ResultTables) -> tuple[pd.Series, float, float, float] | None:
-    """The loudest run that lasts, its frequency, and the root that has most of its energy."""
+    """Row of the loudest sustained run, its frequency [Hz], and the root with most of its energy.
+
+    The root is a frequency [Hz] and a growth rate [1/s]. None without a run or a root.
+    """
     points = results.points
     lasting = points[points["class"].isin(SUSTAINED).to_numpy()]
     if not len(lasting):
@@ -68,7 +73,10 @@ def _of_run(results: ResultTables) -> tuple[pd.Series, float, float, float] | No
 
 
 def _of_cycle(results: ResultTables) -> tuple[pd.Series, float, float, float] | None:
-    """The design of the loudest stable cycle, its frequency, and the mode that leads to it."""
+    """Row of the design with the loudest cycle, its frequency [Hz], and the mode that leads to it.
+
+    The mode is a frequency [Hz] and a growth rate [1/s]. None without a cycle.
+    """
     verdicts = results.table("verdicts")
     with_level = verdicts[verdicts["cycle_frequency_hz"].notna() & verdicts["torque_rms"].notna()]
     if not len(with_level):
@@ -83,7 +91,7 @@ def _of_cycle(results: ResultTables) -> tuple[pd.Series, float, float, float] | 
 
 
 def _name(modes: ResultTables, motions: ResultTables, row: pd.Series, hertz: float) -> str:
-    """Name that complex modes of the same model give a root at a design point, or nothing."""
+    """Text with the name that complex modes of the same model give a root; empty without."""
     if modes.kind != "complex_modes" or modes.manifest["model"] != motions.manifest["model"]:
         return ""
     points, is_same_point = modes.points, np.ones(len(modes.points), dtype=bool)

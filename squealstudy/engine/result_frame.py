@@ -1,4 +1,4 @@
-"""Tables of results as frames that name the columns nearest to one that they do not have."""
+"""Tables of results as data frames whose errors propose columns with similar names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from squealstudy.wording import did_you_mean
 
 
 class ResultFrame(pd.DataFrame):
-    """A DataFrame, but for what it says of an unknown column; what is made of it is plain."""
+    """A DataFrame with its own error for unknown columns. Frames made from it are plain ones."""
 
     @property
     def _constructor(self) -> type[pd.DataFrame]:

@@ -1,7 +1,7 @@
-"""Allowed names of the files of a results directory; whether a path stays inside it.
+"""Allowed names of files in a results directory, and checks that paths stay inside it.
 
-A directory may come from anybody: a name in its journal or manifest is used only where a run would
-have written it, and where no link on the way leads out of the directory.
+A directory may come from anybody. A name in its journal or manifest is used only if a run could
+write it, and if no link on its path leads out of the directory.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ MOST_CELLS = 4 * 10**9  # cells of a table; one of a million design points with 
 CHUNKS, HISTORIES, STATES, REFERENCES = "chunks", "histories", "states", "references"
 MANIFEST = "manifest.json"
 LOCK = ".lock"
-SET_ASIDE = "damaged"  # folder of files that are not as they were written
-PART_PREFIX = "part-"  # how the names of files begin that hold a table together
+SET_ASIDE = "damaged"  # folder of files whose content has changed
+PART_PREFIX = "part-"  # beginning of the names of the files of a table in several parts
 TABLE = r"[a-z][a-z0-9_]{0,80}\.parquet"
 RUN_FILES = re.compile(
     rf"({CHUNKS}|{HISTORIES}|{STATES}|{REFERENCES})/[0-9a-f]{{{HASH_DIGITS}}}\.[a-z]{{1,10}}"
@@ -25,7 +25,7 @@ RUN_FILES = re.compile(
 )
 FINISHED = re.compile(rf"{RUN_FILES.pattern}|{TABLE}")
 PICTURE = re.compile(r"[\w+][\w+.-]{0,250}\.png")
-FOLDER = re.compile(r"[\w+-][\w+. -]{0,100}(/[\w+-][\w+. -]{0,100})?")  # of a study run beside
+FOLDER = re.compile(r"[\w+-][\w+. -]{0,100}(/[\w+-][\w+. -]{0,100})?")  # of another study within
 
 
 def leads_out(directory: Path, name: str) -> bool:
@@ -35,7 +35,7 @@ def leads_out(directory: Path, name: str) -> bool:
 
 
 def end_of(path: Path) -> Path | None:
-    """Where a path leads; None where its links lead round in a circle."""
+    """The file or folder that a path leads to; None where its links form a circle."""
     try:
         end = path.resolve()
     except (RuntimeError, OSError):  # of a circle, up to Python 3.12

@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from squealstudy.shapes.shape import Shape
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
-KEEP_PICTURES = 100_000  # points from which on pictures take long enough to be kept
+KEEP_PICTURES = 100_000  # number of points from which drawing takes long, so that pictures are kept
 PUBLIC = (  # of results of every kind
     *("along", "columns", "design", "directory", "draw", "kind", "manifest", "n_points"),
     *("parameters", "plot", "rank", "swept", "table", "tables", "units"),
 )
-OF_SOME_KINDS = (  # methods and facts that `dir` lists where results have what they need
+OF_SOME_KINDS = (  # methods and facts that `dir` lists only where they can be used
     *("boundary", "compare", "end_motion", "explore", "history", "names"),
     *("occurrence", "robust", "shape", "sobol_indices"),
 )
 EXPLORE = "squealstudy.explore.page"
 EXPLORED = ("complex_modes", "limit_cycles", "transient")  # kinds that have such a page
-MOST_NAMED = 12  # design points of a track at which it is named, unless more are asked for
+MOST_NAMED = 12  # default number of design points at which a track is named
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class Results(RankedResults):
             raise UnknownNameError(f"results have nothing named '{name}'{hint}")
 
     def __repr__(self) -> str:
-        """Directory, kind, model, what varies and how many points there are, on one line."""
+        """Directory, kind, model, swept parameters and number of points, on one line."""
         facts = self.manifest
         text = f"{self.kind} of {facts.get('model', 'methods')}"
         text += f" over {', '.join(self.swept)}" if self.swept else ""
@@ -129,7 +129,7 @@ class Results(RankedResults):
         return f"<Results {str(self.directory)!r}: {text}>"
 
     def _repr_html_(self) -> str:
-        """Findings that a run prints first, and the first picture, for a notebook."""
+        """The findings that a run prints, and the first picture, for a notebook."""
         shown = (
             f"<p>{escape(repr(self)[1:-1])}</p><pre>{escape(as_text(self.screen.findings(self)))}"
         )
@@ -144,7 +144,7 @@ class Results(RankedResults):
         Raises
         ------
         ResultsError
-            Missing, not of squealstudy, or not finished.
+            The directory is missing, not one of squealstudy, or its run is not finished.
         """
         directory = Path(path)
         if directory.is_file():
@@ -178,18 +178,18 @@ class Results(RankedResults):
         Parameters
         ----------
         point : str, int or None
-            ``point_id`` of a design point, or its row of `points`, counted from 0; by default that
-            at which the track, or any mode, grows fastest.
+            ``point_id`` of a design point, or its row in `points`, counted from 0; by default the
+            point at which the track, or any mode, grows fastest.
         mode : int or None
-            Number at that point, as in `modes`.
+            Number of the mode at that point, as in `modes`.
         track : int or None
-            Instead of `mode` its number in rankings.
+            Number of the mode in rankings, in place of `mode`.
 
         Raises
         ------
         ResultsError
-            Results of another kind, a model without a mesh, no such point or mode, a point that
-            failed, or results that this version of squealstudy does not find again.
+            The results are of another kind, or the model has no mesh; there is no such point or
+            mode; the point failed; or this version of squealstudy does not reproduce the mode.
 
         Examples
         --------
@@ -201,19 +201,19 @@ class Results(RankedResults):
         return shape(self, point, mode, track)
 
     def end_motion(self, point: str | int | None = None) -> EndMotion:
-        """The motion at the end of a run: on all nodes, and by its complex modes.
+        """The motion at the end of a run, on all nodes and as a sum of complex modes.
 
         See `engine.motion_shapes.EndMotion`.
 
         Parameters
         ----------
         point : str, int or None
-            As of `shape`; by default of the run with the largest torque's RMS.
+            As in `shape`; by default the run with the largest RMS torque.
 
         Raises
         ------
         ResultsError
-            Results of another kind; no motion is there.
+            The results are of another kind, or have no motion of this run.
 
         Examples
         --------
@@ -227,21 +227,21 @@ class Results(RankedResults):
     def names(
         self, tracks: Iterable[int] | None = None, most: int | None = MOST_NAMED
     ) -> pd.DataFrame:
-        """Names of modes by their shapes, a row a mode (`engine.mode_names.mode_names`).
+        """Names of modes by their shapes, one row a mode (`engine.mode_names.mode_names`).
 
-        ``modes.merge(names, on=["point_id", "mode"])`` has them as a column.
+        ``modes.merge(names, on=["point_id", "mode"])`` adds them to the modes.
 
         Parameters
         ----------
         tracks : iterable of int or None
-            Numbers of modes in rankings; by default those that are unstable somewhere.
+            Numbers of modes in rankings; by default those of modes that are unstable somewhere.
         most : int or None
-            Design points of each at which it is named; None: all.
+            Largest number of design points at which each is named; None for all.
 
         Raises
         ------
         ResultsError
-            Results of another kind, or of a model without a mesh.
+            The results are of another kind, or the model has no mesh.
 
         Examples
         --------
@@ -253,20 +253,21 @@ class Results(RankedResults):
         return mode_names(self, tracks, most)
 
     def explore(self, where: str | None = None) -> Exploration:
-        """A page in which the results are explored; a notebook shows it.
+        """A page to explore the results in; a notebook shows it.
 
-        ``results.explore().save("page.html")`` writes it. Of complex modes, limit cycles and runs
-        in time; needs the extra ``explore``.
+        ``results.explore().save("page.html")`` writes it. It exists for complex modes, limit cycles
+        and runs in time, and needs the extra ``explore``.
 
         Parameters
         ----------
         where : str or None
-            A pandas query over `points`: those that the page has; by default all.
+            A pandas query over `points` that selects those of the page; by default all.
 
         Raises
         ------
         ResultsError
-            Another kind, no Bokeh, too many design points or none, a query that cannot be used.
+            The results are of another kind; Bokeh is not installed; there are too many design
+            points or none; the query is wrong.
         """
         exploration: Exploration = import_module(EXPLORE).explore(
             self, where
@@ -274,29 +275,30 @@ class Results(RankedResults):
         return exploration
 
     def draw(self, directory: Path | None = None) -> list[Path]:
-        """Draw every picture that the tables allow, beside them or elsewhere; their paths.
+        """Draw all pictures that the tables allow, and return their paths.
 
-        Those beside them stand in the manifest, so that new tables remove them.
+        The manifest lists pictures in the results directory, so that new tables remove them.
 
         Parameters
         ----------
         directory : Path or None
-            Where to; by default that of the results.
+            Folder of the pictures; by default the results directory.
 
         Raises
         ------
         ExtensionError
             A plot from outside the package fails; the others are drawn.
         OSError
-            A file that cannot be written.
+            A file cannot be written.
         """
         return draw_pictures(self, directory)
 
     @property
     def drawn(self) -> list[Path]:
-        """Pictures of very many points, or nodes, that a run found as it had left them; else none.
+        """Pictures of an earlier run that need not be drawn again, else none.
 
-        Those of fewer points are drawn anew in seconds.
+        They are kept if the last run solved no point and there are at least KEEP_PICTURES points,
+        or nodes of a boundary design. Pictures of fewer points are drawn again in seconds.
         """
         names = self.manifest.get(PICTURES, [])
         paths = [self.directory / name for name in names]
@@ -307,5 +309,5 @@ class Results(RankedResults):
         return paths if are_kept and all(path.is_file() for path in paths) else []
 
     def file_word(self, parameter: str) -> str:
-        """A parameter's name as it stands in names of files."""
+        """A parameter's name as part of the name of a file."""
         return parameter.translate(NOT_IN_NAMES)

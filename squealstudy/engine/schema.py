@@ -1,7 +1,7 @@
 """JSON Schemas of study and model files, for editors and the reference, from the pydantic models.
 
-Beside keywords of JSON Schema a key has ``unit`` (of numbers with one), ``kinds`` (kinds of study,
-if not all have the key) and an example from `key_examples`.
+Besides keywords of JSON Schema a key may have ``unit``, ``kinds`` (of study, if not all kinds have
+it) and an example from the folder `key_examples`.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from squealstudy.study.sections import StudyDefinition
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 EXAMPLES = Path(__file__).with_name("key_examples")
-KEYS_WITHOUT_UNIT = (  # a word and directions; elsewhere keys of these names have a unit
+KEYS_WITHOUT_UNIT = (  # keys without a unit, although others of the same name have one
     "components.mass",
     "components.sets.normal",
     "components.sets.plane.normal",
 )
-# schemas beside those of kinds: files of parts, of masses, of matrices
+# schemas of model files: of meshed parts, of lumped models, of matrices
 MODEL_FILE, LUMPED_FILE, MATRIX_FILE = FILES = ("model_file", "lumped_file", "matrix_file")
-UNITS = {  # of keys of study files that have one
+UNITS = {  # units of keys of study files
     **dict.fromkeys(("modes.band", "transient.sensors", "transient.modes_below"), "Hz"),
     **dict.fromkeys(("transient.duration", "transient.step"), "s"),
     **dict.fromkeys(("transient.pod_duration", "transient.pod_step", "fidelity.budget"), "s"),
@@ -38,7 +38,7 @@ UNITS = {  # of keys of study files that have one
     "variable.added_mass.at": "of the model file, else m",
     "variable.stiffener.max": "N/m",
 }
-FREE_KEY_TABLES = {"additionalProperties", "patternProperties"}  # of a table whose keys are names
+FREE_KEY_TABLES = {"additionalProperties", "patternProperties"}  # in tables whose keys are names
 OF_PARAMETER = "of the parameter"
 for _key in ("values", "start", "stop", "mean", "std", "median"):
     UNITS |= {f"{table}.{_key}": OF_PARAMETER for table in ("sweep", "uncertain")}
@@ -46,7 +46,10 @@ UNITS["variable.bounds"] = OF_PARAMETER
 
 
 def schema_of(kind: str | None) -> dict[str, Any]:
-    """The schema of study files (None), of files of a kind that measures methods, or of FILES.
+    """The JSON Schema of study files or other files.
+
+    `kind` is None for study files of models, the name of a kind that measures methods, or one of
+    FILES.
 
     Raises
     ------
@@ -102,7 +105,7 @@ def methods_schema(name: str) -> dict[str, Any]:
 
 
 def model_schema() -> dict[str, Any]:
-    """JSON Schema of a model file; units are those in SI, a file has those that it states."""
+    """JSON Schema of a model file, with SI units; a file has the units that it states."""
     from squealstudy.models.components.model_file import DIMENSIONS, ModelFile
 
     schema: dict[str, Any] = _without_null(ModelFile.model_json_schema())
@@ -113,7 +116,7 @@ def model_schema() -> dict[str, Any]:
 
 
 def lumped_schema(name: str) -> dict[str, Any]:
-    """JSON Schema of the file of a lumped model, of masses or of matrices: one of FILES."""
+    """JSON Schema of the file of a lumped model, LUMPED_FILE or MATRIX_FILE."""
     from squealstudy.models.lumped.matrix_tables import MatrixFile
     from squealstudy.models.lumped.tables import LumpedFile
 
@@ -125,7 +128,7 @@ def lumped_schema(name: str) -> dict[str, Any]:
 def _finished(
     schema: dict[str, Any], name: str, title: str, units: Mapping[str, str]
 ) -> dict[str, Any]:
-    """The schema with its head, and with units and examples of its keys."""
+    """The schema with its head, and units and examples of its keys."""
     path = EXAMPLES / f"{name}.toml"
     if path.is_file():  # kinds from outside have none
         _annotate(schema, schema["$defs"], tomllib.loads(path.read_text("utf-8")), (), units)
@@ -140,7 +143,7 @@ def _annotate(
     keys: tuple[str, ...],
     units: Mapping[str, str],
 ) -> None:
-    """Give the keys of a table, and of tables in it, their units and examples."""
+    """Add units and examples to the keys of a table and of tables in it."""
     for key, entry in node.get("properties", {}).items():
         path = (*keys, key)
         if unit := units.get(".".join(path), units.get(key if keys else "")):
@@ -162,7 +165,7 @@ def _annotate(
 
 
 def table_names(node: Any) -> list[str]:
-    """Names of the tables that a key may hold, itself or as entries of a list or of a table."""
+    """Names of the tables that a key may hold, directly or as entries of a list or table."""
     if isinstance(node, dict):
         if "$ref" in node:
             return [str(node["$ref"]).rpartition("/")[2]]
@@ -177,7 +180,7 @@ def table_names(node: Any) -> list[str]:
 
 
 def _without_null(node: Any) -> Any:
-    """The schema without `null`, which TOML does not have: such keys are left out instead."""
+    """The schema without `null`: TOML has none, and leaves out such keys."""
     if isinstance(node, list):
         return [_without_null(entry) for entry in node]
     if not isinstance(node, dict):

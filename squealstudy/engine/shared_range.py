@@ -1,4 +1,4 @@
-"""Over which range of swept materials and springs the structures of a study have one basis."""
+"""The range of swept materials and springs over which the structures of a study share a basis."""
 
 from __future__ import annotations
 
@@ -11,18 +11,21 @@ import numpy as np
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sampling import farthest_points
 
-LATTICE_POINTS = (9, 5, 3)  # of each parameter, at which reductions are made: as many as
-MOST_LATTICE = 4096  # places allow; of more parameters as many random ones
+# candidates at which reductions are made are a lattice with the most of these points for each
+# parameter that has at most so many points; for many parameters as many points of a Sobol sequence
+LATTICE_POINTS = (9, 5, 3)
+MOST_LATTICE = 4096
 
 
 @dataclass(frozen=True)
 class SharedRange:
-    """Structural parameters that are swept, each from `low` to `high`.
+    """A box of swept structural parameters.
 
     Attributes
     ----------
     names : tuple of str
     low, high : tuple of float
+        Lowest and highest value of each, in SI units.
     """
 
     names: tuple[str, ...]
@@ -31,40 +34,41 @@ class SharedRange:
 
     @property
     def text(self) -> str:
-        """In words."""
+        """Text on the range, such as "pad.young_modulus from 1e+09 to 2e+09"."""
         ends = zip(self.names, self.low, self.high, strict=True)
         return ", ".join(f"{name} from {low:g} to {high:g}" for name, low, high in ends)
 
     @property
     def tests(self) -> int:
-        """Reductions in a row that must be known before they are made: one a parameter."""
+        """Number of consecutive reductions that the basis must represent before they are added."""
         return len(self.names)
 
     @property
     def most(self) -> int:
-        """Reductions after which no more are tried."""
+        """Largest number of reductions."""
         return 4 + 3 * len(self.names)
 
     @property
     def worth(self) -> int:
-        """Structures from which on it takes less time than a reduction of each."""
+        """Number of structures from which a shared basis takes less time than one for each."""
         return 4 + 4 * len(self.names)
 
     @property
     def identity(self) -> list[list[str]]:
-        """All that decides where reductions are made."""
+        """All that decides at which values reductions are made."""
         ends = zip(self.names, self.low, self.high, strict=True)
         return [[name, low.hex(), high.hex()] for name, low, high in ends]
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Whether values of parameters are within it."""
+        """Whether values of parameters, by name, are within the range."""
         ends = zip(self.names, self.low, self.high, strict=True)
         return all(low <= values[name] <= high for name, low, high in ends)
 
     def places(self) -> list[dict[str, float]]:
-        """Values at which reductions are made, in this order: the ends first, then between.
+        """Values at which reductions are made, in this order.
 
-        Positive values are divided by their logarithms.
+        The upper corner of the range is first; each next point is the farthest from those before
+        it. Positive parameters are spaced by their logarithms.
         """
         d = len(self.names)
         levels = next((n for n in LATTICE_POINTS if n**d <= MOST_LATTICE), 0)
@@ -94,10 +98,10 @@ def _between(low: float, high: float, share: float) -> float:
 
 
 def shared_range(study: ResolvedStudy, structures: int) -> SharedRange | None:
-    """The range of a study with so many structures; None where each has a basis of its own.
+    """The range over which a study shares a basis; None where each structure has its own.
 
-    All that is swept must leave nodes and contact where they are. What follows a table has no range
-    of its own.
+    It is None with few structures, where parameters follow tables, and where a swept structural
+    parameter moves nodes or contact points.
     """
     model = study.model
     if model.tables or not study.definition.reduction.shared_basis:

@@ -1,4 +1,4 @@
-"""The names of tracks that were asked for, in a file beside the tables."""
+"""The names of tracks, which are kept in a file beside the tables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FILE = "names.json"
 
 
 def keep_track_names(store: Store, table: pd.DataFrame) -> None:
-    """Write the names of tracks beside the tables, for the legends of pictures."""
+    """Add names of tracks to the file beside the tables, for the legends of pictures."""
     named = {str(track): [str(r["name"]), bool(r["changes"])] for track, r in table.iterrows()}
     names_before = {str(t): list(v) for t, v in read_track_names(store).items()}
     content = {"modes": _identity(store), "tracks": names_before | named}
@@ -32,29 +32,37 @@ def keep_track_names(store: Store, table: pd.DataFrame) -> None:
 
 
 class KeptNames(BaseModel):
-    """Content of the file of names, whoever wrote it."""
+    """Content of the file of names, checked.
+
+    Attributes
+    ----------
+    modes : list of str
+        Hashes of the table of modes.
+    tracks : dict of int -> (str, bool)
+        Name of each track, and whether it changes along the track.
+    """
 
     modes: list[str]
     tracks: dict[int, tuple[str, bool]]
 
 
 def read_track_names(store: Store) -> dict[int, tuple[str, bool]]:
-    """Name of each track that was named, and whether it changes; none of other tables' tracks."""
+    """Name of each track that has one, and whether it changes; empty where the modes are others."""
     path = store.directory / FILE
     if not is_plain_file(path):
         return {}
     try:
         content = KeptNames.model_validate(unsealed(read_whole(path, OF_JSON)))
     except ValueError:
-        return {}  # damaged, or no such file: it is made again when names are asked for
+        return {}  # damaged: it is written again with the next names
     return content.tracks if content.modes == _identity(store) else {}
 
 
 def _identity(store: Store) -> list[str]:
-    """Hashes of the modes table that tracks are numbered in."""
+    """Hashes of the table of modes, which numbers the tracks."""
     entries = store.journal.entries
     names = store.parts("modes.parquet")
-    return sorted(  # results of earlier versions have no journal, a damaged one has lost lines
+    return sorted(  # results of earlier versions have no journal, a damaged journal lacks lines
         entries[name].sha256 if name in entries else file_hash(store.directory / name)
         for name in names
     )

@@ -265,7 +265,7 @@ def test_what_a_file_may_not_say(tmp_path, old, new, key, message):
 def test_what_is_added_has_no_value_before(tmp_path):
     """Else there could be more of it than max."""
     value = f'[parameters]\n"{NAMES[0]}" = 1e-6\n[[sweep]]'
-    with pytest.raises(StudyFileError, match="from 0: expected no value") as caught:
+    with pytest.raises(StudyFileError, match="starting from 0: expected no value") as caught:
         read(tmp_path, STUDY.replace("[[sweep]]", value) + PARTS)
     assert caught.value.key == f"parameters.{NAMES[0]}"
     variant = f'[[variant]]\nname = "a"\nparameters = {{"{NAMES[0]}" = 1e-6}}\n'

@@ -351,7 +351,7 @@ def _variable(study: ResolvedStudy, number: int, section: VariableSection) -> Va
         raise study.error((*keys, section.key), error.message) from None
     nominal = float(study.values.get(parameter.name, parameter.default))
     if section.added is not None and nominal:
-        text = f"'{parameter.name}' is added, from 0 on: expected no value of it"
+        text = f"'{parameter.name}' is added, starting from 0: expected no value of it"
         raise study.error((PARAMETERS, parameter.name), text)
     low, high = section.ends
     for index, end in enumerate(section.ends):

@@ -79,8 +79,7 @@ def read_bdf(
         Formulation by type of element, such as CHEXA8. For plates, such as CQUAD4, it can be
         "faces": their properties become surfaces of the solids.
     pass_over : collection of str
-        Unsupported cards, and commands of case control, to leave out without an error, such as
-        K2GG.
+        Unsupported cards, and commands of case control, to leave out without an error.
     points : bool
         The deck has the nodes of matrices: it needs no elements, all nodes stay, and unsupported
         cards are left out without an error.
@@ -95,8 +94,7 @@ def read_bdf(
     Raises
     ------
     ModelError
-        A card is malformed, or refers to what the deck lacks (with its line); cards are not
-        supported (one message lists all of them).
+        A card is malformed, or refers to what the deck lacks; cards are not supported (one message).
     """
     formulation_of = _treated(path, treat_as or {})
     cards, above = read_bulk(path)
