@@ -94,7 +94,7 @@ def read_bdf(
     Raises
     ------
     ModelError
-        A card is malformed, or refers to what the deck lacks; cards are not supported (one message).
+        A card is malformed, or refers to what the deck lacks; cards are not supported.
     """
     formulation_of = _treated(path, treat_as or {})
     cards, above = read_bulk(path)
