@@ -210,7 +210,7 @@ def test_of_limit_cycles_that_were_not_seen_to_repeat_it_says_so(n_runs):
     points["swing_spread"] = [1.19, 0.3, 0.05, 2.0][:n_runs]
     runs = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
     which = "No" if n_runs == 1 else "In 1 of 3 limit cycles no"
-    swings = "peaks to peak of single swings differ by up to 119 % of their mean."
+    swings = "peak-to-peak values of single swings differ by up to 119 % of their mean."
     assert f" {which} period was seen: {swings}" in RUNS.verdict(runs)
 
 

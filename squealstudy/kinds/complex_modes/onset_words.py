@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -136,12 +137,17 @@ def onset_and_end(row: Row | None, unit: str) -> str:
 
 def alike_together(texts: list[str], along: str) -> list[str]:
     """Texts of modes; those of modes unstable already at the least value are joined, and first."""
-    ending = _at_start(along)
-    names = [text.removesuffix(ending) for text in texts if text.endswith(ending)]
-    if len(names) < 2:
+    at_start = re.compile(rf"{re.escape(_at_start(along))}(?: \((.*) there\))?$")
+    pieces = [at_start.split(text) for text in texts]
+    same = [piece for piece in pieces if len(piece) > 1]
+    if len(same) < 2:
         return texts
-    others = [text for text in texts if not text.endswith(ending)]
-    return [f"{', '.join(names)}, {'both' if len(names) == 2 else 'all'}{ending}", *others]
+    others = [text for text, piece in zip(texts, pieces, strict=True) if len(piece) == 1]
+    names = ", ".join(name for name, *_ in same)
+    there = [f"{name.partition(' at ')[0]} at {hz}" for name, hz, _ in same if hz]
+    of_start = f" (there {', '.join(there)})" if there else ""
+    every = "both" if len(same) == 2 else "all"
+    return [f"{names}, {every}{_at_start(along)}{of_start}", *others]
 
 
 def _at_start(along: str) -> str:

@@ -15,7 +15,7 @@ def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
         return ""
     low, high = manifest["band_hz"]
     if not facts["looked"]:
-        below = f"below {low:g} and " if low > 0 else ""
+        below = f"below {low:g} or " if low > 0 else ""
         return f"no modes were sought {below}above {high:g} Hz"
     parts = _growing(facts, manifest["band_hz"], units)
     where = f"{plural(facts['looked'], 'design point')} of {manifest.get('n_points', 0):,}"
@@ -23,7 +23,7 @@ def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
     beyond = f"; none were sought above {reach:g} Hz" if reach else ""
     if parts:
         return f"{'; '.join(parts)} (looked for at {where}){beyond}"
-    below = f"below {low:g} Hz and " if low > 0 else ""
+    below = f"below {low:g} Hz or " if low > 0 else ""
     return f"nothing grows {below}{_above(facts, high)} at {where}{beyond}"
 
 

@@ -79,8 +79,9 @@ def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:
     if not len(spread):
         return ""
     begin = "No" if n_runs == 1 else f"In {len(spread)} of {plural(len(cycles), 'limit cycle')} no"
-    of_mean = f"{100 * float(spread.max()):.0f} % of their mean"
-    return f" {begin} period was seen: peaks to peak of single swings differ by up to {of_mean}."
+    swings = "peak-to-peak values of single swings"
+    up_to = f"{100 * float(spread.max()):.0f} % of their mean"
+    return f" {begin} period was seen: {swings} differ by up to {up_to}."
 
 
 def _until_its_end(row: pd.Series, quantity: str, unit: str) -> str:
