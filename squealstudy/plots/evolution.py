@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,13 +41,14 @@ from squealstudy.plots.tables import (
     describe,
     from_where,
     oscillating,
+    refined_onsets,
     slice_points,
+    turns_in_words,
     unstable_counts,
     worst_tracks,
 )
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
-from squealstudy.tables.stability import REFINED_ONSETS
 from squealstudy.wording import did_you_mean, plural, track_number
 
 if TYPE_CHECKING:
@@ -57,6 +59,7 @@ MAX_LOCI = 2
 # relative distance in frequency within which other tracks are shown in a locus
 SHOWN_REL_FREQUENCY_DISTANCE = 0.03
 STABLE_SIDE_OVER_GROWTH = 2.0  # extent of the stable side of a locus over the fastest growth
+LOCUS_LINE_CHARACTERS = 56  # in a line above a locus
 LONGEST_NAME = 36  # characters that fit the title of a locus
 VERTICAL = {
     "damping_ratio": ("Damping ratio [%]", 100.0),
@@ -255,7 +258,9 @@ def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Lin
         )
     if len(line.onsets):
         bar: dict[str, Any] = {"marker": "|", "markersize": 10, "markeredgewidth": 2}
-        handles.append(Line2D([], [], linestyle="", color="0.2", label="onset, refined", **bar))
+        handles.append(
+            Line2D([], [], linestyle="", color="0.2", label=turns_in_words(line.onsets), **bar)
+        )
     if handles:
         handles.append(Line2D([], [], color=GREY, linewidth=0.7, label="stable modes"))
     return handles
@@ -280,7 +285,8 @@ def _locus(axes: Axes, line: StudyLine, track: int) -> None:
     axes.axvline(0.0, color="0.2", linewidth=1.0, zorder=1)
     finish(axes, "Growth rate [1/s]", "Frequency [Hz]")
     name = line.shown.name if len(line.shown.name) <= LONGEST_NAME else "values"
-    head(axes, f"{track_number(track)}, from least {name} (open circle) to most (arrow)")
+    text = f"{track_number(track)}, from least {name} (open circle) to most (arrow)"
+    head(axes, fill(text, LOCUS_LINE_CHARACTERS))
 
 
 def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -> None:
@@ -379,22 +385,6 @@ def study_line(results: Results, along: str, fixed: Mapping[str, float] | None =
         doubtful=wide("doubtful") == 1.0,
         untracked=rows[(rows["track"] <= 0).to_numpy()],
         worst=worst_tracks(rows),
-        onsets=_onsets(results, shown, line, others),
+        onsets=refined_onsets(results, shown, line, others),
         elsewhere=joined(describe(line.iloc[0], points, others, units), why, by=", "),
     )
-
-
-def _onsets(
-    results: Results, shown: Quantity, line: pd.DataFrame, others: Sequence[str]
-) -> pd.DataFrame:
-    """Refined onsets on a line; none along another parameter than theirs."""
-    columns = ["track", "x", FREQUENCY, "direction"]
-    table = results.onsets if "onsets" in results.tables else None
-    if table is None or shown.name != results.along or not {*others} <= {*table.columns}:
-        return pd.DataFrame(columns=columns)
-    is_located = (table["status"].isin(REFINED_ONSETS) & table["onset"].notna()).to_numpy(bool)
-    for name in others:
-        on_value = np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
-        is_located = is_located & on_value  # a new array: pandas' own may be read-only
-    on_line = table[is_located]
-    return on_line.assign(x=shown.scaled(on_line["onset"]))[columns].reset_index(drop=True)

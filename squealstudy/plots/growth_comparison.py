@@ -197,7 +197,7 @@ def _title(table: pd.DataFrame, growth: pd.DataFrame) -> str:
     rest = []
     if len(deviation):
         text += (
-            f", deviation {deviation.median():.2g} % (median), {deviation.max():.3g} % (largest)"
+            f", deviation {deviation.median():.2g} % (median), {deviation.max():.2g} % (largest)"
         )
     if len(deviation) < len(table):
         rest.append(f"{len(table) - len(deviation)} nearly neutral, not in these")

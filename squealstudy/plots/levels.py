@@ -39,6 +39,7 @@ MAX_LABELLED_POINTS = 36  # design points that have room for their names
 MAX_COLOURED_MODES = 6  # modes with a colour of their own
 MIN_SHOWN_ENERGY_SHARE = 0.02  # energy share somewhere of a mode that has one
 BAR_WIDTH_RATIO = 0.8  # width of a bar over the least distance between design points
+LEAST_DRAWN_PERCENT = 0.1  # of energy; a thinner bar is its own edge
 OTHER_MODES, OUTSIDE = "other sensed modes", "outside the sensed modes"
 PALE = {OTHER_MODES: "#C8C8C8", OUTSIDE: "white"}
 CLASSES: dict[str, dict[str, Any]] = {
@@ -231,7 +232,7 @@ def _means(axes: Axes, row: _Row) -> None:
         "color": COLOURS[1],
         "label": "mean",
     }
-    axes.plot(row.x, static, color=DARK, markersize=15, label="static", **joint)
+    axes.plot(row.x, static, color=DARK, markersize=15, label="steady sliding", **joint)
     axes.plot(row.x, mean, linewidth=1.2, linestyle="-" if joined else "", **mean_style)
     what, unit = friction_label(row.units)
     finish(axes, "", f"{what.capitalize()} [{unit}]")
@@ -279,6 +280,8 @@ def _share_bars(axes: Axes, row: _Row, modes: pd.DataFrame) -> None:
     base = np.zeros(len(table))
     for k, name in enumerate(table.columns):
         height = 100 * table[name].to_numpy()
+        if height.max() < LEAST_DRAWN_PERCENT:
+            continue  # nothing of it is seen: no entry of the legend either
         axes.bar(
             start[lasting],
             height,

@@ -124,7 +124,7 @@ def stability_map(
         gathered,
         _mark_solved(axes, plane, results.nodes[1]),
         f"{plural(failed, 'point')} failed ({mark})" if failed else "",
-        "" if plane.unstable.any() else "no unstable mode",
+        _finding(plane, "point" if results.nodes[1] is None else "node"),
     )
     axes.set_title(fill(title, TITLE_LINE_CHARACTERS), fontsize=10, loc="left")
     return figure
@@ -141,6 +141,12 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
     top = highest or 1.0
     colours = ListedColormap(colormaps[SEVERITY](np.linspace(0.1, 1.0, 256)))
     return colours.with_extremes(under=STABLE), Normalize(1e-9 * top, top)
+
+
+def _finding(plane: StudyPlane, word: str) -> str:
+    """At how many of the solved points of a plane a mode is unstable, in words."""
+    count, solved = int((plane.unstable & plane.solved).sum()), int(plane.solved.sum())
+    return f"unstable at {count} of {plural(solved, word)}" if count else "no unstable mode"
 
 
 def _gathered(plane: StudyPlane) -> str:

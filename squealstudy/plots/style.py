@@ -221,7 +221,27 @@ def shade_unstable(axes: Axes, above: bool = False) -> None:
         "va": align,
         "transform": axes.transAxes,
     }
-    axes.text(0.006, place, "unstable", **text)
+    left, align = _emptiest(axes, place - 0.03 if above else place + 0.03)
+    axes.text(left, place, "unstable", ha=align, **text)
+
+
+def _emptiest(axes: Axes, height: float) -> tuple[float, str]:
+    """Where across the axes a short text covers least that is drawn, and how it is aligned there.
+
+    `height` is that of its middle, as a share of the axes' height.
+    """
+    pieces = [np.empty((0, 2))]
+    for line in axes.lines:
+        on_axes = (line.get_transform() - axes.transAxes).transform(line.get_xydata())
+        share = np.linspace(0.0, 1.0, 40)[:, None, None]
+        pieces.append(((1.0 - share) * on_axes[:-1] + share * on_axes[1:]).reshape(-1, 2))
+        pieces.append(on_axes)
+    x, y = np.concatenate(pieces).T
+    level = abs(y - height) < 0.06
+    places = ((0.006, "left", 0.06), (0.994, "right", 0.94), (0.5, "center", 0.5))
+    covered = [int((level & (abs(x - middle) < 0.07)).sum()) for _, _, middle in places]
+    left, align, _ = places[int(np.argmin(covered))]
+    return left, align
 
 
 def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, quantity
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, rows_in
+from squealstudy.tables.stability import REFINED_ONSETS
 from squealstudy.wording import did_you_mean, track_number
 
 if TYPE_CHECKING:
@@ -126,3 +127,25 @@ def from_where(onsets: pd.DataFrame, shown: Quantity) -> str:
         return ""
     listed[0] = listed[0].replace(" from ", f" from {shown.name} ") + f" {shown.unit}".rstrip()
     return f": {', '.join(listed)}{', ...' if len(first) > len(listed) else ''}"
+
+
+def turns_in_words(onsets: pd.DataFrame) -> str:
+    """What the bars on the curves stand for, by the directions that there are."""
+    words = {"in": "onset", "out": "stable again"}
+    return f"{' or '.join(words[d] for d in words if (onsets['direction'] == d).any())}, refined"
+
+
+def refined_onsets(
+    results: Results, shown: Quantity, line: pd.DataFrame, others: Sequence[str]
+) -> pd.DataFrame:
+    """Refined onsets on a line; none along another parameter than theirs."""
+    columns = ["track", "x", "frequency_hz", "direction"]
+    table = results.onsets if "onsets" in results.tables else None
+    if table is None or shown.name != results.along or not {*others} <= {*table.columns}:
+        return pd.DataFrame(columns=columns)
+    is_located = (table["status"].isin(REFINED_ONSETS) & table["onset"].notna()).to_numpy(bool)
+    for name in others:
+        on_value = np.isclose(table[name].to_numpy(float), float(line[name].iloc[0]), rtol=1e-9)
+        is_located = is_located & on_value  # a new array: pandas' own may be read-only
+    on_line = table[is_located]
+    return on_line.assign(x=shown.scaled(on_line["onset"]))[columns].reset_index(drop=True)

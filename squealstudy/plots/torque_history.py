@@ -160,7 +160,7 @@ def _torque(axes: Axes, run: Run, named: bool) -> None:
         axes.fill_between(run.milliseconds[1:], low, high, step="pre", label=label, **band)
     axes.plot(*outline(run.milliseconds, run.column("torque")), color=COLOURS[1], linewidth=0.8)
     mean = ("torque_mean", f"mean {what}", "--", "black")
-    lines = (mean, ("torque_static", "static", "-.", DARK))
+    lines = (mean, ("torque_static", "steady sliding", "-.", DARK))
     for name, text, style, colour in () if run.changes else lines:  # they are of one speed
         if np.isfinite(level := run.number(name)):
             label = f"{text} {level:.4g} {unit}" if named else None

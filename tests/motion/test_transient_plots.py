@@ -185,7 +185,7 @@ def test_torque_history_shows_phases_levels_and_growth():
     legend = figure.legends[0].get_texts()
     assert [t.get_text() for t in legend] == [
         "mean torque 348 N m",
-        "static 360 N m",
+        "steady sliding 360 N m",
         "exponential growth, 5 to 15 ms",
         "saturation, to 45 ms",
         "settled from 45 ms",
@@ -443,7 +443,7 @@ def test_neither_neutral_modes_nor_wide_bounds_blank_the_comparison(bound):
     assert sorted(c.lines[0].get_xdata()[0] for c in upper.containers) == [0.0, 80.0]
     assert 1.25 < lower.get_ylim()[1] < 10.0
     assert any(
-        "deviation 1.2 % (median), 1.25 % (largest)\n1 nearly neutral" in t for t in drawn(figure)
+        "deviation 1.2 % (median), 1.2 % (largest)\n1 nearly neutral" in t for t in drawn(figure)
     )
 
 
@@ -510,7 +510,7 @@ def test_energy_shares_are_stacked_where_a_vibration_lasts():
     assert table["outside the sensed modes"].tolist() == pytest.approx([0.05] * 4)
     figure = levels(points, modes, "friction")
     stacks = [[bar.get_height() for bar in bars] for bars in figure.axes[3].containers]
-    assert len(stacks) == 5
+    assert len(stacks) == 4  # of other modes nothing is seen
     assert np.allclose(stacks[0], [80, 60, 20, 20])
     names = [t.get_text() for t in figure.legends[0].get_texts()]
     assert names[:2] == ["R44  3180 Hz", "R51  4950 Hz"]

@@ -31,7 +31,9 @@ from squealstudy.plots.style import (
     new_figure,
     quantity,
     set_ticks,
+    shade_unstable,
 )
+from squealstudy.plots.tables import turns_in_words
 
 ENDS = ("point_before", "point_after")
 ONSETS = pd.DataFrame(columns=["track", "direction", "onset", "status", *ENDS])
@@ -362,6 +364,38 @@ def test_evolution_is_led_through_refined_onsets(tmp_path):
     assert f"1 unstable track: T1 from friction {onset:.3g}" in drawn(figure)
 
 
+@pytest.mark.parametrize(
+    ("directions", "label"),
+    [
+        (["out"], "stable again, refined"),
+        (["in", "out"], "onset or stable again, refined"),
+    ],
+)
+def test_bars_where_a_mode_turns_stable_are_no_onsets(directions, label):
+    assert turns_in_words(pd.DataFrame({"direction": directions})) == label
+
+
+@pytest.mark.parametrize(("falling", "align"), [(True, "right"), (False, "left")])
+def test_the_word_unstable_stands_where_no_curve_is(falling, align):
+    """A mode that was most unstable at the least damping covered it."""
+    axes = Figure().add_subplot()
+    x = np.linspace(0.0, 1.0, 5)
+    axes.plot(x, -1.4 * (1.0 - x if falling else x))
+    axes.set_ylim(-1.6, 1.0)
+    shade_unstable(axes)
+    assert axes.texts[0].get_ha() == align
+
+
+def test_a_title_above_a_locus_is_as_wide_as_the_locus(tmp_path):
+    """It ended at 'open circle': the name of the parameter was too long for the line."""
+    points, modes = grid()
+    name = "caliper.modes[7].damping_ratio"
+    figure = evolution(points.rename(columns={"friction": name}), modes, name)
+    heads = [text for text in drawn(figure) if "from least" in text]
+    assert heads
+    assert all(len(line) <= 56 for text in heads for line in text.split("\n"))
+
+
 def test_evolution_takes_the_line_of_most_unstable_modes():
     points, modes = grid()
     worse = points["point_id"][points["pressure"] == 4e5]
@@ -677,7 +711,7 @@ def test_scattered_points_in_three_parameters_are_dots_only():
     axes = figure.axes[0]
     assert dots(axes) == [40]
     assert not any(isinstance(k, PolyCollection) for k in axes.collections)
-    assert "also varied: contact.lambda" in drawn(figure)
+    assert "also varied: contact.lambda; unstable at " in " ".join(drawn(figure))
 
 
 def test_flat_triangles_along_the_edge_join_no_points():
@@ -722,15 +756,16 @@ def test_the_plane_of_most_unstable_modes_is_shown():
     modes.loc[worse & (modes["track"] == 3), "unstable"] = True
     figure = stability_map(points, modes, "friction", "pressure")
     title = figure.axes[0].get_title(loc="left")
-    assert title == "speed = 2, of 2 slices the one with most unstable modes"
+    most = "speed = 2, of 2 slices the one with most unstable modes"
+    assert title == f"{most}; unstable at 48 of 48 points"
     alike = modes.assign(unstable=modes["track"] == 1)
     title = stability_map(points, alike, "friction", "pressure").axes[0].get_title(loc="left")
-    assert title == "speed = 1, of 2 slices one of the 2 with most unstable modes"
+    assert title.startswith("speed = 1, of 2 slices one of the 2 with most unstable modes;")
     long = points.rename(columns={"speed": "caliper.modes[12-14].frequency_scale"})
     solved = np.ones(len(points), dtype=bool)
     figure = stability_map(long, alike, "friction", "pressure", solved=solved)
     drawn(figure)
-    assert figure.axes[0].get_title(loc="left").endswith("nodes solved (dots)")
+    assert "nodes solved (dots)" in figure.axes[0].get_title(loc="left")
     assert figure.axes[0]._left_title.get_window_extent().x1 <= figure.bbox.x1
     calm = stability_map(points, modes.assign(unstable=False), "friction", "pressure")
     assert "one of 2 slices, none with an unstable mode" in calm.axes[0].get_title(loc="left")
