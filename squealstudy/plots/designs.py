@@ -30,7 +30,7 @@ from squealstudy.plots.style import (
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW
-from squealstudy.tables.stability import INTO, REFINED_ONSETS
+from squealstudy.tables.stability import INTO, OUT_OF, REFINED_ONSETS
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -60,7 +60,8 @@ def _of_few_designs(results: Results) -> Iterator[tuple[str, Choices]]:
 def designs(results: Results, ax: Axes | None = None) -> Figure:
     """Growth over friction, or what onsets are sought along, a line a design.
 
-    The largest growth rate of all modes of a point. A line goes through its first refined onset.
+    The largest growth rate of all modes of a point. A line goes through its first refined onset and
+    through each refined value at which nothing grows any more.
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def designs(results: Results, ax: Axes | None = None) -> Figure:
     low, high = np.nanmin(growth), max(float(np.nanmax(growth)), 0.0)
     axes.set_ylim(min(1.15 * low, -0.08 * high), max(1.08 * high, -0.1 * low))
     shade_unstable(axes, above=True)
-    bars = "bars: first onsets, refined" if any(has_onset) else ""
+    bars = "bars: where it turns unstable or stable, refined" if any(has_onset) else ""
     head(axes, joined(f"largest growth rate over {along}, a line a design", bars))
     legend_of(figure, ax, labelled(axes), 1)
     return figure
@@ -110,7 +111,7 @@ def designs(results: Results, ax: Axes | None = None) -> Figure:
 def _draw_line(
     axes: Axes, results: Results, design: dict[Hashable, float], growth: np.ndarray, number: int
 ) -> bool:
-    """Growth of one design; whether its first onset is drawn."""
+    """Growth of one design; whether a place is drawn at which its stability changes."""
     points, along = results.points, str(results.along)
     on_line = np.ones(len(points), dtype=bool)
     for name, setting in design.items():
@@ -122,15 +123,20 @@ def _draw_line(
     axes.plot(x, y, marker, color=colour, markersize=4.5)
     cross_out(axes, x[(line["status"] != "ok").to_numpy(bool)])
     text = describe(line.iloc[0], points, list(map(str, design)), results.units)
-    onset = _first_onset(results, design) * over.factor
+    onset, ends = (v * over.factor for v in _refined(results, design))
     row_after = _crossing(x, y, onset)
     if row_after:
-        x, y = np.insert(x, row_after, onset), np.insert(y, row_after, 0.0)
         text = joined(text, f"from {onset:.4g} {over.unit}".rstrip(), by=": ")
-        axes.plot(onset, 0.0, "|", color=colour, markersize=16, markeredgewidth=1.8)
+    changes = [onset] if row_after else []
+    changes += _ends(x, y, ends)
+    order = np.argsort(np.append(x, changes), kind="stable")
+    x, y = np.append(x, changes)[order], np.append(y, np.zeros(len(changes)))[order]
+    axes.plot(
+        changes, np.zeros(len(changes)), "|", color=colour, markersize=16, markeredgewidth=1.8
+    )
     dash = DASHES[number % len(DASHES)]
     axes.plot(x, y, dash, color=colour, label=text, marker=marker, markevery=[])
-    return row_after > 0
+    return bool(changes)
 
 
 def _largest_growth(results: Results) -> np.ndarray:
@@ -142,15 +148,28 @@ def _largest_growth(results: Results) -> np.ndarray:
     return growth
 
 
-def _first_onset(results: Results, design: Mapping[Hashable, float]) -> float:
-    """The least refined onset of a design; NaN where there is none."""
+def _refined(results: Results, design: Mapping[Hashable, float]) -> tuple[float, np.ndarray]:
+    """Least refined onset of a design, NaN for none, and values (n,) where modes turn stable."""
     onsets = results.onsets if "onsets" in results.tables else pd.DataFrame()
     if not {"onset", *map(str, design)} <= set(onsets.columns):
-        return math.nan
-    into = (onsets["direction"] == INTO) & onsets["status"].isin(REFINED_ONSETS)
+        return math.nan, np.array([])
+    of_design = onsets["status"].isin(REFINED_ONSETS)
     for name, setting in design.items():
-        into &= onsets[str(name)] == setting
-    return float(onsets.loc[into.to_numpy(bool), "onset"].min())
+        of_design &= onsets[str(name)] == setting
+    onset, end = (
+        onsets.loc[(of_design & (onsets["direction"] == way)).to_numpy(bool), "onset"]
+        for way in (INTO, OUT_OF)
+    )
+    return float(onset.min()), end.to_numpy(float)
+
+
+def _ends(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> list[float]:
+    """Of values at which some mode turns stable those after which none grows, in (n,) points."""
+    last = []
+    for k in np.flatnonzero((y[:-1] > 0) & (y[1:] <= 0)):
+        between = ends[(ends > x[k]) & (ends < x[k + 1])]
+        last += [float(between.max())] if len(between) else []
+    return last
 
 
 def _crossing(x: np.ndarray, y: np.ndarray, onset: float) -> int:

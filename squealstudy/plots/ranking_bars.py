@@ -29,6 +29,7 @@ from squealstudy.tables.mode_ranking import (
     unstable_groups,
 )
 from squealstudy.tables.stability import INEXACT
+from squealstudy.wording import amount
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -80,7 +81,7 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
         legend_below(figure, labelled(right), 5, "right")
     else:  # a family of matrices has no components
         left_axes = figure.subplots()
-    _shares(left_axes, shown)
+    _shares(left_axes, shown, results.units.get(along or "", ""))
     names = results.track_names
     name_rows(left_axes, [_name(row, names) for row in shown.to_dict("records")])
     head(
@@ -109,15 +110,15 @@ def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) ->
     return f"{row['kind']}   {hz} Hz" if hz else str(row["kind"])
 
 
-def _shares(axes: Axes, shown: pd.DataFrame) -> None:
-    """Bars of the unstable share with growth and threshold beside them."""
+def _shares(axes: Axes, shown: pd.DataFrame, unit: str) -> None:
+    """Bars of the unstable share with growth and threshold, in a unit, beside them."""
     share, positions = 100 * shown["unstable_share"].to_numpy(), np.arange(len(shown))
     axes.barh(positions, share, height=0.62, color=UNSTABLE)
     for y, x, row in zip(positions, share, shown.to_dict("records"), strict=True):
         text = f"{row['max_growth_rate']:+.3g} 1/s"
         if np.isfinite(row["threshold"]):
             mark = "*" * bool(row["taken_over"]) + INEXACT.get(row["threshold_kind"], "")
-            text += f", from {mark}{row['threshold']:.3g}"
+            text += f", from {mark}{amount(row['threshold'], unit, digits=3)}"
         elif row["threshold_kind"]:
             text += f", {row['threshold_kind']}"
         axes.annotate(text, (x, y), (4, 0), textcoords="offset points", va="center", fontsize=8.5)

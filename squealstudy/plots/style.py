@@ -221,8 +221,8 @@ def shade_unstable(axes: Axes, above: bool = False) -> None:
         "va": align,
         "transform": axes.transAxes,
     }
-    left, align = _emptiest(axes, place - 0.03 if above else place + 0.03)
-    axes.text(left, place, "unstable", ha=align, **text)
+    across, ha = _emptiest(axes, place - 0.03 if above else place + 0.03)
+    axes.text(across, place, "unstable", ha=ha, **text)
 
 
 def _emptiest(axes: Axes, height: float) -> tuple[float, str]:
@@ -238,10 +238,10 @@ def _emptiest(axes: Axes, height: float) -> tuple[float, str]:
         pieces.append(on_axes)
     x, y = np.concatenate(pieces).T
     level = abs(y - height) < 0.06
-    places = ((0.006, "left", 0.06), (0.994, "right", 0.94), (0.5, "center", 0.5))
-    covered = [int((level & (abs(x - middle) < 0.07)).sum()) for _, _, middle in places]
-    left, align, _ = places[int(np.argmin(covered))]
-    return left, align
+    choices = ((0.006, "left", 0.06), (0.994, "right", 0.94), (0.5, "center", 0.5))
+    covered = [int((level & (abs(x - middle) < 0.07)).sum()) for _, _, middle in choices]
+    across, ha, _ = choices[int(np.argmin(covered))]
+    return across, ha
 
 
 def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:

@@ -12,7 +12,12 @@ from reference import MU_C
 from study_runs import solved
 from study_texts import study_text
 
-from squealstudy.kinds.complex_modes.answer import _over_the_map, answer, contact_rows
+from squealstudy.kinds.complex_modes.answer import (
+    _many_in_words,
+    _over_the_map,
+    answer,
+    contact_rows,
+)
 from squealstudy.kinds.complex_modes.design_lines import (
     ALIKE_ONSETS,
     MOST_DESIGNS,
@@ -399,6 +404,25 @@ def test_where_all_is_unstable_the_answer_is_how_fast_it_grows(tmp_path):
     assert answer(results, results.rank()[:0], lines) == []
     stable = [lines[0]._replace(unstable=1), lines[1]]
     assert "Some mode grows at every point" not in answer(results, results.rank(), stable)[0]
+
+
+def test_many_designs_that_are_unstable_at_the_least_value_are_a_sentence_not_a_table(many):
+    """A table of 21 times 'below range', and no word on the 60 of 441 points that are stable."""
+    points = many.points.assign(n_unstable=0, n_unstable_high=0)
+    names = ["frequency_2"]
+    first = points["friction"] == points["friction"].min()
+    points.loc[first, ["n_unstable", "n_unstable_high"]] = 1
+    all_below = many.with_tables(points=points)
+    assert onset_table(all_below) == []
+    told = _many_in_words(all_below)
+    n, quiet = points[names[0]].nunique(), int((~first).sum())
+    assert told == (
+        f" At the least friction some mode is unstable at each of the {n} values of frequency_2. "
+        f"No mode is unstable at {quiet} of {len(points)} solved points."
+    )
+    always = many.with_tables(points=points.assign(n_unstable=1, n_unstable_high=1))
+    assert _many_in_words(always).endswith(" Some mode is unstable at every solved point.")
+    assert _many_in_words(many) == ""
 
 
 def test_modes_that_are_all_unstable_from_the_first_value_say_so_once(tmp_path):

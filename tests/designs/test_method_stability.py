@@ -79,10 +79,10 @@ def test_the_answer_names_the_method_and_counts_right_cells_and_warnings():
     manifest |= {"unflagged_wrong": 0, "agreement": 0.7}
     assert SCREEN.verdict(results) == (
         "Roots of small matrices: right in 8 of 12 cells, in 1 of them thanks to a help that steps "
-        "in. In 4 it is wrong or has no result, and each says so. A warning stands at 1 of those "
-        "right without help, too. Of 10 cells that lie 2 % or more away from the boundary of "
-        "theory 70 % are as predicted; those with a help count as predicted; 2 are right beyond it "
-        "by themselves; 1 is not right within it."
+        "in. In 4 it is wrong or has no result, and each says so. A warning also stands at 1 "
+        "of those that are right without help. Of 10 cells that lie 2 % or more away from the "
+        "boundary of theory 70 % are as predicted; those with a help count as predicted; 2 are "
+        "right beyond it by themselves; 1 is not right within it."
     )
     manifest |= {"unflagged_wrong": 2, "agreement": None}
     assert "it is wrong or has no result, 2 of these without a warning." in SCREEN.verdict(results)

@@ -16,7 +16,7 @@ from squealstudy.engine.rows import failed_row
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError, StudyFileError
-from squealstudy.kinds.sensitivity.screen import _strongest_in_words
+from squealstudy.kinds.sensitivity.screen import _strongest_in_words, sensitivities
 from squealstudy.kinds.sensitivity.tables import SCHEMA, build_tables
 from squealstudy.plots.sensitivity_bars import sensitivity_bars
 from squealstudy.reduction import working_point
@@ -317,3 +317,13 @@ def test_what_moves_growth_most_is_told_by_reanalysis():
     assert told.endswith("(+21.5 1/s).")
     assert _strongest_in_words(table[4:]).endswith("(-4.59 1/s).")  # where there is no other
     assert _strongest_in_words([]) == ""
+
+
+def test_of_parameters_that_are_not_listed_too_one_may_move_growth_most(results):
+    """Rows are ranked by 1 % of a parameter; by its own step another one may do more."""
+    mode = mode_sensitivities(results.sensitivities)
+    last = rank_sensitivities(mode).iloc[-1]["parameter"]
+    table = results.sensitivities.copy()
+    table.loc[table["parameter"] == last, "finite_growth_change"] = -1e4
+    told = sensitivities(results.with_tables(sensitivities=table), top=1)
+    assert told[1].startswith(f"Its growth falls most with {last} ")

@@ -8,6 +8,7 @@ from study_texts import study_text
 
 from squealstudy.engine.pictures import pictures
 from squealstudy.errors import ResultsError
+from squealstudy.plots.designs import _ends
 
 ONSET = 7 / 24  # of two modes of 100 and 75 Hz in closed form: (1 - (75 / 100)^2) / 1.5
 
@@ -41,8 +42,16 @@ def test_lines_have_the_largest_growth_of_their_points_and_pass_their_onset(two)
     x, y = lines[0].get_data()
     assert x[y == 0.0] == pytest.approx([ONSET], abs=1e-4)
     title = "largest growth rate over friction, a line a design"
-    assert f"{title}; bars: first onsets, refined" in drawn(figure)
+    assert f"{title}; bars: where it turns unstable or stable, refined" in drawn(figure)
     assert [name for name, _, _ in pictures(two)].count("designs") == 1
+
+
+def test_a_line_ends_its_growth_where_the_last_mode_turns_stable():
+    """It went straight from 112 1/s at 12 bar to a stable point at 20 bar, stable from 16.2 on."""
+    x, y = np.array([2.0, 7.0, 12.0, 20.0, 30.0]), np.array([130.0, 142.0, 112.0, -20.0, -20.0])
+    assert _ends(x, y, np.array([13.5, 16.2, 25.0])) == [16.2]
+    assert _ends(x, y, np.array([25.0])) == []
+    assert _ends(x, abs(y), np.array([13.5, 16.2])) == []
 
 
 def test_of_designs_without_onset_no_bars_are_told(two, tmp_path):

@@ -23,6 +23,7 @@ from squealstudy.kinds.complex_modes.design_lines import (
     onsets_in_words,
     quiet_in_words,
 )
+from squealstudy.kinds.complex_modes.onset_table import BELOW, first_onsets
 from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,
     last_at,
@@ -74,8 +75,33 @@ def answer(
         return []
     text = f"{what_is_unstable(results, table, lines)}."
     text += extremes_in_words(results, lines) + quiet_in_words(results, lines)
+    text += "" if lines else _many_in_words(results)
     text += _growth_in_words(results, lines) or growth_in_words(results, lines)
     return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
+
+
+def _many_in_words(results: ResultTables) -> str:
+    """Sentences on many designs that are unstable at the least value, and on what is stable.
+
+    Empty where some design is not, of which the table of onsets tells; and of one design.
+    """
+    along, points = results.along or "", results.points
+    first = first_onsets(results, along)["onset"] if "onsets" in results.tables else []
+    if not len(first) or not (first == BELOW).all():
+        return ""
+    is_solved = (points["status"] == "ok").to_numpy(bool)
+    of_solved = points[is_solved]
+    n_quiet = int((of_solved["n_unstable_high"] == 0).sum())
+    names = [str(name) for name in first.index.names]
+    each = f"values of {names[0]}" if len(names) == 1 else "designs"
+    text = f" At the least {along} some mode is unstable at each of the {len(first)} {each}."
+    if n_quiet:
+        return (
+            f"{text} No mode is unstable at {n_quiet} of {plural(len(of_solved), 'solved point')}."
+        )
+    if (of_solved["n_unstable"] > 0).all():
+        text += " Some mode is unstable at every solved point."
+    return text
 
 
 def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:

@@ -41,8 +41,8 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
         return []
     first = first_onsets(results, along)
     names = [str(name) for name in first.index.names]
-    if len(first) <= MOST_DESIGNS:
-        return []
+    if len(first) <= MOST_DESIGNS or (first["onset"] == BELOW).all():
+        return []  # the answer says that all are unstable at the least value
     units, top = results.units, float(results.points[along].max())
     unit = units.get(along, "")
     onsets = pd.Series(

@@ -46,12 +46,14 @@ class MethodStabilityScreen(KindScreen):
         text += plural(right + n_others, "cell")
         text += f", in {helped} of them thanks to a help that steps in." if helped else "."
         if n_others:
-            warned = f"{n_silent} of these without a warning" if n_silent else "and each says so"
+            warned = "and each says so" if n_others > 1 else "and says so"
+            warned = f"{n_silent} of these without a warning" if n_silent else warned
             text += f" In {n_others} it is wrong or has no result, {warned}."
         cells = results.table("cells")
         flagged = cells["outcome"].isin((CONVERGED, SLOW)) & cells["flagged"].astype(bool)
         if n_flagged := int(flagged.sum()):
-            text += f" A warning stands at {n_flagged} of those right without help, too."
+            which = "right without help" if helped else "right"
+            text += f" A warning also stands at {n_flagged} of those that are {which}."
         return text + _as_predicted(manifest, share, helped > 0) if share is not None else text
 
 

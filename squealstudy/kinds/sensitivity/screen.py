@@ -96,10 +96,10 @@ def sensitivities(
         if has_coalescence
         else "",
     )
-    ranked = shown.to_dict("records")
-    rows = (_cells(row) for row in ranked)
+    every_row = rank_sensitivities(mode).to_dict("records")  # by steps others may do more
+    rows = (_cells(row) for row in shown.to_dict("records"))
     table = grid("text:parameter", *NUMBERS, "word:", rows=rows)
-    return [_headline(results, shown.iloc[0]), _strongest_in_words(ranked), "", table, legend]
+    return [_headline(results, shown.iloc[0]), _strongest_in_words(every_row), "", table, legend]
 
 
 def _strongest_in_words(rows: list[dict[Hashable, Any]]) -> str:

@@ -86,7 +86,7 @@ class WorkPrecisionScreen(KindScreen):
         elif measured["default"].any():
             text += "; no setting of the default method is within it"
         chosen = measured[(measured["label"] == row["cheapest"]).to_numpy(bool)].iloc[0]
-        text += f". Its largest error is {_number(row['error'])}"
+        text += f". The largest error of the cheapest is {_number(row['error'])}"
         high = max(float(chosen[f"high_{q}"]) for q in quantities if f"high_{q}" in measured)
         if high > max(row["error"], tolerance):
             text += f", but the bounds (95 %) of both results allow up to {high:.1e}"
