@@ -15,25 +15,26 @@ from squealstudy.plots.style import Quantity
 from squealstudy.tables.point_rows import largest_by_code
 from squealstudy.tables.stability import INTO, REFINED_ONSETS
 
-# of the growing mode's damping ratio: below it a stable point has no damping
+# damping of a stable point, over the growing mode's, below which it counts as none
 DAMPING_ROUND_OFF_RATIO = 1e-9
-# of the plane's design points: first the stable, then the unstable one
-StabilityEdge = tuple[int, int]
+StabilityEdge = tuple[int, int]  # indices of a stable and an unstable design point of the plane
 
 
 class Boundary(NamedTuple):
-    """Boundary of stability of a plane.
+    """Boundary of stability in a plane.
 
     Attributes
     ----------
     lines : list of ndarray (k, 2)
-        In values as drawn, the unstable side on the right: straight between crossings, where
-        nothing was solved.
+        Its lines in values as drawn, with the unstable side on the right. They are straight between
+        crossings, where nothing was solved.
     solved : ndarray (m, 2)
-        Crossings on the lines whose onset is refined.
-    crossings, refined : int
-        Neighbouring design points on lines along the onsets' parameter between which it passes,
-        and how many of these have a refined onset.
+        Crossings on these lines that are refined onsets.
+    crossings : int
+        Number of pairs of neighbouring design points, on lines along the onsets' parameter, between
+        which the boundary passes.
+    refined : int
+        Number of these pairs with a refined onset.
     """
 
     lines: list[np.ndarray]
@@ -45,19 +46,21 @@ class Boundary(NamedTuple):
 def stability_boundary(
     plane: StudyPlane, onsets: pd.DataFrame | None, along: str | None
 ) -> Boundary:
-    """Where it passes between neighbouring design points of the plane.
+    """The boundary of stability between neighbouring design points of a plane.
 
-    On a line along the onsets' parameter that is the refined onset of the mode that turns unstable
-    first. From line to line it is straight. Where there is no such onset, the least damping ratio
-    is interpolated to zero; where no stable point of the line has damping, the middle is taken.
+    On a line along the onsets' parameter it passes through the refined onset of the mode that turns
+    unstable first; from line to line it is straight. Where there is no such onset, the least
+    damping ratio is interpolated to zero. Where no stable point of the line has damping, the
+    boundary passes through the middle.
 
     Parameters
     ----------
     plane : StudyPlane
+        The plane of two parameters.
     onsets : DataFrame or None
-        Table of onsets of the study.
+        The study's table of onsets.
     along : str or None
-        Their parameter.
+        The parameter of the onsets.
     """
     finder = _Crossings(plane, onsets, along)
     segments: dict[StabilityEdge, StabilityEdge] = {}
@@ -73,7 +76,7 @@ def stability_boundary(
 def _segments(
     polygon: np.ndarray, unstable: np.ndarray
 ) -> Iterator[tuple[StabilityEdge, StabilityEdge]]:
-    """Each stretch of unstable corners, counterclockwise: the edges by which one comes and goes."""
+    """Edges before and after each stretch of a polygon's unstable corners, counterclockwise."""
     state = unstable[polygon]
     n = len(polygon)
     for k in np.flatnonzero(~state & np.roll(state, -1)):
@@ -86,7 +89,7 @@ def _segments(
 
 
 def _chains(segments: dict[StabilityEdge, StabilityEdge]) -> Iterator[list[StabilityEdge]]:
-    """Segments from edge to edge joined to open lines, then to closed ones."""
+    """Join segments from edge to edge: first open lines, then closed ones."""
     ends = set(segments.values())
     starts = [edge for edge in segments if edge not in ends]
     pending = dict(segments)
@@ -100,7 +103,7 @@ def _chains(segments: dict[StabilityEdge, StabilityEdge]) -> Iterator[list[Stabi
 
 
 class _Crossings:
-    """Where the boundary crosses edges of a plane."""
+    """Places where the boundary crosses edges of a plane."""
 
     def __init__(self, plane: StudyPlane, onsets: pd.DataFrame | None, along: str | None) -> None:
         self._plane = plane
@@ -126,7 +129,7 @@ class _Crossings:
         return self._along is not None and self._refined_at(edge) is not None
 
     def _refined_at(self, edge: StabilityEdge) -> float | None:
-        """Coordinate of the refined onset on an edge; nodes that were filled in have none."""
+        """Coordinate of the refined onset on an edge; None if it has none, as unsolved nodes."""
         stable, unstable = (self._plane.point_ids[i] for i in edge)
         onset = self._onset.get((stable, unstable))
         ends = sorted(self._xy[list(edge), self._along or 0].tolist())
@@ -164,7 +167,7 @@ class _Crossings:
         return np.where(self._plane.unstable, -distance, distance)
 
     def _part(self, edge: StabilityEdge) -> float:
-        """Place on an edge, from 0 at the stable point to 1."""
+        """Position on an edge, from 0 at the stable point to 1 at the unstable one."""
         if self._along is None or self._xy[edge[0], self._along] != self._xy[edge[1], self._along]:
             return self._part_on_line(edge)
         stable, unstable = (float(self._distance[i]) for i in edge)
@@ -192,9 +195,9 @@ class _Crossings:
         return stable / (stable - unstable)
 
     def _highest_damping(self, edge: StabilityEdge) -> float:
-        """Highest damping of stable points on the edge's line; before a lock-in there may be none.
+        """Highest of the least damping ratios of stable points on the edge's line.
 
-        -inf where none of them has an oscillating mode.
+        An undamped model has none before a lock-in. -inf where no point has an oscillating mode.
         """
         a, b = edge
         if not self._plane.gridded:
@@ -214,7 +217,7 @@ class _Crossings:
 
     @cached_property
     def _highest(self) -> list[np.ndarray]:
-        """The largest of these on the line of each point (n,) on which x is the same, then y."""
+        """Largest of these on each point's line (n,) of constant x, and on that of constant y."""
         largest = []
         for column in self._xy.T:
             values, line = np.unique(column, return_inverse=True)
@@ -223,7 +226,7 @@ class _Crossings:
 
 
 def _refined(onsets: pd.DataFrame, along: Quantity) -> dict[tuple[str, str], float]:
-    """Coordinate of the onset between two points: of the mode that is unstable first."""
+    """Coordinates of refined onsets between two points each, of the mode that is unstable first."""
     refined = onsets[onsets["status"].isin(REFINED_ONSETS)]
     values = along.even(along.scaled(refined["onset"]))
     ends = zip(refined["point_before"], refined["point_after"], refined["direction"], strict=True)

@@ -1,4 +1,4 @@
-"""Growth over amplitude of the mode families of a design: where it is zero there is a cycle."""
+"""Growth of a design's modes over amplitude: where it is zero there is a limit cycle."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-SAME_CYCLE = 0.05  # relative: what more harmonics may change of a cycle's contact velocity
-MAX_COLOURED_FAMILIES = 8  # families with a colour and a name: those that grow fastest somewhere
+SAME_CYCLE = 0.05  # relative change of a cycle's contact velocity that more harmonics may make
+MAX_COLOURED_FAMILIES = 8  # families with a colour and a name, those of the fastest growth
 
 
 CYCLES = {True: "stable cycle", False: "unstable cycle", None: "cycle, stability not known"}
 
 
 def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
-    """The design that squeals if kicked least, else the first that has a cycle."""
+    """The design that needs the least kick to squeal, else the first that has a cycle."""
     points = results.points
     kicked = points[points["threshold_velocity"].notna().to_numpy(bool)]
     if len(kicked):
@@ -46,7 +46,7 @@ def _most_telling(results: Results) -> Iterator[tuple[str, Choices]]:
 
 
 def _stable(cycles: pd.DataFrame, point: str, mode: int, x: np.ndarray) -> list[bool | None]:
-    """Whether the cycles at contact velocities (n,) [m/s] of a mode's curve are stable."""
+    """Whether a mode's cycles at contact velocities x (n,) [m/s] are stable; None if unknown."""
     chosen = cycles[((cycles["point_id"] == point) & (cycles["mode"] == mode)).to_numpy(bool)]
     velocity, stable = chosen["contact_velocity"].to_numpy(float), chosen["stable"].to_list()
     nearest = [int(np.argmin(np.abs(velocity - v))) if len(velocity) else -1 for v in x]
@@ -60,21 +60,21 @@ def _stable(cycles: pd.DataFrame, point: str, mode: int, x: np.ndarray) -> list[
 
 @register_plot(_most_telling, points=("verdict",), curves=("added_damping",), cycles=("stable",))
 def cycle_growth(results: Results, point: str, ax: Axes | None = None) -> Figure:
-    """Growth rate over contact velocity of the families of one design.
+    """Growth rate over contact velocity of the mode families of one design.
 
     Parameters
     ----------
     results : Results
         Of a study of limit cycles.
     point : str
-        Its point_id, or how that begins.
+        The design's point_id, or its beginning.
     ax : matplotlib.axes.Axes or None
         Axes to draw in; by default those of a new figure.
 
     Raises
     ------
     ResultsError
-        Where no design point, or more than one, is called so.
+        Where no design point, or more than one, has such a point_id.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Amplitude of limit cycles over a swept parameter: stable and unstable ones, beside verdicts."""
+"""Levels of stable and unstable limit cycles over a swept parameter, with verdicts beneath."""
 
 from __future__ import annotations
 
@@ -79,9 +79,10 @@ EVENTS = {
     "PD": "PD: twice the period",
     "BP": "BP: branch point",
 }
-MIN_SHADED_ERROR = 1e-3  # relative; less is hidden by the line
-MARKS = {SQUEALS: "s", IF_KICKED: "D", UNDECIDED: "x", NEUTRAL: "_", NO_CYCLE: "P"}  # of the strip
-VERDICTS = {  # heights and colours of the strip
+MIN_SHADED_ERROR = 1e-3  # relative error; a smaller one is hidden by the line
+# markers of the lowest panel
+MARKS = {SQUEALS: "s", IF_KICKED: "D", UNDECIDED: "x", NEUTRAL: "_", NO_CYCLE: "P"}
+VERDICTS = {  # colours of the lowest panel
     SQUEALS: COLOURS[0],
     IF_KICKED: COLOURS[3],
     UNDECIDED: GREY,
@@ -91,7 +92,7 @@ VERDICTS = {  # heights and colours of the strip
 
 
 def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
-    """A line along each varied parameter through the nominal values of the others."""
+    """A picture along each varied parameter, at the nominal values of the others."""
     for name in parameter_columns(results.points, varied=True):
         fixed = results.nominal_others(name)
         if len(_line(results.points, name, fixed)) > 1:
@@ -110,11 +111,11 @@ def cycle_levels(
     fixed: Mapping[str, float] | None = None,
     runs: Results | None = None,
 ) -> Figure:
-    """Levels of the limit cycles of all families over a parameter, and the verdicts.
+    """Levels of the limit cycles of all modes over a parameter, and the verdicts.
 
-    Branches along the parameter are lines, unstable parts dashed, with their events; a grey band is
-    the error of their levels. Levels that
-    only runs in time tell, of this study or of `runs`, are crosses.
+    Branches along the parameter are lines with their events; unstable parts are dashed, and a grey
+    band is the error of levels. Levels that only runs in time tell, of this study or of `runs`, are
+    crosses.
 
     Parameters
     ----------
@@ -123,7 +124,7 @@ def cycle_levels(
     along : str
         A varied parameter.
     fixed : mapping of parameter -> value or None
-        The line to show.
+        Values of other parameters that the shown points have; None: all points are shown.
     runs : Results or None
         Of a study in time of the same designs, whose lasting motions are shown too.
 
@@ -157,7 +158,7 @@ def cycle_levels(
     )
     branches = _branches(results, along, line)
     motions = None if runs is None else _runs(results, runs, line)
-    if len(by_runs):  # of the study itself; the contact velocity is not kept of them
+    if len(by_runs):  # runs of the study itself, whose contact velocity is not kept
         motions = by_runs if motions is None else pd.concat([motions, by_runs])
     figure = new_figure(9.0, 7.4)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[1.6, 1.6, 0.9])
@@ -195,7 +196,7 @@ def cycle_levels(
 
 
 def _line(points: pd.DataFrame, along: str, fixed: Mapping[str, float] | None) -> pd.DataFrame:
-    """Points at the fixed values, ascending."""
+    """Rows of points at the fixed values, ascending along a parameter."""
     chosen = points
     for name, value in (fixed or {}).items():
         chosen = chosen[np.isclose(chosen[name], value, rtol=1e-6, atol=0.0)]
@@ -203,7 +204,7 @@ def _line(points: pd.DataFrame, along: str, fixed: Mapping[str, float] | None) -
 
 
 def _branches(results: Results, along: str, line: pd.DataFrame) -> pd.DataFrame:
-    """Points of the branches along the parameter that begin at designs of the line."""
+    """Rows of the branches along the parameter that begin at designs of the line."""
     table = results.table("branches")
     of_line = (table["along"] == along) & table["point_id"].isin(line["point_id"])
     return table[of_line.to_numpy(bool)]
@@ -217,13 +218,13 @@ def _runs(results: Results, runs: Results, line: pd.DataFrame) -> pd.DataFrame:
 
 
 def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: str) -> None:
-    """Lines by stability, each from its point to the next; events with their letters."""
+    """Draw branches as lines styled by stability, and their events with letters."""
     named = set()
     for _, branch in branches.groupby("cycle_id", sort=False):
         x, y = over.scaled(branch["value"]), branch[column].to_numpy(float)
         event = branch["event"].to_numpy(str) != ""
         stable = branch["stable"].to_numpy(object)
-        state = [  # of the part between two points: that of the end which is no event
+        state = [  # stability between two points, that of the end which is no event
             stable[k + 1] if event[k] else stable[k] for k in range(len(branch) - 1)
         ]
         start = 0
@@ -249,8 +250,8 @@ def _draw_branches(axes: Axes, over: Quantity, branches: pd.DataFrame, column: s
 
 
 def _shade_errors(axes: Axes, over: Quantity, branches: pd.DataFrame) -> None:
-    """What the levels of branches may err by, about their lines, where that can be seen."""
-    if "level_error" not in branches:  # of results of before
+    """Shade the errors of levels about the lines of branches, where they can be seen."""
+    if "level_error" not in branches:  # results of older versions
         return
     label = "error of a branch's level"
     for _, branch in branches.groupby("cycle_id", sort=False):
@@ -277,7 +278,7 @@ def _cycles(axes: Axes, x: np.ndarray, cycles: pd.DataFrame, column: str) -> Non
 
 
 def _growth(axes: Axes, x: np.ndarray, line: pd.DataFrame) -> None:
-    """Fastest growth of the complex modes, coloured by verdict."""
+    """Draw the fastest growth of complex modes, with colours and markers of the verdicts."""
     growth = line["max_growth_rate"].to_numpy(float)
     axes.axhline(0.0, color=DARK, linewidth=0.8)
     for name, colour in VERDICTS.items():

@@ -1,4 +1,4 @@
-"""Harmonics of the friction torque of limit cycles."""
+"""Harmonics of a limit cycle's friction torque."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-DISTINCT_RATIO = 1.02  # level of a design over that of a cycle from which on it is another motion's
-MIN_SHOWN_HARMONIC_RATIO = 1e-5  # size over the largest harmonic's from which one is drawn
+DISTINCT_RATIO = 1.02  # level of a design, over a cycle's, from which it is that of another motion
+MIN_SHOWN_HARMONIC_RATIO = 1e-5  # smallest harmonic that is drawn, over the largest
 
 
 def _loudest(results: Results) -> Iterator[tuple[str, Choices]]:
-    """The loudest stable cycle of the study; the loudest of all where none is stable."""
+    """The loudest stable cycle of the study, or the loudest of all if none is stable."""
     cycles = results.table("cycles")
     stable = cycles[cycles["stable"].fillna(False).to_numpy(bool)]
     among = stable if len(stable) else cycles

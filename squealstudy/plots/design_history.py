@@ -1,4 +1,4 @@
-"""How a design study went: margin over cost of every design that was evaluated."""
+"""Course of a design study: damping over cost of every design that was evaluated."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @register_plot(designs=("cost", "min_damping_ratio", "chosen", "meets_margin", "origin"))
 def design_history(results: Results) -> Figure:
-    """Least damping ratio over cost, and over the order in which designs were asked for.
+    """Least damping ratio over cost, and over the order in which designs were evaluated.
 
-    Designs of the scan were solved at a few operating points alone: theirs is the least there.
+    Designs of the scan were solved at a few operating points only: damping is the least there.
 
     Parameters
     ----------

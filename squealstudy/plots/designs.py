@@ -1,4 +1,4 @@
-"""What a design does to growth: growth over friction, a line a design."""
+"""Effect of designs on growth: the largest growth rate over friction, a line for each design."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ MOST_LINES = 8  # as many as there are colours
 DASHES = ("-", "--", "-.", ":")
 MARKERS = "osD^v<>p"
 GRID = "grid"
-NEUTRAL_SHARE = 1e-6  # of the growth at the next point: less is none, as without damping
+NEUTRAL_SHARE = 1e-6  # growth over that at the next point, below which it counts as none
 
 
 def _designs(results: Results) -> pd.DataFrame:
-    """Values of the parameters beside the one of the onsets, a row a design."""
+    """Designs, one in each row: values of the varied parameters other than that of the onsets."""
     points = results.points
     others = [name for name in parameter_columns(points, varied=True) if name != results.along]
     return points[others].drop_duplicates() if others else points[[]].head(1)
 
 
 def _of_few_designs(results: Results) -> Iterator[tuple[str, Choices]]:
-    """One picture of a grid with a few designs."""
+    """One picture of a grid with two to MOST_LINES designs."""
     is_grid = results.design == GRID and results.boundary is None
     if results.along and is_grid and 2 <= len(_designs(results)) <= MOST_LINES:
         yield "", {}
@@ -58,9 +58,9 @@ def _of_few_designs(results: Results) -> Iterator[tuple[str, Choices]]:
 
 @register_plot(_of_few_designs, points=("status",), modes=("growth_rate",))
 def designs(results: Results, ax: Axes | None = None) -> Figure:
-    """Growth over friction, or what onsets are sought along, a line a design.
+    """Largest growth rate over friction, or the parameter of the onsets, a line for each design.
 
-    The largest growth rate of all modes of a point. A line goes through its first refined onset and
+    It is that of all modes of a design point. A line passes through its first refined onset, and
     through each refined value at which nothing grows any more.
 
     Parameters
@@ -68,12 +68,12 @@ def designs(results: Results, ax: Axes | None = None) -> Figure:
     results : Results
         Of a complex-mode study over a grid of at most eight designs.
     ax : Axes, optional
-        To draw into.
+        Axes to draw in; by default those of a new figure.
 
     Raises
     ------
     ResultsError
-        Where nothing is swept, or designs are more.
+        Where nothing is swept, or where there are more designs.
 
     Examples
     --------
@@ -90,7 +90,8 @@ def designs(results: Results, ax: Axes | None = None) -> Figure:
         raise ResultsError(f"{text}; results.plot.stability_map draws all")
     growth = _largest_growth(results)
     if not np.isfinite(growth).any():
-        return empty_figure("no design point is solved", ax)
+        is_solved = (points["status"] == "ok").any()
+        return empty_figure("no mode in the band" if is_solved else "no design point is solved", ax)
     figure, axes = one_panel(ax, 8.5, 5.5)
     over = quantity(along, points[along], results.units)
     set_scales(axes, over)
@@ -103,7 +104,7 @@ def designs(results: Results, ax: Axes | None = None) -> Figure:
     axes.set_ylim(min(1.15 * low, -0.08 * high), max(1.08 * high, -0.1 * low))
     shade_unstable(axes, above=True)
     bars = "bars: where it turns unstable or stable, refined" if any(has_onset) else ""
-    head(axes, joined(f"largest growth rate over {along}, a line a design", bars))
+    head(axes, joined(f"largest growth rate over {along}, a line for each design", bars))
     legend_of(figure, ax, labelled(axes), 1)
     return figure
 
@@ -111,7 +112,7 @@ def designs(results: Results, ax: Axes | None = None) -> Figure:
 def _draw_line(
     axes: Axes, results: Results, design: dict[Hashable, float], growth: np.ndarray, number: int
 ) -> bool:
-    """Growth of one design; whether a place is drawn at which its stability changes."""
+    """Draw the growth of one design; return whether a change of its stability is drawn."""
     points, along = results.points, str(results.along)
     on_line = np.ones(len(points), dtype=bool)
     for name, setting in design.items():
@@ -140,7 +141,7 @@ def _draw_line(
 
 
 def _largest_growth(results: Results) -> np.ndarray:
-    """Largest growth rate of each row of `points` (n,); NaN where it is not solved."""
+    """Largest growth rate (n,) of each row of `points`, 1/s; NaN where it has no mode."""
     growth = np.full(len(results.points), -np.inf)
     for modes in results.batches("modes", [ROW, "growth_rate"]):
         np.maximum.at(growth, modes[ROW].to_numpy(), modes["growth_rate"].to_numpy(float))
@@ -164,7 +165,7 @@ def _refined(results: Results, design: Mapping[Hashable, float]) -> tuple[float,
 
 
 def _ends(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> list[float]:
-    """Of values at which some mode turns stable those after which none grows, in (n,) points."""
+    """Values, of those at which a mode turns stable, where growth y (n,) ends between points x."""
     last = []
     for k in np.flatnonzero((y[:-1] > 0) & (y[1:] <= 0)):
         between = ends[(ends > x[k]) & (ends < x[k + 1])]
@@ -173,7 +174,7 @@ def _ends(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> list[float]:
 
 
 def _crossing(x: np.ndarray, y: np.ndarray, onset: float) -> int:
-    """Index of the first of values (n,) beyond an onset where growth turns positive; 0 for none."""
+    """Index of the first value of x (n,) beyond an onset; 0 if growth y keeps its sign there."""
     row_after = int(np.searchsorted(x, onset))
     inside = 0 < row_after < len(x)
     turns = inside and y[row_after] > 0 and y[row_after - 1] < NEUTRAL_SHARE * y[row_after]

@@ -1,4 +1,4 @@
-"""Frequency and damping of all tracks along one parameter, and the root loci of the worst."""
+"""Frequency and damping of all tracks along one parameter, and root loci of the fastest growing."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 
-MAX_LOCI = 2
+MAX_LOCI = 2  # root loci in a picture
 # relative distance in frequency within which other tracks are shown in a locus
 SHOWN_REL_FREQUENCY_DISTANCE = 0.03
 STABLE_SIDE_OVER_GROWTH = 2.0  # extent of the stable side of a locus over the fastest growth
@@ -70,7 +70,7 @@ COLUMNS = ("track", "track_ambiguous", "frequency_hz", "damping_ratio", "growth_
 
 
 def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
-    """A picture a parameter of a grid; one more where two parameters share their values."""
+    """A picture for each parameter of a grid; one more where two parameters share their values."""
     points = results.points
     varied = parameter_columns(points, varied=True)
     for name in varied if results.manifest.get("grid_shape") else []:
@@ -95,15 +95,15 @@ def evolution(
     results : Results
         Of a complex-mode study.
     along : str or tuple of two str or None
-        A varied parameter, or two with the same values, along which both are equal; by default that
-        of the onsets.
+        A varied parameter, or two with the same values, of which points are shown where both are
+        equal; by default the parameter of the onsets.
     fixed : mapping of parameter -> value or None
-        The line to show; of what is left open, the line with most unstable modes is taken.
+        Values of other parameters; of several lines that with most unstable modes is shown.
     show : str
-        "damping_ratio" or "growth_rate"; in axes of one's own "frequency_hz", too.
+        "damping_ratio" or "growth_rate"; with `ax` also "frequency_hz".
     ax : matplotlib.axes.Axes or None
-        Axes that `show` alone is drawn in; by default a new figure, with the frequencies above it
-        and growth over frequency beside them.
+        Axes in which `show` alone is drawn. By default a new figure also has frequencies above it,
+        and root loci beside them.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def _together(results: Results, first: str, second: str) -> tuple[Results, str]:
 
 
 def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
-    """One curve a track, broken where a point failed; rings mark doubtful numbers."""
+    """Draw a curve for each track, broken where a point failed; rings mark doubtful numbers."""
     table = getattr(line, name) * factor
     stable = table.drop(columns=line.unstable_tracks)
     axes.plot(line.x, stable, color=GREY, linewidth=0.7, marker=".", markersize=1.5, zorder=1)
@@ -185,10 +185,7 @@ def _draw(axes: Axes, line: StudyLine, name: str, factor: float) -> None:
 def _through(
     axes: Axes, x: np.ndarray, y: np.ndarray, onsets: pd.DataFrame, name: str, style: dict[str, Any]
 ) -> None:
-    """The curve of a track led through its refined onsets, each marked by a bar.
-
-    Between two design points a straight line would cross zero elsewhere.
-    """
+    """Lead the last curve through its track's refined onsets, and mark each by a bar."""
     at = onsets["x"].to_numpy(float)
     heights = onsets["frequency_hz"].to_numpy(float) if name == FREQUENCY else np.zeros(len(at))
     curve = axes.lines[-1]
@@ -200,7 +197,7 @@ def _through(
 
 
 def _alone(axes: Axes, line: StudyLine, show: str, handles: Sequence[Line2D]) -> Figure:
-    """One quantity in axes of the user's."""
+    """Draw one quantity in axes of the user."""
     set_scales(axes, line.shown)
     _draw(axes, line, show, VERTICAL.get(show, ("", 1.0))[1])
     if show == FREQUENCY:
@@ -216,7 +213,7 @@ def _alone(axes: Axes, line: StudyLine, show: str, handles: Sequence[Line2D]) ->
 
 
 def _finish(lower: Axes, line: StudyLine, show: str) -> None:
-    """Limits and labels of the axes of damping or growth, and what failed."""
+    """Set limits and labels of the axes of damping or growth, and cross out what failed."""
     set_ticks(lower.xaxis, line.shown, pd.Series(line.x / line.shown.factor))
     values = np.append(getattr(line, show).to_numpy(dtype=float), line.untracked[show])
     if show == "damping_ratio":
@@ -267,7 +264,7 @@ def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Lin
 
 
 def _locus(axes: Axes, line: StudyLine, track: int) -> None:
-    """Growth rate against frequency of one track; arrows point to a rising parameter."""
+    """Draw frequency over growth rate of a track and near ones; arrows end at the largest value."""
     frequency, growth = line.frequency_hz[track], line.growth_rate[track]
     low, high = (
         frequency.min() * (1 - SHOWN_REL_FREQUENCY_DISTANCE),
@@ -290,7 +287,7 @@ def _locus(axes: Axes, line: StudyLine, track: int) -> None:
 
 
 def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -> None:
-    """A curve from a hollow dot to an arrow head."""
+    """Draw a curve from a hollow dot to an arrow head."""
     axes.plot(x, y, color=colour, linewidth=width, marker=".", markersize=3 * width, zorder=width)
     finite = np.flatnonzero(np.isfinite(x))
     axes.plot(x[finite[:1]], y[finite[:1]], "o", color=colour, markerfacecolor="white", zorder=3)
@@ -304,7 +301,7 @@ def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -
 
 @dataclass(frozen=True)
 class StudyLine:
-    """Tables of one line, one row a design point in ascending order.
+    """Modes of the design points on one line, in ascending order of the parameter.
 
     Attributes
     ----------
@@ -313,19 +310,21 @@ class StudyLine:
     x : ndarray (n,)
         Its values as drawn.
     failed : ndarray (n,) of bool
+        Points that failed.
     frequency_hz, growth_rate, damping_ratio : DataFrame (n, n_tracks)
-        One column a track, NaN where a track has no mode.
+        Frequency [Hz], growth rate [1/s] and damping ratio with a column for each track; NaN where
+        a track has no mode.
     doubtful : DataFrame (n, n_tracks) of bool
-        Ambiguous labels.
+        Whether it is not sure which mode has the track's number.
     untracked : DataFrame
-        Modes without a track, with the point's row as `row`.
+        Modes without a track, with the point's index on the line as `row`.
     worst : DataFrame
-        The row of largest growth of each unstable track, fastest first.
+        The mode of largest growth of each unstable track, fastest first.
     onsets : DataFrame
-        Values ``x`` along the line, as drawn, at which an unstable track turns unstable or stable,
-        (``direction``), with its ``frequency_hz`` there: those known to a tolerance.
+        Refined onsets: values ``x`` along the line, as drawn, at which a ``track`` turns unstable
+        or stable (``direction``), with its ``frequency_hz`` there.
     elsewhere : str
-        What is fixed, and why there.
+        Text on the values of other parameters, and why they were chosen.
     """
 
     shown: Quantity
@@ -346,7 +345,7 @@ class StudyLine:
         return [int(track) for track in self.worst["track"]]
 
     def colour(self, track: int) -> str:
-        """Colour of a track: one for each of the worst, dark for other unstable ones, else grey."""
+        """Colour of a track: its own if it grows fast, dark if unstable otherwise, else grey."""
         tracks = self.unstable_tracks
         if track not in tracks:
             return GREY
@@ -354,7 +353,7 @@ class StudyLine:
 
 
 def study_line(results: Results, along: str, fixed: Mapping[str, float] | None = None) -> StudyLine:
-    """The line along a parameter; of what `fixed` leaves open, that with most unstable modes.
+    """The line along a parameter; if `fixed` leaves a choice, that with the most unstable modes.
 
     Overdamped roots are left out. Raises ResultsError for an unknown parameter or value.
     """

@@ -1,4 +1,4 @@
-"""Growth rates predicted by complex modes against those fitted in time."""
+"""Growth rates predicted by complex modes, compared with those fitted to runs in time."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from squealstudy.wording import CHANGING, plural
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MIN_REL_GROWTH = 0.05  # growth over the fastest from which a relative deviation is drawn
-ENERGY = "energy"  # how growth is told where no complex mode is followed
-AXIS_LIMIT_FACTOR = 5.0  # largest deviations that the scale shows of wider bounds
+MIN_REL_GROWTH = 0.05  # least growth, over the fastest, whose relative deviation counts
+ENERGY = "energy"  # growth method of runs in which no complex mode is followed
+AXIS_LIMIT_FACTOR = 5.0  # largest extent of the scale of deviations, over the largest deviation
 EXPRESSED, NOT_EXPRESSED = "expressed in the vibration", "not expressed"
 UNKNOWN, STABLE, FAILED = "not told yet", "stable mode", "point failed later"
-KINDS: dict[str, dict[str, Any]] = {  # of a fitted growth rate, and how it is drawn
+KINDS: dict[str, dict[str, Any]] = {  # kinds of fitted growth rates, and how they are drawn
     EXPRESSED: {"color": COLOURS[0], "marker": "o"},
     NOT_EXPRESSED: {"color": COLOURS[1], "marker": "s", "markerfacecolor": "white"},
     UNKNOWN: {"color": COLOURS[4], "marker": "D", "markerfacecolor": "white"},
@@ -41,7 +41,7 @@ KINDS: dict[str, dict[str, Any]] = {  # of a fitted growth rate, and how it is d
 
 
 def _of_one_speed(results: Results) -> Iterator[tuple[str, Choices]]:
-    """One picture, where some run has one speed and pressure."""
+    """One picture, unless speed or pressure change in all runs."""
     if not (results.points["class"] == CHANGING).all() or not len(results.points):
         yield "", {}
 
@@ -50,9 +50,9 @@ def _of_one_speed(results: Results) -> Iterator[tuple[str, Choices]]:
     _of_one_speed, points=("class", "status"), growth=("fitted_growth_rate", "expressed")
 )
 def growth_comparison(results: Results) -> Figure:
-    """Fitted growth rates over predicted ones with 95 % bounds, their deviation beneath.
+    """Fitted growth rates over predicted ones, with 95 % bounds, and their deviation beneath.
 
-    Of points without an unstable mode the decay of the least stable one is shown.
+    For points without an unstable mode the decay of the least stable mode is shown.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def growth_comparison(results: Results) -> Figure:
 
 
 def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:
-    """Predicted and fitted rates [1/s] with bounds, and what kind of motion each is of."""
+    """Predicted and fitted growth rates [1/s] with bounds, deviations [%], and their KINDS."""
     expressed = growth["expressed"].astype("boolean")
     kind = np.select(
         [expressed.isna(), expressed.fillna(False)], [UNKNOWN, EXPRESSED], NOT_EXPRESSED
@@ -102,7 +102,7 @@ def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:
 
 
 def _why_nothing_is_drawn(growth: pd.DataFrame, points: pd.DataFrame) -> str:
-    """Why there is no fitted growth rate to show."""
+    """Text on why there is no fitted growth rate to show."""
     if not len(points):
         return "no growth rate was fitted\nno design points"
     failed = int((points["status"] != "ok").sum())
@@ -110,7 +110,7 @@ def _why_nothing_is_drawn(growth: pd.DataFrame, points: pd.DataFrame) -> str:
     counts = points.loc[points["status"] == "ok", "class"].value_counts()
     rest = ", ".join(f"{n} {str(kind).replace('_', ' ')}" for kind, n in counts.items())
     parts = [f"{plural(unstable, 'unstable mode')} predicted"]
-    parts += ["speed or pressure change: no growth is of one state"] if CHANGING in counts else []
+    parts += ["speed or pressure change: growth is not that of one state"] * (CHANGING in counts)
     parts += [f"runs: {rest}"] if rest else []
     parts += [f"{failed} of {plural(len(points), 'point')} failed"] if failed else []
     if "fit_status" in growth:  # results of earlier versions have no reasons
@@ -119,12 +119,12 @@ def _why_nothing_is_drawn(growth: pd.DataFrame, points: pd.DataFrame) -> str:
         reasons = [f"{n} {str(name).replace('_', ' ')}" for name, n in why.items()]
         parts += [f"fits: {', '.join(reasons)}"] if reasons else []
     energy = int((points["growth_method"] == ENERGY).sum()) if "growth_method" in points else 0
-    parts += [f"of {plural(energy, 'run')} the energy alone tells growth"] if energy else []
+    parts += [f"growth of {plural(energy, 'run')} is known from energy only"] if energy else []
     return "\n".join(["no growth rate was fitted", *parts])
 
 
 def sizeable(table: pd.DataFrame) -> np.ndarray:
-    """Rows (n,) whose predicted rate is large enough for a deviation in per cent to mean much."""
+    """Rows (n,) whose predicted rate is large enough for a relative deviation to mean something."""
     size = table["predicted"].abs().to_numpy()
     largest = float(table[["predicted", "fitted"]].abs().to_numpy().max(initial=0.0))
     large: np.ndarray = (size >= MIN_REL_GROWTH * largest) & (size > 0)
@@ -149,7 +149,7 @@ def _bars(
 
 
 def _diagonal(axes: Axes, table: pd.DataFrame) -> None:
-    """The line of equal rates, through all that is shown."""
+    """Draw the line of equal rates, and set limits that show all rates."""
     values = table[["predicted", "fitted"]].to_numpy()
     largest = float(np.abs(values).max()) or 1.0
     bounds = np.clip(table[["low", "high"]].fillna(values[0, 0]), -1.5 * largest, 1.5 * largest)
@@ -168,7 +168,7 @@ def _diagonal(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def _deviations(axes: Axes, table: pd.DataFrame) -> None:
-    """Relative deviation; of small growth, what lies beyond the scale is a caret at its edge."""
+    """Draw relative deviations; those beyond the scale are carets at its edge."""
     large = table[sizeable(table)]
     largest = float(large["deviation"].abs().max()) if len(large) else 0.0
     bounds = large[["deviation_low", "deviation_high"]].abs().to_numpy()
@@ -191,7 +191,7 @@ def _deviations(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def _title(table: pd.DataFrame, growth: pd.DataFrame) -> str:
-    """How many, how far off, and what has no fit."""
+    """Text on how many rates are fitted, how far they deviate, and how many have no fit."""
     deviation = table.loc[sizeable(table), "deviation"].abs()
     text = plural(len(table), "fitted growth rate")
     rest = []

@@ -1,4 +1,4 @@
-"""Level, frequency and modal energies of the vibration over a swept parameter."""
+"""Levels, frequency and modal energies of vibration over a swept parameter."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from squealstudy.wording import LASTING, UNDECIDED, in_digits, plural, real_mode
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MAX_LABELLED_POINTS = 36  # design points that have room for their names
+MAX_LABELLED_POINTS = 36  # design points for whose names there is room
 MAX_COLOURED_MODES = 6  # modes with a colour of their own
-MIN_SHOWN_ENERGY_SHARE = 0.02  # energy share somewhere of a mode that has one
+MIN_SHOWN_ENERGY_SHARE = 0.02  # largest energy share from which a mode has a colour
 BAR_WIDTH_RATIO = 0.8  # width of a bar over the least distance between design points
 LEAST_DRAWN_PERCENT = 0.1  # of energy; a thinner bar is its own edge
 OTHER_MODES, OUTSIDE = "other sensed modes", "outside the sensed modes"
@@ -54,7 +54,7 @@ ENDS = ("low", "high")
 
 
 def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
-    """All design points where several parameters vary, and a line along each."""
+    """A picture of all design points if several parameters vary, and one along each parameter."""
     varied = transient_parameters(results.points, varied=True)
     if len(varied) > 1:
         yield "", {}
@@ -75,10 +75,11 @@ def levels(
     results : Results
         Of a transient study.
     along : str or None
-        A varied parameter; None: all design points in their order, named by what they change of
-        the first.
+        A varied parameter; None: all design points in their order, named by what differs from the
+        first.
     fixed : mapping of parameter -> value or None
-        The line to show; of what is left open, the line with most vibrating points is taken.
+        Values of other parameters; if lines are left to choose from, that with the most vibrating
+        points is shown.
 
     Raises
     ------
@@ -124,9 +125,9 @@ def levels(
 
 @dataclass(frozen=True)
 class _Row:
-    """Design points (n rows of the points table) beside each other at `x` (n,).
+    """Design points (n rows of the points table) drawn at `x` (n,).
 
-    `over` is the parameter that they are drawn over, None where they are but numbered.
+    `over` is the parameter on the abscissa; None where points are only numbered.
     """
 
     line: pd.DataFrame
@@ -139,7 +140,7 @@ class _Row:
         return (self.line["class"] == name).to_numpy(bool)
 
     def where_ok(self, name: str) -> np.ndarray:
-        """A column (n,), NaN where a point failed: what it had until then is no level."""
+        """A column (n,); NaN where a point failed, as what it reached until then is no level."""
         line = self.line
         values: np.ndarray = line[name].where(line["status"] == "ok").to_numpy(dtype=float)
         return values
@@ -148,7 +149,7 @@ class _Row:
 def sweep_line(
     points: pd.DataFrame, along: str, fixed: Mapping[str, float] | None = None
 ) -> pd.DataFrame:
-    """Rows of the points table along a parameter, ascending; ResultsError."""
+    """Rows of the points table along a parameter, ascending; ResultsError if there are none."""
     names = transient_parameters(points)
     if len(points) == 1 and along in names:
         return points
@@ -158,7 +159,7 @@ def sweep_line(
 
 
 def design_names(points: pd.DataFrame, units: Mapping[str, str]) -> list[str]:
-    """Changes of each design point against the first, a line a parameter."""
+    """Name of each design point: what differs from the first, a line for each parameter."""
     names, first = transient_parameters(points, varied=True), points.iloc[0]
     texts = []
     for _, row in points.iterrows():
@@ -169,7 +170,7 @@ def design_names(points: pd.DataFrame, units: Mapping[str, str]) -> list[str]:
 
 
 def _abscissa(axes: Axes, row: _Row) -> None:
-    """Ticks and label of what the picture is drawn over."""
+    """Set ticks and label of the abscissa."""
     x, over = row.x, row.over
     if over is None:
         style: dict[str, Any] = {"rotation": 90, "fontsize": 7.5}
@@ -192,9 +193,9 @@ def _title(where: str, line: pd.DataFrame) -> str:
 
 
 def _levels(axes: Axes, row: _Row) -> None:
-    """RMS of torque or friction force with bounds, marked by class.
+    """Draw the RMS of torque or friction force with bounds, marked by class.
 
-    Joined by a line where `x` is a scale.
+    A line joins the points of a parameter.
     """
     rms = row.where_ok("torque_rms")
     if row.over is not None:
@@ -222,7 +223,7 @@ def _levels(axes: Axes, row: _Row) -> None:
 
 
 def _means(axes: Axes, row: _Row) -> None:
-    """Mean torque or friction force beside that of steady sliding."""
+    """Draw mean torque or friction force, and that of steady sliding."""
     static, mean = (row.where_ok(f"torque_{n}") for n in ("static", "mean"))
     joined = row.over is not None
     joint = {"linestyle": "-.", "linewidth": 1.0} if joined else {"linestyle": "", "marker": "_"}
@@ -240,7 +241,7 @@ def _means(axes: Axes, row: _Row) -> None:
 
 
 def _frequencies(axes: Axes, row: _Row) -> None:
-    """Dominant frequency where there is a vibration, and of the predicted instability."""
+    """Draw the dominant frequency of lasting vibrations, and that of predicted instability."""
     line = row.line
     predicted = line["predicted_frequency_hz"].where(line["n_unstable"] > 0)
     axes.plot(
@@ -266,7 +267,7 @@ def _frequencies(axes: Axes, row: _Row) -> None:
 
 
 def _share_bars(axes: Axes, row: _Row, modes: pd.DataFrame) -> None:
-    """Energy shares of the main modes, a bar at each point that keeps vibrating."""
+    """Draw energy shares of the main modes, a bar at each point that keeps vibrating."""
     lasting = row.line["class"].isin(LASTING).to_numpy(bool)
     table = stacked_shares(row.line[lasting], modes)
     axes.set_ylim(0.0, 100.0)
@@ -297,7 +298,7 @@ def _share_bars(axes: Axes, row: _Row, modes: pd.DataFrame) -> None:
 
 
 def bar_places(x: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Left edges and widths (n,) of bars about `x`, as wide as each other on the axis."""
+    """Left edges and widths (n,) of bars about `x`; all are equally wide on the axis."""
     position = np.log(x) if log else x
     half = 0.5 * BAR_WIDTH_RATIO * float(np.diff(np.unique(position)).min(initial=np.inf))
     half = half if np.isfinite(half) else 0.5 * BAR_WIDTH_RATIO
@@ -307,7 +308,7 @@ def bar_places(x: np.ndarray, log: bool) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stacked_shares(line: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
-    """Shares of the main modes, of the others and outside, a row each of `line`, named to show."""
+    """Energy shares of main modes, other modes and the rest, a row for each of `line`."""
     line_modes = modes[modes["point_id"].isin(line["point_id"])]
     wide = line_modes.pivot_table("energy_share", "point_id", "mode", aggfunc="first")
     wide = wide.reindex(line["point_id"]).fillna(0.0)

@@ -1,4 +1,4 @@
-"""Where a numerical method works in two knobs: what it did as colour, the forecast as a line."""
+"""Map of a numerical method over two knobs: outcomes as colours, the prediction as a line."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ CLASSES = {
     "failed": (DARK, "failed, said so"),
 }
 ALARM = "#CC0066"
-SHOWN_DECADES = 6.0  # decades of the prediction that the contour tells apart
+SHOWN_DECADES = 6.0  # decades on both sides of the boundary within which contours are interpolated
 LEGEND_LINE_CHARACTERS = 48  # characters of a line in the legend
-POINTS_PER_INTERVAL = 8
+POINTS_PER_INTERVAL = 8  # interpolated between two values of a knob
 
 
 @register_plot(cells=("outcome", "flagged", "predicted"))
 def method_stability(results: Results) -> Figure:
-    """Cells of a grid coloured by outcome class; the predicted boundary as a line over them.
+    """Cells of a grid coloured by outcome, with the predicted boundary as a line.
 
-    An axis is logarithmic where the values of its knob are.
+    An axis is logarithmic where the values of its knob are spaced so.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def method_stability(results: Results) -> Figure:
     Raises
     ------
     ResultsError
-        An outcome that is no class.
+        For an outcome that is no class.
 
     Examples
     --------
@@ -95,32 +95,35 @@ def method_stability(results: Results) -> Figure:
 
 
 def _label(shown: Quantity, words: Mapping[str, str]) -> str:
-    """The knob with its unit, and what it is."""
+    """Name, unit and meaning of a knob."""
     return joined(shown.label, words.get(shown.name, ""), by=": ")
 
 
 def tally(cells: pd.DataFrame) -> str:
-    """How far forecast and outcome agree, in words."""
+    """How far prediction and outcome agree, in words."""
     works, inside = cells["outcome"].isin(WORKS), cells["predicted"] < 1.0
+    beyond = cells["predicted"] >= 1.0
     text = (
         f"works in {int((works & inside).sum())} of {plural(int(inside.sum()), 'cell')} within the "
-        f"predicted boundary, in {int((works & ~inside).sum())} of {int((~inside).sum())} beyond"
+        f"predicted boundary, in {int((works & beyond).sum())} of {int(beyond.sum())} beyond"
     )
-    helped = int(((cells["outcome"] == "recovered") & ~inside).sum())
+    helped = int(((cells["outcome"] == "recovered") & beyond).sum())
     text += f" ({helped} of these by a help)" if helped else ""
+    unknown = int((~inside & ~beyond).sum())
+    text += f"; {plural(unknown, 'cell')} without a prediction" if unknown else ""
     alarms = int(_unflagged(cells).sum())
     return f"{text}; {alarms} wrong without a warning" if alarms else text
 
 
 def _unflagged(cells: pd.DataFrame) -> np.ndarray:
-    """Rows (n,) that are wrong, and nothing said so."""
+    """Rows (n,) whose outcome is wrong without a warning."""
     wrong = (cells["outcome"] == "wrong").to_numpy(dtype=bool)
     silent: np.ndarray = wrong & ~cells["flagged"].to_numpy(dtype=bool)
     return silent
 
 
 def _draw_classes(axes: Axes, plane: Plane, cells: pd.DataFrame) -> list[Patch | Line2D]:
-    """Cells by class; the legend entries of those that occur, with their number."""
+    """Draw cells by class; return the legend entries of classes that occur, with their number."""
     outcome = cells["outcome"]
     names = list(CLASSES)
     class_numbers = outcome.map(names.index).to_numpy(dtype=float)
@@ -134,7 +137,7 @@ def _draw_classes(axes: Axes, plane: Plane, cells: pd.DataFrame) -> list[Patch |
 
 
 def _counts(cells: pd.DataFrame, name: str) -> str:
-    """Number of cells of a class; of those recovered also by what."""
+    """Number of cells of a class; that of recovered ones for each help."""
     of_class = cells[cells["outcome"] == name]
     if name != "recovered" or "by" not in cells:
         return f"({len(of_class)})"
@@ -142,7 +145,7 @@ def _counts(cells: pd.DataFrame, name: str) -> str:
 
 
 def _draw_alarm(axes: Axes, plane: Plane, cells: pd.DataFrame) -> list[Patch | Line2D]:
-    """Crosses on cells that are wrong without a word."""
+    """Draw crosses on cells that are wrong without a warning; return their legend entry."""
     silent = _unflagged(cells)
     if not silent.any():
         return []
@@ -166,7 +169,7 @@ def _draw_alarm(axes: Axes, plane: Plane, cells: pd.DataFrame) -> list[Patch | L
 def _draw_boundary(
     axes: Axes, plane: Plane, predicted: pd.Series, boundary: str
 ) -> list[Patch | Line2D]:
-    """The line predicted = 1, ticks to the side where failure is predicted."""
+    """Draw the line predicted = 1, with ticks to the side where failure is predicted."""
     number = predicted.to_numpy(dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y, decades = plane.cells(np.log10(number))
@@ -190,7 +193,7 @@ def _draw_boundary(
 def _between(
     shown: Quantity, values: np.ndarray, table: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending values (n,) and columns of a table (m, n), POINTS_PER_INTERVAL in each interval."""
+    """Ascending values (n,) and columns of a table (m, n), interpolated in each interval."""
     positions = shown.even(values)
     parts = np.interp(
         np.arange((len(positions) - 1) * POINTS_PER_INTERVAL + 1) / POINTS_PER_INTERVAL,

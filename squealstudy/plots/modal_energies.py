@@ -1,4 +1,4 @@
-"""Energy of the assembly's modes over time (Vermot des Roches et al. 2010, fig. 15, 16)."""
+"""Energy of the assembly's real modes over time (Vermot des Roches et al. 2010, fig. 15, 16)."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 
 MODE_COLUMN = re.compile(r"energy_mode_(\d+)")
 MAX_COLOURED_MODES = 6  # modes in colour
-N_TIME_BINS = 250  # means over time: an oscillating energy is a line with a band of its extremes
-SHOWN_DECADES = 8  # below the largest energy that are shown
+N_TIME_BINS = 250  # means over time of an oscillating energy; a band shows its extremes
+SHOWN_DECADES = 8  # decades that are shown below the largest energy
 
 
 @register_plot(histories, points=("class",), modes=("energy_share",))
 def modal_energies(results: Results, point: str | int = 0) -> Figure:
-    """Energy of the sensed modes on a logarithmic axis over time, the leading ones named.
+    """Energy of the sensed modes over time on a logarithmic axis; the leading ones are named.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
 
 
 def leading_modes(run: Run, mode_numbers: list[int]) -> list[int]:
-    """The modes to name: those of a transfer, then by the larger of first and last share."""
+    """Modes to name: those of a transfer, then those of the largest first or last energy share."""
     score = pd.Series(0.0, index=mode_numbers)
     if len(run.modes):
         shares = run.modes.set_index("mode")[["energy_share", "first_share"]].max(axis=1)
@@ -109,7 +109,7 @@ def leading_modes(run: Run, mode_numbers: list[int]) -> list[int]:
 def _draw(
     axes: Axes, run: Run, name: str, colour: str, text: str, style: str = "-"
 ) -> EndLabel | None:
-    """Mean energy as a line over a band of its extremes, and its label; None if unknown."""
+    """Draw mean energy as a line over a band of its extremes; its label, None if unknown."""
     time, energy = run.milliseconds, run.column(name)
     positive = np.where(energy > 0, energy, np.nan)
     if not np.isfinite(positive).any():
@@ -123,13 +123,13 @@ def _draw(
 
 
 def _curve(time: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means over parts of the time, NaN where not positive: the axis is logarithmic."""
+    """Means over parts of the time; NaN where not positive, as the axis is logarithmic."""
     x, y = binned(time, energy, N_TIME_BINS)
     return x, np.where(y > 0, y, np.nan)
 
 
 def _limits(axes: Axes, energy: np.ndarray) -> tuple[float, float]:
-    """From the smallest named energy, within SHOWN_DECADES, to the largest."""
+    """Limits from the smallest energy that is named, within SHOWN_DECADES, to the largest."""
     curves = [np.asarray(line.get_ydata(), float) for line in axes.get_lines() if line.zorder == 3]
     values = np.concatenate([*curves, energy])
     values = values[np.isfinite(values) & (values > 0)]
@@ -140,7 +140,7 @@ def _limits(axes: Axes, energy: np.ndarray) -> tuple[float, float]:
 
 
 def _name(modes: pd.DataFrame, mode: int) -> str:
-    """Number, frequency, main component and last share of a mode."""
+    """Number, frequency, main component and last energy share of a mode, in words."""
     row = modes[(modes["mode"] == mode).to_numpy()] if len(modes) else modes
     if not len(row):
         return real_mode_number(mode)
@@ -151,7 +151,7 @@ def _name(modes: pd.DataFrame, mode: int) -> str:
 
 
 def _note(modes: pd.DataFrame, n_others: int) -> str:
-    """Meaning of lines and figures."""
+    """Text on the meaning of lines and numbers."""
     parts = ["lines: means, bands: extremes"]
     parts += (
         [f"grey: {plural(n_others, 'other mode')} that held 1 % at some time"] if n_others else []
@@ -177,7 +177,7 @@ def _transfer_text(run: Run) -> str:
 
 
 def main_components(modes: pd.DataFrame) -> pd.Series:
-    """The component of most elastic energy in each row of a modes table, "" where unknown."""
+    """The component with most elastic energy in each row of a modes table; "" where unknown."""
     names = component_columns(modes)
     has_energy = modes[names].notna().any(axis=1)
     if not has_energy.any():

@@ -1,4 +1,4 @@
-"""Least damping at every operating point: today's design beside the one that was chosen."""
+"""Least damping at every operating point: of today's design and of the chosen one."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from squealstudy.wording import plural, setting
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST_NAMED = 24  # operating points with their values beneath
-CALLED = {  # the design that a study ends with, where its outcome is no proof
+MOST_NAMED = 24  # operating points whose values are written beneath
+CALLED = {  # name of the design that a study ends with, for outcomes without a proof
     "none_found": "comes nearest",
     "stopped": "last candidate, not proven",
     "unproven": "last candidate, not proven",
@@ -45,7 +45,7 @@ def operating_matrix(results: Results) -> Figure:
     >>> results.plot.operating_matrix().savefig("operation.png")
     """
     facts, points = results.fact("design_study"), results.points
-    # of a design that scatters, roots are those of samples
+    # where a design scatters, the analysis "roots" is of its samples
     analyses = ["modes", "roots"] if facts["probability"] is None else ["modes"]
     solved = points[points["analysis"].isin(analyses).to_numpy(bool)]
     names, number = list(facts["operating"]), int(facts["n_operating_points"])
@@ -72,8 +72,8 @@ def operating_matrix(results: Results) -> Figure:
 
 
 def chosen_word(facts: Mapping[str, Any]) -> str:
-    """Word for the design that a study ends with."""
-    if facts.get("failure"):  # of operating points without which nothing can be chosen
+    """Name of the design that a study ends with."""
+    if facts.get("failure"):  # of operating points that every design needs
         return "not judged"
     return CALLED.get(facts["outcome"], "chosen")
 

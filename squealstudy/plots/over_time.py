@@ -1,4 +1,4 @@
-"""Common parts of pictures over time: long signals, labels at line ends, the design point."""
+"""Common parts of pictures over time: long signals, labels at line ends, design points' runs."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from squealstudy.wording import TORQUE
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-PALETTE = [c for c in COLOURS if c != "#000000"]  # of modes; black is all of them together
+PALETTE = [c for c in COLOURS if c != "#000000"]  # colours of modes; black is for their sum
 MOST_HISTORIES = 16  # design points whose histories are drawn; `results.plot` draws any other
-N_TIME_BINS = 1500  # of a long signal: about the pixels of an axis
+N_TIME_BINS = 1500  # parts of a long signal, about as many as an axis has pixels
 MS_PER_S = 1e3
-MOST_NAMED = 2  # varied parameters that are all named in a title
+MOST_NAMED = 2  # largest number of varied parameters that are all named in a title
 # size of labels at line ends, and their distance from the axes, points
 LABEL_FONT_POINTS, LABEL_GAP_POINTS = 8.5, 6.0
 TITLE_LINE_CHARACTERS = 100  # characters of a line of a title
@@ -34,7 +34,7 @@ TITLE_LINE_CHARACTERS = 100  # characters of a line of a title
 
 @dataclass(frozen=True)
 class EndLabel:
-    """A text right of the axes at a height in data coordinates."""
+    """A text to the right of the axes, at a height in data coordinates."""
 
     y: float
     text: str
@@ -42,9 +42,10 @@ class EndLabel:
 
 
 def histories(results: Results) -> Iterator[tuple[str, Choices]]:
-    """A picture of each of the first design points that kept a history, named by its values.
+    """A picture for each of the first design points that kept a history.
 
-    Named by its row where many parameters vary or none, or where another has the same name.
+    It is named by the values of its parameters; by its row if many or no parameters vary, or if
+    another picture has the same name.
     """
     has_history = results.points["point_id"].isin(results.store.kept_histories()).to_numpy()
     rows = np.flatnonzero(has_history)[:MOST_HISTORIES].tolist()
@@ -68,19 +69,20 @@ def _values_in_name(results: Results, row: int) -> str:
 
 @dataclass(frozen=True)
 class Run:
-    """A design point of a transient study as pictures draw it over time.
+    """The run of a design point, for pictures over time.
 
     Attributes
     ----------
     row : Series
-        Its row of the points table.
+        The design point's row of the points table.
     title : str
-        What it is, in words.
+        The values of its parameters, in words.
     history : DataFrame
-        A row each kept step; empty where none was kept.
+        A row for each kept step; empty where none was kept.
     growth, modes : DataFrame
-        Its rows of these tables.
+        Rows of these tables that belong to it.
     units : mapping of column -> unit
+        Units of columns and parameters.
     """
 
     row: pd.Series
@@ -91,14 +93,14 @@ class Run:
     units: Mapping[str, str]
 
     def column(self, name: str) -> np.ndarray:
-        """A column of the history (n,), NaN where it has none."""
+        """A column (n,) of the history; NaN if it has no such column."""
         if name not in self.history:
             return np.full(len(self.history), np.nan)
         values: np.ndarray = self.history[name].to_numpy(dtype=float)
         return values
 
     def number(self, name: str) -> float:
-        """A number of the row, NaN where there is none."""
+        """A number in the row of the points table; NaN where there is none."""
         cell = self.row.get(name, np.nan)
         return np.nan if pd.isna(cell) else float(cell)
 
@@ -114,13 +116,13 @@ class Run:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """First and last time of a history, ms; a millisecond where they are one."""
+        """First and last time of the history, ms; one millisecond apart if they are the same."""
         first, last = (float(t) for t in self.milliseconds[[0, -1]])
         return first, last if last > first else first + 1.0
 
 
 def run_of(results: Results, point: str | int) -> Run:
-    """The run of a design point, as of ``Results.history``, and its rows of the tables."""
+    """The run of a design point; `point` is its id or row, as ``Results.history`` takes it."""
     history, row = results.history(point), results.points.iloc[results.row_of(point)]
     growth, modes = (
         table[(table["point_id"] == row["point_id"]).to_numpy()]
@@ -137,16 +139,16 @@ def run_of(results: Results, point: str | int) -> Run:
 
 
 def friction_label(units: Mapping[str, str]) -> tuple[str, str]:
-    """Meaning of the columns ``torque_*`` and their unit: a braking torque, or a friction force."""
+    """What the columns ``torque_*`` are, a torque or a friction force, and their unit."""
     unit = units.get(TORQUE, "N m")
     return ("torque" if unit == "N m" else "friction force"), unit
 
 
 def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
-    """Write labels right of the axes, as near to their heights as they go without overlap.
+    """Write labels to the right of the axes, as near to their heights as possible without overlap.
 
-    A thin line leads to each height.
-    All else must have been drawn before, limits and scales be final.
+    A thin line leads from each height to its label. Everything else must have been drawn before,
+    and limits and scales must be final.
     """
     if not labels:
         return
@@ -183,14 +185,15 @@ def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
 
 
 def spread(positions: np.ndarray, min_distance: float, low: float, high: float) -> np.ndarray:
-    """Positions (n,) moved to be `min_distance` from each other, between limits if they fit.
+    """Positions (n,) that are at least `min_distance` apart, and between the limits.
 
-    Least squares under the order of `positions`: blocks that would overlap are merged about
-    their mean (pool adjacent violators).
+    The distance is smaller if they would not fit. Their order is kept, and the sum of the squares
+    of all shifts is least: blocks that would overlap are merged about their mean (pool adjacent
+    violators).
     """
     order = np.argsort(positions, kind="stable")
     min_distance = min(min_distance, (high - low) / max(len(positions) - 1, 1))
-    blocks: list[tuple[float, int]] = []  # mean of place less its offset, length
+    blocks: list[tuple[float, int]] = []  # mean position without offsets, number of positions
     for k, height in enumerate(positions[order]):
         blocks.append((float(height) - k * min_distance, 1))
         while len(blocks) > 1 and blocks[-2][0] > blocks[-1][0]:
@@ -204,7 +207,7 @@ def spread(positions: np.ndarray, min_distance: float, low: float, high: float) 
 
 
 def outline(x: np.ndarray, y: np.ndarray, bins: int = N_TIME_BINS) -> tuple[np.ndarray, np.ndarray]:
-    """A signal (n,) by its smallest and largest value in each of `bins` parts, if it is longer."""
+    """A signal (n,); a long one by its smallest and largest value in each of `bins` parts."""
     if len(x) <= 4 * bins:
         return x, y
     starts = np.linspace(0, len(x), bins, endpoint=False).astype(int)
@@ -213,17 +216,17 @@ def outline(x: np.ndarray, y: np.ndarray, bins: int = N_TIME_BINS) -> tuple[np.n
 
 
 def binned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
-    """Means (m,) of a signal (n,) and of its abscissa over at most `bins` parts."""
+    """Means (m,) of abscissa and signal (n,) over at most `bins` parts."""
     starts = np.unique(np.linspace(0, len(x), min(bins, len(x)), endpoint=False).astype(int))
     counts = np.diff(np.append(starts, len(x)))
     return np.add.reduceat(x, starts) / counts, np.add.reduceat(y, starts) / counts
 
 
 def design_text(points: pd.DataFrame, row: pd.Series, units: Mapping[str, str]) -> str:
-    """Values of a design point with units, in lines that fit over a picture.
+    """Parameters of a design point with their units, in lines that fit over a picture.
 
-    One or two varied parameters with their values; of more, those that differ from the first
-    point's; all parameters where none is varied.
+    These are the varied parameters; of more than MOST_NAMED only those that differ from the first
+    point's; all parameters if none is varied.
     """
     names = transient_parameters(points, varied=True)
     if len(names) > MOST_NAMED:

@@ -1,4 +1,4 @@
-"""Two parameters of a study: what is unstable at each design point."""
+"""Design points over two parameters of a study, and what is unstable at each."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
 MOST_CELLS = (450, 300)  # cells of a picture, about 2 pixels each
-N_CELLS = (150, 100)  # cells in which scattered points are gathered that would cover one another
-MOST_DOTS = 20_000  # scattered points that are drawn: more cover one another
-POINTS_PER_CELL = 8  # in the mean, of cells in which another state is looked for
-N_NEIGHBOUR_CELLS = 2  # on each side of a point's own
+N_CELLS = (150, 100)  # cells in which many scattered points are gathered
+MOST_DOTS = 20_000  # scattered points that are drawn; more would cover one another
+POINTS_PER_CELL = 8  # mean number of points in a cell when points of another state are sought
+N_NEIGHBOUR_CELLS = 2  # cells on each side of a point's own in which they are sought
 MIN_INSCRIBED_RATIO = 0.01  # radius of the inscribed circle over that of the circumscribed one
-MIN_GRID_SHARE = 0.5  # share of the cells with a design point from which on a plane is a grid
+MIN_GRID_SHARE = 0.5  # share of the cells with a design point from which a plane counts as a grid
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Plane:
     y: np.ndarray
 
     def cells(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Columns (nx,), rows (ny,) and values (ny, nx), NaN where there is no point."""
+        """Ascending x (nx,) and y (ny,), and values as a table (ny, nx); NaN without a point."""
         x, i = np.unique(self.x, return_inverse=True)
         y, j = np.unique(self.y, return_inverse=True)
         table = np.full((len(y), len(x)), np.nan)
@@ -66,10 +66,9 @@ class Plane:
             set_ticks(axis, shown, table[shown.name])
 
     def draw_cells(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
-        """Cells coloured by values (n,), hatched where there is none.
+        """Draw cells coloured by values (n,), hatched where there is no value.
 
-        Cells that are drawn as one (`merged`) have their largest value: an image would show one of
-        them and omit the others.
+        Cells that are drawn as one (`merged`) have their largest value.
         """
         axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
         x, y, table = self.cells(values)
@@ -82,13 +81,13 @@ class Plane:
 
     @cached_property
     def merged(self) -> tuple[int, int]:
-        """Numbers of columns and of rows of a grid that are drawn as one: pixels are limited."""
+        """Numbers of columns and of rows of a large grid that are drawn as one."""
         counts = (len(np.unique(v)) for v in (self.x, self.y))
         across, up = (-(-n // most) for n, most in zip(counts, MOST_CELLS, strict=True))
         return across, up
 
     def draw_bins(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
-        """Equal cells coloured by the largest of the values (n,) of the points inside."""
+        """Draw equal cells coloured by the largest of the values (n,) of the points inside."""
         finite = np.isfinite(values)
         bin_numbers = np.zeros(int(finite.sum()), dtype=np.int64)
         edges = []
@@ -109,25 +108,26 @@ class Plane:
 
 @dataclass(frozen=True)
 class StudyPlane(Plane):
-    """Tables of one plane, one row a design point.
+    """Design points of one plane, with their stability.
 
     Attributes
     ----------
     rows : ndarray (n,) of int
-        Places of the design points in the points table.
+        Rows of the design points, or nodes, in their table.
     value : ndarray (n,)
-        The measure, NaN where the point failed.
+        The measure that is shown; NaN where the point failed.
     point_ids : ndarray (n,) of str
+        Ids of the points.
     solved, unstable : ndarray (n,) of bool
-        Points that were solved; points at which any mode is unstable.
+        Points that were solved; points at which a mode is unstable.
     damping_ratio : ndarray (n,)
-        The least of a point's oscillating modes, NaN where there is none.
+        Least damping ratio of a point's oscillating modes; NaN where there is none.
     gridded : bool
-        The points fill a grid.
+        Whether the points fill a grid.
     elsewhere : str
-        Text: values of fixed parameters and why these, or which others vary.
+        Text on the values of fixed parameters, why they were chosen, and which others vary.
     others_vary : bool
-        Points of the plane differ in other parameters too.
+        Whether points of the plane differ in other parameters too.
     """
 
     rows: np.ndarray
@@ -141,9 +141,9 @@ class StudyPlane(Plane):
     others_vary: bool
 
     def polygons(self) -> Iterator[np.ndarray]:
-        """Rows of the design points at the corners of each cell or triangle, counterclockwise.
+        """Yield the points at the corners of each cell or triangle, counterclockwise.
 
-        Those with a failed corner are left out, and those whose corners agree in stability.
+        Cells and triangles with a failed corner, or whose corners agree in stability, are left out.
         """
         if self.gridded:
             _, _, cell_index = self.cells(np.arange(len(self.x)))
@@ -165,10 +165,10 @@ class StudyPlane(Plane):
 
     @cached_property
     def near_changes(self) -> np.ndarray:
-        """Solved points (n,); of very many only those at the edge or near points of another state.
+        """Solved points (n,); of very many only those near the edge or another stability.
 
-        Triangles between all others would have corners of one state. Near points lie in the same
-        cell or within N_NEIGHBOUR_CELLS; cells hold equal shares of each axis' values.
+        Triangles between the other points have corners of one stability. Near points are at most
+        N_NEIGHBOUR_CELLS cells apart; cells hold equal shares of each axis' values.
         """
         is_solved, many = self.solved, int(self.solved.sum())
         if many <= MOST_DOTS:
@@ -190,9 +190,9 @@ class StudyPlane(Plane):
         return is_near
 
     def triangles(self, values: np.ndarray) -> Triangulation | None:
-        """Triangles between the points with a value; None where they span no area.
+        """Triangles between points with a value; None if there are none or other parameters vary.
 
-        Very flat ones along the edge are left out: their corners are no neighbours.
+        Very flat triangles along the edge are left out: their corners are no neighbours.
         """
         finite = np.isfinite(values)
         if self.others_vary or finite.sum() < 3:
@@ -215,9 +215,10 @@ def study_plane(
     fixed: Mapping[str, float] | None = None,
     measure: str = "count",
 ) -> StudyPlane:
-    """The plane of two parameters, at other parameters as `fixed`, or where most is unstable.
+    """The plane of two parameters, at `fixed` values of others or where most modes are unstable.
 
-    Of scattered designs, which have no such planes, all points are taken. Raises ResultsError.
+    Scattered designs have no such planes: all their points are taken. ResultsError for an unknown
+    parameter, value or measure.
     """
     if measure not in MEASURES:
         raise ResultsError(
@@ -263,9 +264,10 @@ def study_plane(
 
 
 def _stability_of_points(results: Results) -> tuple[np.ndarray, ...]:
-    """Unstable modes, largest growth and least damping of oscillating modes of each point (n,).
+    """Number of unstable modes, largest growth and least damping ratio (n,) of each point.
 
-    NaN where the point has no such mode.
+    Growth is that of oscillating and unstable modes, damping that of oscillating ones; NaN where a
+    point has none.
     """
     n = len(results.points)
     count, extremes = np.zeros(n, dtype=np.int64), [np.full(n, -np.inf) for _ in range(2)]

@@ -1,4 +1,4 @@
-"""The ranking as bars: how much of the study is unstable, and where the energy sits."""
+"""The ranking as bars: the unstable share of design points, and where the energy is."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from squealstudy.wording import amount
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-GROUPED = ("track", "unstable", "overdamped", "frequency_hz")  # what groups of modes are made of
+GROUPED = ("track", "unstable", "overdamped", "frequency_hz")  # columns that decide on groups
 SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
 LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
 MIN_NUMBERED_BAR_PERCENT = 8.0  # percent: narrower bars carry no number
 LONGEST_NAME = 44  # characters of a line
-HATCHES = ("", "//", "\\\\", "xx")  # where components outnumber shades
+HATCHES = ("", "//", "\\\\", "xx")  # to tell components apart that outnumber the shades
 
 
 @register_plot(points=("status",), modes=("track", "unstable", "overdamped"))
@@ -51,9 +51,9 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     results : Results
         Of a complex-mode study.
     by : str
-        As of ``Results.rank``.
+        Order of the rows, as in ``Results.rank``.
     top : int
-        Rows to show.
+        Number of rows to show.
 
     Raises
     ------
@@ -70,7 +70,8 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     table, along = results.rank(by), results.along
     shown = table.iloc[:top]
     if not len(shown):
-        return empty_figure("no unstable mode")
+        is_solved = (results.points["status"] == "ok").any()
+        return empty_figure("no unstable mode" if is_solved else "no design point is solved")
     columns = [*GROUPED, *energy_columns(results.columns("modes"))]
     unstable = results.rows("modes", columns, lambda modes: modes["unstable"].to_numpy(bool))
     energies = mean_energies(unstable, shown["track"].tolist())
@@ -95,7 +96,7 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
 
 
 def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
-    """Mean energy shares over the unstable points of each track, one row a track."""
+    """Mean energy shares over the unstable points of each track, a row for each track."""
     columns = energy_columns(modes.columns)
     group = pd.Series(unstable_groups(modes), index=modes.index)
     means = modes.loc[group.isin(tracks), columns].groupby(group).mean()
@@ -103,7 +104,7 @@ def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:
 
 
 def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) -> str:
-    """Track, by its name where it has one, and frequency; without a track the range of these."""
+    """Number or name of a track with its frequency; for untracked modes their frequency range."""
     if row["kind"] == "mode":
         return track_name(row["track"], row["frequency_hz"], names, LONGEST_NAME)
     hz = frequency_text(row)
@@ -111,7 +112,7 @@ def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) ->
 
 
 def _shares(axes: Axes, shown: pd.DataFrame, unit: str) -> None:
-    """Bars of the unstable share with growth and threshold, in a unit, beside them."""
+    """Draw bars of the unstable share, with growth and onset, in a unit, beside them."""
     share, positions = 100 * shown["unstable_share"].to_numpy(), np.arange(len(shown))
     axes.barh(positions, share, height=0.62, color=UNSTABLE)
     for y, x, row in zip(positions, share, shown.to_dict("records"), strict=True):
@@ -128,7 +129,7 @@ def _shares(axes: Axes, shown: pd.DataFrame, unit: str) -> None:
 
 
 def _energies(axes: Axes, energies: pd.DataFrame) -> None:
-    """Stacked bars, a component each; the share is written where it fits."""
+    """Draw stacked bars, one for each component; shares are written where they fit."""
     positions, bar_starts = np.arange(len(energies)), np.zeros(len(energies))
     for k, component in enumerate(energies.columns):
         share = 100 * energies[component].fillna(0.0).to_numpy()

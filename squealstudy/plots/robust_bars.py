@@ -1,4 +1,4 @@
-"""Robustness of a scattered design: probabilities of instability and Sobol indices as bars."""
+"""Robustness of a random design: probabilities of instability and Sobol indices as bars."""
 
 from __future__ import annotations
 
@@ -31,30 +31,31 @@ from squealstudy.wording import in_digits, plural, track_number
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MAX_QUANTITIES = 3  # growth rates with indices
+MAX_QUANTITIES = 3  # growth rates whose indices are shown
 LONGEST_NAME = 44  # characters of a line
 BAR_HEIGHT = 0.19  # height of each of a parameter's two bars, in rows
 ERROR_BARS = {"capsize": 2.5, "elinewidth": 1.1, "ecolor": "0.15"}
 
 
 def _random(results: Results) -> Iterator[tuple[str, Choices]]:
-    """One picture of a random design of which any point is solved."""
+    """One picture of a random design with a solved point."""
     if results.design in RANDOM_DESIGNS and (results.points["status"] == "ok").any():
         yield "", {}
 
 
 @register_plot(_random, points=("status",), modes=("track", "unstable", "overdamped"))
 def robust(results: Results, top: int = 10) -> Figure:
-    """Probability of instability of each mode; beside it the indices of the growth rates.
+    """Probability of instability of each mode, and Sobol indices of growth rates beside it.
 
-    Indices are those of a design for them, of its first three growth rates that have some.
+    Indices are shown for a design that is made for them, of the first three growth rates that have
+    indices.
 
     Parameters
     ----------
     results : Results
         Of a complex-mode study with a random design.
     top : int
-        Tracks to show beside "any mode".
+        Number of rows to show beside "any mode".
 
     Raises
     ------
@@ -81,7 +82,7 @@ def robust_bars(
     indices: pd.DataFrame | None,
     names: Mapping[int, tuple[str, bool]] | None = None,
 ) -> Figure:
-    """The figure of rows of both tables; without indices that of the probabilities alone."""
+    """The figure of rows of both tables; without indices it has the probabilities alone."""
     quantities = [] if indices is None else list(indices["track"].unique()[:MAX_QUANTITIES])
     parameters = 0 if indices is None else indices["parameter"].nunique()
     height = max(1.7 + 0.36 * len(shown), 1.7 + 0.5 * parameters, 3.0)
@@ -123,7 +124,7 @@ def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[st
     failed = int(shown["failed_points"].iloc[0])
     note = f", {plural(failed, 'point')} not ok" if failed else ""
     note += ", ~: maybe two modes" if shown["ambiguous"].any() else ""
-    head(axes, f"{plural(int(shown['points'].iloc[0]), 'point')}{note}; bars: confidence interval")
+    head(axes, f"{plural(int(shown['points'].iloc[0]), 'point')}{note}; black: 95 % interval")
 
 
 def _mode(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) -> str:
@@ -135,12 +136,12 @@ def _mode(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) ->
 
 
 def _doubt(row: Mapping[Hashable, Any] | pd.Series) -> str:
-    """Before a mode whose number may have jumped, as on the screen."""
+    """Mark before a mode whose number may have jumped, as on the screen."""
     return "~" if row["ambiguous"] else ""
 
 
 def _indices(axes: Axes, indices: pd.DataFrame, first: bool) -> None:
-    """First and total index of each parameter with their intervals."""
+    """Draw first and total index of each parameter, with their intervals."""
     positions = np.arange(len(indices))
     for side, name, colour in ((-1, "first", COLOURS[5]), (1, "total", COLOURS[1])):
         index, low, high = (indices[f"{name}{end}"].to_numpy() for end in ("", "_low", "_high"))

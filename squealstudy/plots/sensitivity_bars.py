@@ -1,4 +1,4 @@
-"""Sensitivities of one mode as bars: first-order change of growth beside the finite one."""
+"""Sensitivities of one mode as bars: change of growth to first order and by reanalysis."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 BAR_HEIGHT = 0.36
 HATCH = "////"
 PREDICTED, FINITE = "predicted_growth_change", "finite_growth_change"
-TITLE_LINE_CHARACTERS = 80  # characters of the title
+TITLE_LINE_CHARACTERS = 80  # characters of a line of the title
 MOST_PICTURES = 8  # modes that get a picture, the fastest growing first
 
 
 def _modes(results: Results) -> Iterator[tuple[str, Choices]]:
-    """A picture of each mode of the design point of largest growth."""
+    """A picture for each mode of the design point with the largest growth."""
     table = results.sensitivities
     if not len(table):
         yield "", {}
@@ -58,18 +58,18 @@ def _modes(results: Results) -> Iterator[tuple[str, Choices]]:
 def sensitivity(
     results: Results, mode: float | None = None, point_id: str | None = None, top: int = 20
 ) -> Figure:
-    """Predicted and finite change of the growth rate at each parameter's step, largest first.
+    """Change of the growth rate at each parameter's step, to first order and by reanalysis.
 
     Parameters
     ----------
     results : Results
         Of a sensitivity study.
     mode : float or None
-        The mode nearest this frequency [Hz]; without, that of largest growth rate.
+        Frequency [Hz], for the mode nearest to it; None: the mode with the largest growth rate.
     point_id : str or None
-        The design point; without, that at which the mode grows fastest.
+        The design point; None: that at which the mode grows fastest.
     top : int
-        Parameters to show.
+        Number of parameters to show, those with the largest change.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def sensitivity(
 
 
 def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figure:
-    """The figure of the rows of one mode; `title` says what the design point is."""
+    """The figure of the rows of one mode; `title` has the parameters of the design point."""
     shown = rank_sensitivities(mode, top)
     figure = new_figure(10.0, 1.9 + 0.36 * len(shown))
     axes = figure.add_subplot()
@@ -125,6 +125,6 @@ def _legend(figure: Figure, hatched: bool) -> None:
         Patch(color=UNSTABLE, label="reanalysis"),
     ]
     if hatched:
-        label = "near coalescence: the derivative means nothing"
+        label = "near coalescence: the derivative does not hold over the step"
         handles.append(Patch(facecolor=COLOURS[1], edgecolor="white", hatch=HATCH, label=label))
     legend_below(figure, handles, 3, "right")

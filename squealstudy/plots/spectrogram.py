@@ -26,25 +26,25 @@ from squealstudy.wording import in_digits
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-# in a run: lines are told apart from about twice their number a run on (Hann)
+# length of a run over that of a Hann window, which resolves lines about 2 / its length apart
 WINDOWS_PER_RUN = 12.5
-FEWEST_SAMPLES = 32  # of a run
-MAX_FRAMES = 400  # at most
-ZERO_PADDING_FACTOR = 4  # zeros: a finer frequency axis, not a finer resolution
-SHOWN_RANGE_DB = 60.0  # dB below the maximum
+FEWEST_SAMPLES = 32  # least number of kept rows of a run
+MAX_FRAMES = 400  # number of windows, at most about this
+ZERO_PADDING_FACTOR = 4  # padding makes the frequency axis finer, not the resolution
+SHOWN_RANGE_DB = 60.0  # range that is shown below the maximum, dB
 PA_PER_BAR = 1e5
-UNEVEN_STEP_RATIO = 1e-3  # relative deviation of steps from which on a history is resampled
+UNEVEN_STEP_RATIO = 1e-3  # relative spread of steps above which a history is resampled
 
 
 @register_plot(histories, points=("class",), growth=("level_share",))
 def spectrogram(results: Results, point: str | int = 0) -> Figure:
     """Short-time amplitude of the torque in dB of its maximum, up to the top of the band.
 
-    Of the means between rows, where a history has them: rows dropped from a signal fold what is
-    faster than half their rate onto lower frequencies, means damp it first.
+    Where a history has the torque's means between rows, these are used. Content above half the rate
+    of rows folds onto lower frequencies; means damp it before.
 
-    Predicted instabilities are marked at the right edge; where speed or pressure change, these are
-    drawn below instead.
+    Predicted instabilities are marked at the right edge. Where speed or pressure change, these are
+    drawn beneath instead.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
 
 
 def _imposed(axes: Axes, run: Run) -> None:
-    """Speed over time, and the pressure where it changes."""
+    """Draw speed over time, and the pressure where it changes."""
     axes.plot(run.milliseconds, run.column("sliding_speed"), color=DARK)
     axes.set_xlim(*run.limits)
     axes.axhline(0.0, color=DARK, linewidth=0.6)
@@ -129,9 +129,9 @@ def short_time_levels(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centres (m,) of Hann windows [s], frequencies (f,) [Hz] and levels (f, m) [dB of the max].
 
-    Each window's mean is taken away. A signal of means over its steps (`averaged`) has lost
-    sinc(f step) of its amplitude, which is given back. Levels below -2 SHOWN_RANGE_DB are cut
-    there; all NaN for no signal.
+    The mean of each window is subtracted. Amplitudes of a signal of means over its steps
+    (`averaged`) are divided by sinc(f step), the factor that averaging has on them. Levels are at
+    least -2 SHOWN_RANGE_DB; all are NaN if the signal does not vary.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
     length = max(round(len(time) / WINDOWS_PER_RUN), FEWEST_SAMPLES // 4)
@@ -153,7 +153,7 @@ def short_time_levels(
 
 
 def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Known samples at equal steps, interpolated where they are not."""
+    """Finite samples at equal steps; they are interpolated if their own steps are not equal."""
     finite = np.isfinite(time) & np.isfinite(signal)
     time, signal = time[finite], signal[finite]
     steps = np.diff(time)
@@ -164,7 +164,7 @@ def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -> None:
-    """Marks of the predicted instabilities at the right edge, with their growth."""
+    """Write predicted instabilities at the right edge, with growth and share of energy."""
     unstable = growth["unstable"].to_numpy(bool)
     in_view = growth[unstable & (growth["frequency_hz"] <= top).to_numpy()]
     labels = []

@@ -1,4 +1,4 @@
-"""Damping ratio over frequency: which modes are unstable, at one design point or at all."""
+"""Damping ratio over frequency of the modes at one design point, or at all of them."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ DRAWN_COLUMNS = (  # columns of modes
 )
 MAX_LABELS = 10  # tracks named in one picture
 LONGEST_NAME = 26  # characters of a line
-LEAST_SPAN = 0.02  # least span of the axis, relative to its frequencies
-STABLE_DOTS = 60_000  # more are thinned out
-MAX_RIMMED_DOTS = 1_500  # unstable dots: rims of more would hide the colours
-N_CELLS = (450, 300)  # of the axes, about 2 pixels: of more unstable dots one is drawn in each
+LEAST_SPAN = 0.02  # span of the axis over twice the mean frequency, at least a half of this
+STABLE_DOTS = 60_000  # stable dots that are drawn; of more only every n-th
+MAX_RIMMED_DOTS = 1_500  # unstable dots with rims; those of more would hide the colours
+N_CELLS = (450, 300)  # cells of the axes, about 2 pixels wide, in which one unstable dot is drawn
 
 
 def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
-    """All design points, and the one of fastest growth."""
+    """A picture of all design points, and one of that with the fastest growth."""
     yield "", {}
     if len(results.points) > 1:
         ok = (results.points["status"] == "ok").to_numpy(bool)
@@ -70,16 +70,16 @@ def stability_diagram(
     colour_by: str | None = None,
     ax: Axes | None = None,
 ) -> Figure:
-    """Frequency against damping ratio; unstable modes are highlighted and named by track.
+    """Damping ratio over frequency; unstable modes are highlighted and named by track.
 
     Parameters
     ----------
     results : Results
         Of a complex-mode study.
     point_id : str or None
-        One design point; None: all of them, coloured by a parameter.
+        A design point; None: all of them, coloured by a parameter.
     colour_by : str or None
-        That parameter; None: the first that is varied.
+        The parameter that colours them; None: the first varied one.
     ax : matplotlib.axes.Axes or None
         Axes to draw in; by default those of a new figure.
 
@@ -138,7 +138,7 @@ def stability_diagram(
 
 
 def _widen(axes: Axes) -> None:
-    """A span of frequency that tells numbers apart: at a lock-in two modes have the same."""
+    """Widen a narrow span of frequency, as that of two modes locked in, to tell numbers apart."""
     low, high = axes.get_xlim()
     min_half_span = LEAST_SPAN * (low + high) / 2
     if high - low < min_half_span:
@@ -155,7 +155,7 @@ def _one_point(axes: Axes, modes: pd.DataFrame) -> None:
 def _all_points(
     axes: Axes, modes: pd.DataFrame, colour: np.ndarray, norm: Normalize
 ) -> ScalarMappable:
-    """Small dots for stable modes, rimmed ones for unstable modes, which are returned."""
+    """Draw small dots for stable modes and rimmed ones for unstable modes; return the latter."""
     x, y = modes["frequency_hz"].to_numpy(), 100 * modes["damping_ratio"].to_numpy()
     unstable = modes["unstable"].to_numpy(bool)
     stable = np.flatnonzero(~unstable)
@@ -171,7 +171,7 @@ def _all_points(
 
 
 def _last_of_each_cell(x: np.ndarray, y: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """The topmost of dots that would cover one another, where there are very many."""
+    """Of very many dots only the topmost in each cell; others would be covered."""
     if len(chosen) <= N_CELLS[0] * N_CELLS[1]:
         return chosen
     cells = np.zeros(len(chosen), dtype=np.int64)
@@ -184,7 +184,7 @@ def _last_of_each_cell(x: np.ndarray, y: np.ndarray, chosen: np.ndarray) -> np.n
 
 
 def _edge_marks(axes: Axes, modes: pd.DataFrame) -> None:
-    """Carets at the upper edge for modes of heavier damping than the axis shows."""
+    """Draw carets at the upper edge for modes with more damping than the axis shows."""
     high = axes.get_ylim()[1]
     beyond = modes["frequency_hz"].to_numpy()[100 * modes["damping_ratio"].to_numpy() > high]
     if len(beyond):
@@ -193,7 +193,7 @@ def _edge_marks(axes: Axes, modes: pd.DataFrame) -> None:
 
 
 def _obstacles(axes: Axes, modes: pd.DataFrame) -> np.ndarray:
-    """Points that labels should not cover: the modes and the line of zero damping."""
+    """Points (n, 2) that labels should not cover: the modes and the line of zero damping."""
     dots = np.column_stack([modes["frequency_hz"], 100 * modes["damping_ratio"]])
     line = np.column_stack([np.linspace(*axes.get_xlim(), 300), np.zeros(300)])
     return np.concatenate([dots[:: max(1, len(dots) // STABLE_DOTS)], line, line])
@@ -202,7 +202,7 @@ def _obstacles(axes: Axes, modes: pd.DataFrame) -> np.ndarray:
 def _label_names(
     names: Mapping[int, tuple[str, bool]], single: bool
 ) -> dict[int, tuple[str, bool]]:
-    """Names of tracks for labels: at a single design point those that change nowhere."""
+    """Names of tracks for labels; at a single design point only those that are the same at all."""
     return {track: named for track, named in names.items() if not (single and named[1])}
 
 
@@ -221,7 +221,7 @@ def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[
 
 
 def _named_modes(results: Results, modes: pd.DataFrame, points: int) -> str:
-    """How many modes of a study are unstable, as the ranking counts tracks that are one mode."""
+    """How many modes are unstable, in words; tracks that are one mode count once."""
     numbers = worst_tracks(modes)["track"].to_numpy()
     if points == 1 or len(numbers) < 2:
         return plural(len(numbers), "unstable track") if len(numbers) else ""
@@ -234,15 +234,17 @@ def _named_modes(results: Results, modes: pd.DataFrame, points: int) -> str:
 
 
 def _summary(points: pd.DataFrame, modes: pd.DataFrame, named: str) -> str:
-    """Number of modes in the picture, and of those that are not; those of tracks are `named`."""
+    """Text on the unstable modes, of which `named` tells the tracks, and on what is not shown."""
     drawn = oscillating(modes)
     unstable = drawn[drawn["unstable"].to_numpy(bool)]
     if len(points) == 1:
         text = f"{len(unstable)} of {plural(len(drawn), 'mode')} unstable"
     else:
         text = f"{named}, named where growth is fastest" if named else ""
-        loose = int((unstable["track"] <= 0).sum())
-        text = joined(text, f"{plural(loose, 'unstable mode')} without track" if loose else "")
+        untracked = int((unstable["track"] <= 0).sum())
+        text = joined(
+            text, f"{plural(untracked, 'unstable mode')} without track" if untracked else ""
+        )
         solved = (points["status"] == "ok").any()
         none = "no unstable mode that oscillates" if solved else "no design point is solved"
         text = text or none
@@ -261,15 +263,8 @@ def _summary(points: pd.DataFrame, modes: pd.DataFrame, named: str) -> str:
 
 
 LABEL_DIRECTIONS = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
-LABEL_DISTANCES_POINTS = (
-    7.0,
-    16.0,
-    28.0,
-    42.0,
-    58.0,
-    76.0,
-)  # distances from the point, in typographic points
-VERTICAL_DISTANCE_RATIO = 0.7  # distance of labels upwards and downwards over that to the sides
+LABEL_DISTANCES_POINTS = (7.0, 16.0, 28.0, 42.0, 58.0, 76.0)  # from the dot, typographic points
+VERTICAL_DISTANCE_RATIO = 0.7  # distance of labels above and below a dot over that at its sides
 LABEL_FONT_POINTS = 8.5  # font size of labels
 MARKER_HALF_SIZE_POINTS = 4.0  # half size of what a label should not cover, in typographic points
 ALIGN = {1: "left", 0: "center", -1: "right"}
@@ -278,7 +273,7 @@ VALIGN = {1: "bottom", 0: "center", -1: "top"}
 
 @dataclass(frozen=True)
 class Label:
-    """A text beside a point in data coordinates."""
+    """A text beside a dot in data coordinates."""
 
     x: float
     y: float
@@ -287,14 +282,14 @@ class Label:
 
 
 def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label], avoid: np.ndarray) -> None:
-    """Write labels near their points, inside the axes, none on another if that can be.
+    """Write labels near their dots, inside the axes, and if possible without overlap.
 
-    In the order given, each takes the place that costs least: in distance, in covered labels and
-    in covered points `avoid` (n, 2) in data coordinates. All else must have been drawn before.
+    In the given order each takes the place of least cost: in distance, in covered labels, and in
+    covered points `avoid` (n, 2), in data coordinates. Everything else must have been drawn before.
     """
     canvas = FigureCanvasAgg(figure)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the layout stays as the labels have found it
+    figure.set_layout_engine("none")  # keep the layout to which places of labels belong
     scale = figure.dpi / 72
     frame = np.ravel(axes.get_window_extent().get_points())
     points = axes.transData.transform([(label.x, label.y) for label in labels])
@@ -317,7 +312,7 @@ def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label], avoid: np.
 
 
 def _write(axes: Axes, label: Label, ring: float, direction: tuple[int, int]) -> None:
-    """The text, with a thin line to its point where it is far."""
+    """Write a text, with a thin line to its dot if that is far."""
     note = axes.annotate(
         label.text,
         (label.x, label.y),
@@ -339,7 +334,7 @@ def _write(axes: Axes, label: Label, ring: float, direction: tuple[int, int]) ->
 def _box(
     point: np.ndarray, away: float, direction: tuple[int, int], size: np.ndarray
 ) -> np.ndarray:
-    """Left, bottom, right, top of a text that extends from beside a point in a direction."""
+    """Left, bottom, right and top of a text of a size, `away` from a point in a direction."""
     step = np.array(direction)
     corner = point + step * away * [1.0, VERTICAL_DISTANCE_RATIO] + (step - 1) / 2 * size
     return np.concatenate([corner, corner + size])

@@ -1,4 +1,4 @@
-"""Where in two parameters modes are unstable: how many, or how strongly."""
+"""Map of instability over two parameters: how many modes are unstable, or how fast they grow."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 BOUNDARY = COLOURS[1]
 STABLE = "#EFEFEF"
 SEVERITY = "YlOrBr"
-MOST_CLASSES = 12  # counts beyond share colours
-JOIN_DASHES = (0, (4, 2))  # dashes of what joins onsets
-MOST_ONSETS = 150  # larger dots would hide the line
+MOST_CLASSES = 12  # colours for counts; if there are more, counts share colours
+JOIN_DASHES = (0, (4, 2))  # dashes of the line that joins onsets
+MOST_ONSETS = 150  # onsets with large dots; those of more would hide the line
 TITLE_LINE_CHARACTERS = 90  # characters in a line of the title
 LEGEND_LINE_CHARACTERS = 95  # characters of a line of the legend
 
 
 def _measures(results: Results) -> Iterator[tuple[str, Choices]]:
-    """Two pictures of a study in which two parameters or more vary."""
+    """A picture for each measure, of a study in which two parameters or more vary."""
     if len(parameter_columns(results.points, varied=True)) > 1:
         for measure in MEASURES:
             yield f"_{measure}", {"measure": measure}
@@ -56,11 +56,11 @@ def stability_map(
     """Cells of a grid, or triangles between scattered points, coloured by instability.
 
     A cell has the value of the design point in it, on both sides of a boundary that passes through.
-    A line parts the points at which any mode is unstable from those at which none is; ticks point
-    to the unstable side (plots.boundary_lines). It is dashed, for it joins crossings straight on
-    where nothing was solved: the onset may jump between two lines. Refined onsets on it are dots,
-    alone beside a parameter that is 0 or 1, as a state of contact is: nothing is between. The
-    nodes of a boundary design that were solved are marked.
+    A line separates points with an unstable mode from points without; ticks point to the unstable
+    side (plots.boundary_lines). It is dashed, because it joins crossings by straight lines where
+    nothing was solved: the onset may jump between them. Refined onsets are dots. For a parameter
+    that is only 0 or 1, as a state of contact, they are drawn without the line, as there is nothing
+    in between. Solved nodes of a boundary design are marked.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ def stability_map(
     x, y : str or None
         Two varied parameters; by default the first two.
     fixed : mapping of parameter -> value or None
-        The plane to show; of what is left open, the plane with most unstable modes is taken.
+        Values of other parameters; of several planes that with most unstable modes is shown.
     measure : str
-        "count" of unstable modes, or "growth" of the fastest.
+        "count": number of unstable modes; "growth": growth rate of the fastest mode.
     ax : matplotlib.axes.Axes or None
         Axes to draw in, without a legend; by default those of a new figure.
 
@@ -131,7 +131,7 @@ def stability_map(
 
 
 def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
-    """Light grey where all is stable, then darker with the measure."""
+    """Colours and their scale: light grey for stable points, darker with a larger measure."""
     highest = float(np.nanmax(np.append(value, 0.0)))
     if measure == "count":
         classes = int(min(max(highest, 1), MOST_CLASSES))
@@ -146,11 +146,15 @@ def _colours(value: np.ndarray, measure: str) -> tuple[Colormap, Normalize]:
 def _finding(plane: StudyPlane, word: str) -> str:
     """At how many of the solved points of a plane a mode is unstable, in words."""
     count, solved = int((plane.unstable & plane.solved).sum()), int(plane.solved.sum())
-    return f"unstable at {count} of {plural(solved, word)}" if count else "no unstable mode"
+    if count:
+        return f"unstable at {count} of {plural(solved, word)}"
+    if not solved:
+        return "no design point is solved"
+    return "no unstable mode" + ("" if plane.solved.all() else " where it is solved")
 
 
 def _gathered(plane: StudyPlane) -> str:
-    """Meaning of a cell where points outnumber what can be told apart, in words."""
+    """Text on what a cell shows if points are too many to be told apart; else empty."""
     if plane.gridded:
         across, up = plane.merged
         return f"a cell: the largest of {across} x {up} points" if across * up > 1 else ""
@@ -158,7 +162,7 @@ def _gathered(plane: StudyPlane) -> str:
 
 
 def _scattered(axes: Axes, plane: StudyPlane, style: dict[str, Any]) -> ScalarMappable:
-    """Triangles between the points where that means something, and the points.
+    """Draw scattered points, and triangles between them if they span an area.
 
     Very many points are gathered in cells.
     """
@@ -174,7 +178,7 @@ def _scattered(axes: Axes, plane: StudyPlane, style: dict[str, Any]) -> ScalarMa
 
 
 def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> str:
-    """Dots at the solved nodes; how many they are of all nodes shown."""
+    """Draw dots at the solved nodes of a boundary design; text on how many they are, or ""."""
     if solved is None:
         return ""
     is_solved = solved[plane.rows]
@@ -185,12 +189,12 @@ def _mark_solved(axes: Axes, plane: StudyPlane, solved: np.ndarray | None) -> st
 
 
 def _is_switch(results: Results, parameter: str) -> bool:
-    """Whether a parameter is 0 or 1 and nothing else."""
+    """Whether a parameter takes the values 0 and 1 alone."""
     return set(results.points[parameter]) == {0.0, 1.0}
 
 
 def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) -> list[Line2D]:
-    """The lines, ticks to the unstable side, and for a legend how they were placed."""
+    """Draw the boundary, ticks to the unstable side; legend entries on how it was placed."""
     if not boundary.lines and not len(boundary.solved):
         return []
     for line in boundary.lines:

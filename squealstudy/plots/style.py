@@ -1,4 +1,4 @@
-"""Common parts of all pictures: colours, axes with units, limits, notes."""
+"""Common parts of all pictures: colours, axes with units, limits, legends."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from squealstudy.wording import in_digits, name_where_fastest, track_number
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]
-TWO_DECADES = 100.0  # below that powers of ten alone are too few labels
-# spread of log steps over spread of steps below which an axis is logarithmic
+TWO_DECADES = 100.0  # ratio of largest to least value below which powers of ten are too few ticks
+# relative spread of steps of logarithms, over that of steps, below which an axis is logarithmic
 MAX_LOG_STEP_SPREAD_RATIO = 0.6
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """How a parameter is shown: values times `factor`, in `unit`, on a log axis or not."""
+    """How a parameter is shown: values times `factor`, in `unit`, with logarithms if `log`."""
 
     name: str
     unit: str
@@ -48,16 +48,16 @@ class Quantity:
         return shown
 
     def even(self, drawn: np.ndarray) -> np.ndarray:
-        """Drawn values as evenly as the axis spaces them: logarithms on a logarithmic axis."""
+        """Positions of drawn values on the axis: their logarithms on a logarithmic one."""
         positions: np.ndarray = np.log(drawn) if self.log else np.asarray(drawn, dtype=float)
         return positions
 
     def uneven(self, positions: np.ndarray) -> np.ndarray:
-        """Values that `even` has made evenly spaced, as they are drawn."""
+        """Drawn values at positions on the axis: the inverse of `even`."""
         return np.exp(positions) if self.log else positions
 
     def edges(self, drawn: np.ndarray) -> np.ndarray:
-        """Edges (n + 1,) of cells about ascending drawn values (n,), midway as the axis has it."""
+        """Edges (n + 1,) of cells about ascending drawn values (n,), midway on the axis."""
         positions = self.even(drawn)
         if len(positions) == 1:
             return self.uneven(positions + np.array([-0.5, 0.5]))
@@ -70,7 +70,7 @@ class Quantity:
         return f"{self.name} = {value * self.factor:.4g} {self.unit}".rstrip()
 
     def ticks(self, values: pd.Series) -> list[float] | None:
-        """The values themselves where they are few and far enough apart, else None."""
+        """The values as drawn if they are few and far enough apart, else None."""
         x = np.unique(self.scaled(values.dropna()))
         positions = self.even(x)
         crowded = len(x) > 1 and np.diff(positions).min() < 0.03 * np.ptp(positions)
@@ -94,7 +94,7 @@ def quantity(name: str, values: pd.Series, units: Mapping[str, str]) -> Quantity
 
 
 def is_geometric(x: np.ndarray) -> bool:
-    """Whether sorted values are spaced by factors rather than by steps, over a decade or so."""
+    """Whether three or more ascending values are spaced by factors, from 1 to 5 or more."""
     if len(x) < 3 or x[0] <= 0 or x[-1] < 5 * x[0]:
         return False
     steps, factors = np.diff(x), np.diff(np.log(x))
@@ -105,7 +105,7 @@ def is_geometric(x: np.ndarray) -> bool:
 
 
 def set_scales(axes: Axes, across: Quantity, up: Quantity | None = None) -> None:
-    """Logarithmic axes where parameters are spaced so; to be called before anything is drawn."""
+    """Set logarithmic axes where values are spaced so; to be called before anything is drawn."""
     if across.log:
         axes.set_xscale("log")
     if up is not None and up.log:
@@ -126,20 +126,20 @@ def set_ticks(axis: Axis, shown: Quantity, values: pd.Series) -> None:
 
 
 def new_figure(width: float = 9.0, height: float = 5.5) -> Figure:
-    """An empty figure whose parts make room for each other; sizes in inches."""
+    """An empty figure whose parts make room for each other; width and height in inches."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def one_panel(ax: Axes | None, width: float = 9.0, height: float = 5.5) -> tuple[Figure, Axes]:
-    """Axes to draw in, those of the user if given, and their figure."""
+    """A figure and axes to draw in: those of the user if given, else new ones."""
     if ax is not None:
-        return ax.figure.figure, ax  # of a part of a figure the whole one
+        return ax.figure.figure, ax  # the whole figure, if the axes are in a part of it
     figure = new_figure(width, height)
     return figure, figure.add_subplot()
 
 
 def empty_figure(message: str, ax: Axes | None = None) -> Figure:
-    """A figure that says why there is nothing to see."""
+    """A figure with a message on why there is nothing to see."""
     figure, axes = one_panel(ax, 7.0, 2.5)
     if ax is None:
         figure.set_label(NOTHING_TO_SEE)
@@ -149,7 +149,7 @@ def empty_figure(message: str, ax: Axes | None = None) -> Figure:
 
 
 def finish(axes: Axes, x: str, y: str) -> None:
-    """Labels and a light grid."""
+    """Set labels and a light grid."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.grid(True, color="0.9", linewidth=0.7)
@@ -158,21 +158,21 @@ def finish(axes: Axes, x: str, y: str) -> None:
 
 
 def head(axes: Axes, *lines: str) -> None:
-    """Lines above the axes; empty ones are left out."""
+    """Write lines above the axes; empty ones are left out."""
     axes.set_title("\n".join(line for line in lines if line), fontsize=9, loc="left")
 
 
 def legend_below(
     figure: Figure, handles: Sequence[Artist], ncols: int = 4, place: str = "center"
 ) -> None:
-    """A legend beneath all axes; none without handles."""
+    """Draw a legend beneath all axes; none without handles."""
     if handles:
         style: dict[str, Any] = {"ncols": ncols, "fontsize": 9, "frameon": False}
         figure.legend(handles=handles, loc=f"outside lower {place}", **style)
 
 
 def legend_of(figure: Figure, ax: Axes | None, handles: Sequence[Artist], ncols: int = 4) -> None:
-    """A legend beneath the axes of a figure of ours, within those of the user."""
+    """Draw a legend beneath the axes of a new figure, or within axes of the user."""
     if ax is None:
         legend_below(figure, handles, ncols)
     elif handles:
@@ -180,37 +180,37 @@ def legend_of(figure: Figure, ax: Axes | None, handles: Sequence[Artist], ncols:
 
 
 def labelled(axes: Axes) -> list[Artist]:
-    """Artists in the axes with a label, for a legend."""
+    """Artists in the axes that have a label, for a legend."""
     return list(axes.get_legend_handles_labels()[0])
 
 
 def name_rows(axes: Axes, names: Sequence[str]) -> None:
-    """Names of horizontal bars, the first on top; no grid between them."""
+    """Write names of horizontal bars, the first on top, without a grid between them."""
     axes.set_yticks(np.arange(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.grid(False, axis="y")
 
 
 def error_reach(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Lengths (2, n) of error bars between bounds; none where a bound is not known."""
+    """Lengths (2, n) of error bars from values (n,) to their bounds; zero if not known."""
     lengths: np.ndarray = np.maximum(np.nan_to_num([value - low, high - value]), 0.0)
     return lengths
 
 
 def cross_out(axes: Axes, x: np.ndarray) -> None:
-    """Crosses at the foot of the axes where design points failed."""
-    if len(x):  # an unclipped curve without points would push the axes away
+    """Draw crosses at the foot of the axes at values x where design points failed."""
+    if len(x):  # an unclipped curve without points would spoil the layout
         text_options: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
         axes.plot(x, np.zeros(len(x)), "x", color="0.2", **text_options)
 
 
 def joined(*parts: str, by: str = "; ") -> str:
-    """The parts that are not empty, as one line."""
+    """Join the parts that are not empty."""
     return by.join(part for part in parts if part)
 
 
 def shade_unstable(axes: Axes, above: bool = False) -> None:
-    """Mark the area below zero damping, or above zero growth."""
+    """Shade the unstable area: below zero damping or, with `above`, above zero growth."""
     low, high = axes.get_ylim()
     edge, place, align = (high, 0.985, "top") if above else (low, 0.015, "bottom")
     axes.axhline(0.0, color="0.2", linewidth=1.0, zorder=1)
@@ -226,9 +226,9 @@ def shade_unstable(axes: Axes, above: bool = False) -> None:
 
 
 def _emptiest(axes: Axes, height: float) -> tuple[float, str]:
-    """Where across the axes a short text covers least that is drawn, and how it is aligned there.
+    """Position across the axes at which a short text covers fewest curves, and its alignment.
 
-    `height` is that of its middle, as a share of the axes' height.
+    `height` is that of the text's middle, as a share of the axes' height.
     """
     pieces = [np.empty((0, 2))]
     for line in axes.lines:
@@ -245,7 +245,7 @@ def _emptiest(axes: Axes, height: float) -> tuple[float, str]:
 
 
 def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
-    """Limits that show instabilities and light damping; heavily damped modes lie beyond."""
+    """Limits [%] that show instabilities and light damping; heavily damped modes are beyond."""
     zeta = zeta_percent[np.isfinite(zeta_percent)]
     low = min(float(zeta.min(initial=0.0)) * 1.15, 0.0)
     high = max(-1.5 * low, min(float(zeta.max(initial=0.0)) * 1.1, 3.0), 0.5)
@@ -253,7 +253,7 @@ def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
 
 
 def growth_limits(growth: np.ndarray) -> tuple[float, float]:
-    """Limits that show instabilities and as much of stability again."""
+    """Limits [1/s] that show instabilities, and about as much of the stable side."""
     finite = np.append(growth[np.isfinite(growth)], 0.0)
     fastest = float(finite.max())
     if fastest > 0:
@@ -268,9 +268,9 @@ def track_name(
     names: Mapping[int, tuple[str, bool]] | None = None,
     width: int | None = None,
 ) -> str:
-    """A track in a legend or label, by its name where it has one (`Results.track_names`).
+    """A track in a legend or label, by its name if it has one (`Results.track_names`).
 
-    In lines of `width` characters at most.
+    The text has lines of at most `width` characters.
     """
     hertz = f"{in_digits(frequency_hz)} Hz"
     if track <= 0:

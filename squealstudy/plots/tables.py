@@ -1,4 +1,4 @@
-"""The rows of a study's tables that a picture shows."""
+"""Rows of a study's tables, as pictures show them."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from squealstudy.wording import did_you_mean, track_number
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST_FIRST_ONSETS = 3  # tracks whose onset stands in a title
+MOST_FIRST_ONSETS = 3  # tracks whose onset is in a title
 
 
 def oscillating(modes: pd.DataFrame) -> pd.DataFrame:
-    """Modes that are not overdamped; no copy where none is."""
+    """Modes that are not overdamped; the same table, not a copy, if none is."""
     overdamped = modes["overdamped"].to_numpy(bool)
     return modes[~overdamped] if overdamped.any() else modes
 
 
 def unstable_counts(results: Results) -> np.ndarray:
-    """Number of unstable modes of each row of `points` (n,)."""
+    """Number (n,) of unstable modes of each row of `points`."""
     count = np.zeros(len(results.points), dtype=np.int64)
     for modes in results.batches("modes", [ROW, "unstable"]):
         rows = modes[ROW].to_numpy()[modes["unstable"].to_numpy(bool)]
@@ -37,7 +37,7 @@ def unstable_counts(results: Results) -> np.ndarray:
 
 
 def worst_tracks(modes: pd.DataFrame, top: int | None = None) -> pd.DataFrame:
-    """The row of largest growth of each unstable track, fastest first."""
+    """The mode of largest growth of each unstable track, fastest first; the first `top` of them."""
     unstable = modes[modes["unstable"].to_numpy(bool) & (modes["track"] > 0).to_numpy()]
     fastest = unstable.sort_values("growth_rate", ascending=False, kind="stable")
     return fastest.drop_duplicates("track").iloc[:top]
@@ -49,20 +49,25 @@ def slice_points(
     along: tuple[str, ...],
     fixed: Mapping[str, float] | None,
 ) -> tuple[pd.DataFrame, str]:
-    """Points where all varied parameters but those in `along` are fixed, and why there.
+    """Points that differ only in the parameters `along`, and why these were chosen.
 
     Parameters
     ----------
+    points : DataFrame
+        Table of points.
     unstable : ndarray (n_points,) of int
-        Unstable modes of each.
+        Number of unstable modes of each point.
+    along : tuple of str
+        Parameters that vary among the chosen points.
     fixed : mapping of parameter -> value or None
-        Values to keep; those not given are where most modes are unstable.
+        Values of other parameters. Those not given are chosen so that most modes are unstable.
 
     Returns
     -------
     DataFrame
+        Rows of the chosen points.
     str
-        What the values not given were chosen by, for a title; empty where there was no choice.
+        Why values that were not given were chosen, for a title; empty if there was no choice.
 
     Raises
     ------
@@ -92,13 +97,13 @@ def slice_points(
     group = chosen.groupby(others, dropna=False).ngroup()
     totals, sizes = count.groupby(group).sum(), count.groupby(group).size()
     best = totals == totals.max()
-    largest = sizes[best].idxmax()  # of equals the one with most points, then the first
+    largest = sizes[best].idxmax()  # among equals that with most points, then the first
     kind = "lines" if len(along) == 1 else "slices"
     return chosen[(group == largest).to_numpy()], _reason(f"{len(totals)} {kind}", totals, best)
 
 
 def _reason(of: str, totals: pd.Series, best: pd.Series) -> str:
-    """Why one of several slices with these numbers of unstable modes was taken."""
+    """Why one of several slices with these total numbers of unstable modes was chosen."""
     if len(totals) == 1:
         return ""
     if not totals.max() > 0:
@@ -110,7 +115,7 @@ def _reason(of: str, totals: pd.Series, best: pd.Series) -> str:
 def describe(
     point: pd.Series, points: pd.DataFrame, names: list[str], units: Mapping[str, str]
 ) -> str:
-    """Parameters of a point with units, in one line."""
+    """Values of a point's parameters with units, in one line."""
     return ", ".join(quantity(name, points[name], units).text(point[name]) for name in names)
 
 
@@ -130,7 +135,7 @@ def from_where(onsets: pd.DataFrame, shown: Quantity) -> str:
 
 
 def turns_in_words(onsets: pd.DataFrame) -> str:
-    """What the bars on the curves stand for, by the directions that there are."""
+    """Meaning of the bars on curves, by the directions that occur."""
     words = {"in": "onset", "out": "stable again"}
     return f"{' or '.join(words[d] for d in words if (onsets['direction'] == d).any())}, refined"
 
@@ -138,7 +143,7 @@ def turns_in_words(onsets: pd.DataFrame) -> str:
 def refined_onsets(
     results: Results, shown: Quantity, line: pd.DataFrame, others: Sequence[str]
 ) -> pd.DataFrame:
-    """Refined onsets on a line; none along another parameter than theirs."""
+    """Refined onsets on a line; none if the line is along another parameter than that of onsets."""
     columns = ["track", "x", "frequency_hz", "direction"]
     table = results.onsets if "onsets" in results.tables else None
     if table is None or shown.name != results.along or not {*others} <= {*table.columns}:

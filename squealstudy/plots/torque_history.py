@@ -1,4 +1,4 @@
-"""Braking torque over time with its phases, contact states and normal force beneath."""
+"""Braking torque over time with its phases; contact states and normal force beneath."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from squealstudy.wording import GROWING, LIMIT_CYCLE, STABLE, UNDECIDED, in_digi
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-ZOOMED_PERIODS = 10  # of the motion that the zoom shows
-FEW_ROWS = 40  # rows a period of the torque's line: fewer miss its peaks by up to .3 %
+ZOOMED_PERIODS = 10  # periods of the motion that are shown beside the whole run
+FEW_ROWS = 40  # rows in a period of the torque's line; fewer miss its peaks by 0.3 % or more
 STATES = {"stick": COLOURS[0], "slip": COLOURS[1], "open": COLOURS[2]}
 SHADES = {"growth": COLOURS[4], "saturation": COLOURS[3], "limit cycle": COLOURS[2]}
 
@@ -54,7 +54,7 @@ class Phase:
 def torque_history(results: Results, point: str | int = 0) -> Figure:
     """Torque (or friction force), contact states and normal force of one run.
 
-    Its last periods stand beside them.
+    Its last periods are shown beside them.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
 
 
 def phases(run: Run) -> list[Phase]:
-    """Exponential growth, saturation and limit cycle, as far as the run got."""
+    """Phases of exponential growth or decay, saturation and limit cycle, as far as a run got."""
     end, class_name = float(run.column("time")[-1]), run.row.get("class")
     start, stop = _fit_window(run.growth)
     settled = run.number("settled_time") if run.number("settled") == 1 else np.nan
@@ -125,7 +125,7 @@ def phases(run: Run) -> list[Phase]:
 
 
 def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
-    """Start and end [s] of the fit of the fastest mode that has one; NaN without."""
+    """Start and end [s] of the fit of growth of the first mode that has one; NaN if none has."""
     fitted = growth[growth["fitted_growth_rate"].notna().to_numpy()]
     if not len(fitted):
         return np.nan, np.nan
@@ -134,14 +134,14 @@ def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
 
 
 def _last_periods(run: Run) -> Run:
-    """The run over its last periods; where no frequency is known, over its last twentieth."""
+    """The run over its last periods, or its last twentieth if no frequency is known."""
     time, f = run.column("time"), _frequency(run)
     length = ZOOMED_PERIODS / f if f > 0 else (time[-1] - time[0]) / 20
     return replace(run, history=run.history[time >= time[-1] - length])
 
 
 def _frequency(run: Run) -> float:
-    """Frequency of the motion; where it does not repeat, of the strongest line of the torque."""
+    """Frequency [Hz] of the motion, or of the torque's strongest line if it does not repeat."""
     motion_hz = run.number("frequency_hz")
     return motion_hz if np.isfinite(motion_hz) else run.number("torque_line_hz")
 
@@ -161,7 +161,7 @@ def _torque(axes: Axes, run: Run, named: bool) -> None:
     axes.plot(*outline(run.milliseconds, run.column("torque")), color=COLOURS[1], linewidth=0.8)
     mean = ("torque_mean", f"mean {what}", "--", "black")
     lines = (mean, ("torque_static", "steady sliding", "-.", DARK))
-    for name, text, style, colour in () if run.changes else lines:  # they are of one speed
+    for name, text, style, colour in () if run.changes else lines:  # levels of one speed
         if np.isfinite(level := run.number(name)):
             label = f"{text} {level:.4g} {unit}" if named else None
             axes.axhline(level, linestyle=style, color=colour, linewidth=1.1, label=label)
@@ -188,7 +188,7 @@ def _force(axes: Axes, run: Run) -> None:
 
 
 def _shade(axes: Axes, phases: list[Phase], named: bool) -> None:
-    """Coloured spans of the phases, named once, above the torque."""
+    """Shade the spans of the phases in colours; `named` ones are in the legend."""
     for phase in phases:
         style: dict[str, Any] = {"alpha": 0.16, "linewidth": 0, "zorder": 0}
         style |= {"color": SHADES[phase.kind], "label": phase.name if named else None}
@@ -203,7 +203,7 @@ def _zoom_title(axes: Axes, run: Run) -> None:
 
 
 def _growth_text(run: Run) -> str:
-    """Growth rates, class and what failed, in one line."""
+    """Class, growth rates and failure of a run, in one line."""
     f, predicted = (run.number(f"predicted_{n}") for n in ("frequency_hz", "growth_rate"))
     fitted, low, high = (run.number(f"growth_rate{n}") for n in ("", "_low", "_high"))
     parts = [_class_text(run)] if run.row.get("class") else []
@@ -218,7 +218,7 @@ def _growth_text(run: Run) -> str:
 
 
 def _class_text(run: Run) -> str:
-    """The class; of an undecided run with the duration that would decide."""
+    """The class of a run, in words; for an undecided run with the duration that would decide."""
     until = run.number("undecided_until")
     more = f" (a duration of {until:.3g} s would decide)" if np.isfinite(until) else ""
     more = " (no longer run is known to decide)" if until == np.inf else more
@@ -233,6 +233,6 @@ def _class_text(run: Run) -> str:
 
 
 def _failure(run: Run) -> str:
-    """Why the point failed, after what was said before; empty where it did not."""
+    """Why the point failed, to follow other text; empty if it did not."""
     status, message = str(run.row["status"]), str(run.row["message"] or "")
     return "" if status == "ok" else f"; {joined(status, message, by=': ')}"

@@ -1,4 +1,4 @@
-"""Verdicts over two parameters, and how strong a kick must be where one is needed."""
+"""Map of verdicts over two parameters, with the least kick where one starts squeal."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from squealstudy.plots.plane import Plane
 from squealstudy.plots.style import finish, joined, legend_below, new_figure, quantity
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
+from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-N_CONTOURS = 5  # contours
+N_CONTOURS = 5  # contours of the least kick
 BORDERS = {"H": ("^", "Hopf point of a branch"), "F": ("D", "fold of a branch")}
 LINES = {"H": ("-", "border of Hopf points"), "F": ("--", "border of folds")}
 
@@ -47,11 +48,11 @@ def verdict_map(
     y: str | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> Figure:
-    """Cells of a grid, or scattered points, coloured by verdict; contours of the threshold.
+    """Cells of a grid, or scattered points, coloured by verdict; contours of the least kick.
 
-    Hopf points and folds of branches along one of both parameters are marked where they are:
-    between them, verdicts do not change. Where they were continued over the other one
-    (`borders_over`) they are lines.
+    Hopf points and folds of branches along one of the two parameters are marked: along a branch
+    verdicts change there. If they were continued over the other parameter (`borders_over`) they are
+    lines. Contours are drawn on a grid with more than three kicks.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def verdict_map(
     x, y : str or None
         Two varied parameters; by default the first two.
     fixed : mapping of parameter -> value or None
-        Of the others; by default the study's own.
+        Values of other parameters; by default those of the point in the middle of the table.
 
     Raises
     ------
@@ -122,9 +123,12 @@ def verdict_map(
     axes.grid(False)
     design_text = describe(rows.iloc[0], points, others, units)
     lines_told = f"lines: least kick along the unstable cycle, of {n_thresholds} designs"
-    failed = "" if np.isfinite(verdict).all() else "hatched: failed"
+    n_failed = int((~np.isfinite(verdict)).sum())
+    failed = f"{plural(n_failed, 'design')} failed, not shown" if n_failed else ""
+    failed = "hatched: failed" if n_failed and gridded else failed
     axes.set_title(
-        joined(design_text, lines_told if n_thresholds > 3 else "", failed), fontsize=9.5
+        joined(design_text, lines_told if gridded and n_thresholds > 3 else "", failed),
+        fontsize=9.5,
     )
     return figure
 
@@ -132,7 +136,7 @@ def verdict_map(
 def _borders(
     axes: Axes, results: Results, plane: Plane, rows: pd.DataFrame, names: tuple[str, str]
 ) -> list[Artist]:
-    """Hopf points and folds of the branches that begin at the designs shown; for a legend."""
+    """Draw Hopf points and folds of branches that begin at the shown designs; legend entries."""
     branches = results.table("branches")
     drawn: list[Artist] = []
     for event, (marker, label) in BORDERS.items():
@@ -164,7 +168,7 @@ def _lines(
     names: tuple[str, str],
     event: str,
 ) -> list[Artist]:
-    """The borders of an event over both parameters of the map, of designs shown."""
+    """Draw the borders of an event over both parameters of the map, of the shown designs."""
     table = results.table("borders")
     is_event = (table["event"] == event) & table["point_id"].isin(rows["point_id"])
     is_event &= table["along"].isin(names) & table["over"].isin(names)

@@ -1,4 +1,4 @@
-"""Error against cost of every method of a work-precision study, a panel a quantity."""
+"""Error over cost of each method of a work-precision study, a panel for each quantity."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from squealstudy.tables.method_quality import cost_of, on_front, usable
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-LOG_AXIS_FLOOR = 1e-16  # errors below are drawn there: a logarithm needs one
+LOG_AXIS_FLOOR = 1e-16  # smaller errors, also zero, are drawn at this value of a logarithmic axis
 NAMES = {
     "frequency": "frequency, light modes [relative]",
     "damping_ratio": "damping ratio, light modes [absolute]",
@@ -40,10 +40,10 @@ NAMES = {
 def work_precision(results: Results) -> Figure:
     """Largest error over cost on logarithmic axes, with the front that no measurement beats.
 
-    A panel a quantity; the reference is not drawn but as a line at its cost. Measurements with
-    failed points, missed or spurious instabilities are crosses on top: they have no error that
-    means anything. Bars are the bounds of errors that have some, ticks across them what the 95 %
-    intervals of both values explain: an error below its tick is none.
+    There is a panel for each quantity. The reference is a line at its cost. Measurements with
+    failed points, or with missed or spurious instabilities, are crosses at the top, as their errors
+    mean nothing. Bars are bounds of errors. Ticks across them show what the 95 % intervals of both
+    results explain: an error below its tick may be chance.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def work_precision(results: Results) -> Figure:
     rows = -(-len(quantities) // 2) if len(quantities) > 1 else 1
     columns = 2 if len(quantities) > 1 else 1
     figure = new_figure(6.4 * columns + 0.8, 4.6 * rows + 1.2)
-    shared = "onset" not in quantities  # which costs a line of design points
+    shared = "onset" not in quantities  # an onset costs a whole line of design points
     panels = figure.subplots(rows, columns, squeeze=False, sharex=shared).ravel()
     methods = measurements[~measurements["reference"].to_numpy(bool)]
     truth = measurements[measurements["reference"].to_numpy(bool)]
@@ -94,7 +94,7 @@ def work_precision(results: Results) -> Figure:
 
 
 def _minor_tick(value: float, _: int) -> str:
-    """2 and 5 of each decade."""
+    """Labels of minor ticks: 2 and 5 in each decade."""
     digit = value / 10 ** np.floor(np.log10(value) + 1e-9)
     return f"{value:g}" if round(digit) in (2, 5) else ""
 
@@ -105,7 +105,7 @@ def _cost_label(quantity: str, facts: Mapping[str, Any]) -> str:
 
 
 def _styles(methods: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Colour and marker of each method; the default one heavier."""
+    """Colour, marker and lines of each method; those of the default one are heavier."""
     names = list(dict.fromkeys(methods["method"]))
     default = set(methods.loc[methods["default"].to_numpy(bool), "method"])
     return {
@@ -151,7 +151,7 @@ def _knob_values(
     error: np.ndarray,
     styles: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Beside the default's measurements and those on the front; more would hide each other."""
+    """Write the knob's value beside each measurement."""
     for text, name, x, y in zip(
         measurements["value"], measurements["method"], cost, error, strict=True
     ):
@@ -166,7 +166,7 @@ def _knob_values(
 
 
 def _bounds(axes: Axes, measurements: pd.DataFrame, quantity: str, colour: str) -> None:
-    """Bars from the least to the largest error that the intervals allow, ticks at their chance."""
+    """Draw bars between the bounds of errors, and ticks at what the intervals explain."""
     low, high = (measurements[f"{k}_{quantity}"].to_numpy(float) for k in ("low", "high"))
     error, cost = measurements[f"error_{quantity}"].to_numpy(float), cost_of(measurements, quantity)
     wide = np.isfinite(low) & (high > low) & (error > 0)
@@ -189,7 +189,7 @@ def _bounds(axes: Axes, measurements: pd.DataFrame, quantity: str, colour: str) 
 def _failures(
     axes: Axes, failed: pd.DataFrame, cost: np.ndarray, styles: Mapping[str, Mapping[str, Any]]
 ) -> None:
-    """Crosses on top at their cost; at the right edge where nothing was integrated."""
+    """Draw crosses at the top at their cost; at the right edge if that is not known."""
     for method, seconds in zip(failed["method"], cost, strict=True):
         has_cost = np.isfinite(seconds)
         axes.plot(

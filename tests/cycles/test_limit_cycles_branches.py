@@ -215,6 +215,9 @@ def test_verdict_map(tmp_path):
     assert "contact.cubic_stiffness" not in title, "of several lines the title names none"
     figure = found.plot.verdict_map()
     assert {t.get_text() for t in figure.legends[0].texts} >= {"squeals", "squeals if kicked"}
+    scattered = found.points.iloc[[0, 3]].assign(status=["failed", "ok"])  # without a grid
+    figure = found.with_tables(points=scattered).plot.verdict_map()
+    assert figure.axes[0].get_title() == "1 design failed, not shown"
 
 
 def test_pictures_of_branches_growth_and_harmonics(followed, tmp_path):

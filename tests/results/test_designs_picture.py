@@ -41,7 +41,7 @@ def test_lines_have_the_largest_growth_of_their_points_and_pass_their_onset(two)
         assert np.allclose(y[at_points], expected)
     x, y = lines[0].get_data()
     assert x[y == 0.0] == pytest.approx([ONSET], abs=1e-4)
-    title = "largest growth rate over friction, a line a design"
+    title = "largest growth rate over friction, a line for each design"
     assert f"{title}; bars: where it turns unstable or stable, refined" in drawn(figure)
     assert [name for name, _, _ in pictures(two)].count("designs") == 1
 
@@ -56,7 +56,7 @@ def test_a_line_ends_its_growth_where_the_last_mode_turns_stable():
 
 def test_of_designs_without_onset_no_bars_are_told(two, tmp_path):
     calm = results_of(tmp_path / "r", [50.0, 60.0], [0.1, 0.2])
-    assert "largest growth rate over friction, a line a design" in drawn(calm.plot.designs())
+    assert "largest growth rate over friction, a line for each design" in drawn(calm.plot.designs())
 
 
 def test_points_without_a_mode_in_the_band_are_not_crossed_out_as_failed(two, tmp_path):
@@ -70,6 +70,8 @@ def test_points_without_a_mode_in_the_band_are_not_crossed_out_as_failed(two, tm
     assert set(narrow.modes["point_id"]) < set(narrow.points["point_id"])
     crosses = [line for line in narrow.plot.designs().axes[0].lines if line.get_marker() == "x"]
     assert crosses == []
+    empty = narrow.with_tables(modes=narrow.modes.iloc[:0])
+    assert drawn(empty.plot.designs()) == ["no mode in the band"]
 
 
 def test_many_designs_are_refused_and_not_drawn(tmp_path):

@@ -780,7 +780,13 @@ def test_map_without_instability_or_modes(measure):
     figure = stability_map(points, modes, "friction", "pressure", measure=measure)
     assert any("no unstable mode" in text for text in drawn(figure))
     failed = points.assign(status="failed")
-    drawn(stability_map(failed, modes.iloc[:0], "friction", "pressure", measure=measure))
+    figure = stability_map(failed, modes.iloc[:0], "friction", "pressure", measure=measure)
+    title = figure.axes[0].get_title(loc="left")
+    assert "no design point is solved" in title
+    assert "no unstable mode" not in title
+    some = points.assign(status=["failed"] + ["ok"] * (len(points) - 1))
+    figure = stability_map(some, modes, "friction", "pressure", measure=measure)
+    assert "no unstable mode where it is solved" in figure.axes[0].get_title(loc="left")
 
 
 def test_map_refuses_what_is_not_there():
@@ -852,6 +858,8 @@ def test_only_the_top_of_a_long_ranking_is_shown():
 def test_an_empty_ranking():
     points, modes = stable(one_line())
     assert "no unstable mode" in drawn(ranking(points, modes))
+    failed = points.assign(status="failed")
+    assert "no design point is solved" in drawn(ranking(failed, modes.iloc[:0]))
 
 
 # -- files

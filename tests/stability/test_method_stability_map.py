@@ -73,6 +73,14 @@ def test_wrong_without_a_word_is_loud():
     assert "wrong, flagged (2)" in labels(calm)
 
 
+def test_a_cell_without_a_prediction_is_not_beyond_the_boundary():
+    cells = table()
+    beyond = int((cells["predicted"] >= 1).sum())
+    failed = cells.index[cells["predicted"] >= 1][0]
+    cells.loc[failed, "predicted"] = np.nan
+    assert tally(cells).endswith(f"in 0 of {beyond - 1} beyond; 1 cell without a prediction")
+
+
 def test_who_recovered_is_counted():
     cells = table()
     cells.loc[:2, "outcome"], cells.loc[:1, "by"], cells.loc[2, "by"] = "recovered", "aitken", "x"

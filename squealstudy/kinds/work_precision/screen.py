@@ -68,7 +68,8 @@ class WorkPrecisionScreen(KindScreen):
         measurements = f"{plural(int(others.sum()), 'measurement')} against "
         measurements += f"'{results.fact('reference')}'"
         if not others.any():
-            return "No measurement counts: in each a point failed, or a mode is missed or spurious."
+            why = "in each a point failed, or an unstable mode is missed or spurious"
+            return f"No measurement counts: {why}."
         if not judged:
             return f"No error in {judged_by} is known of {measurements}."
         if not row["cheapest"]:
