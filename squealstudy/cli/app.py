@@ -1,4 +1,4 @@
-"""The `squealstudy` command: which commands there are, and how they end."""
+"""The `squealstudy` command: its subcommands, and how errors and signals end it."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ app = typer.Typer(
 )
 
 
-LIBRARIES = ("numpy", "scipy", "numba")  # whose versions a report of an error needs
+LIBRARIES = ("numpy", "scipy", "numba")  # libraries whose versions a report of an error needs
 
 
 def _version(is_requested: bool) -> None:
-    """Print the versions of what computes, and end."""
+    """Print versions of squealstudy, Python and libraries, and end."""
     if not is_requested:
         return
     from importlib.metadata import version
@@ -102,9 +102,11 @@ for command in COMMANDS:
 
 
 def main() -> None:
-    """Entry point: whatever goes wrong is one message on stderr, with an exit code of its kind."""
+    """Entry point: any error is one message on stderr, with an exit code of its kind."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # of a terminal that may not know all letters
+        if isinstance(
+            stream, io.TextIOWrapper
+        ):  # a terminal may not be able to show all characters
             stream.reconfigure(errors="backslashreplace")
     with warnings_told():
         log, lines = logging.getLogger(NAME), logging.StreamHandler()  # to stderr
@@ -117,7 +119,7 @@ def main() -> None:
             stream.flush()
         except AttributeError:  # closed from the beginning
             continue
-        except OSError:  # told by now: Python would try again, and complain, at its end
+        except OSError:  # already told: Python would try again at its end, and complain
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     raise SystemExit(code)
 
@@ -131,7 +133,7 @@ def warnings_told() -> Iterator[None]:
 
 
 def _outcome(arguments: list[str]) -> int:
-    """Exit code of a command line; what goes wrong is told."""
+    """Run a command line; returns its exit code, and tells errors on stderr."""
     context = None
     try:
         with (

@@ -1,4 +1,4 @@
-"""What `squealstudy check` prints of a results directory: its contents and any damage."""
+"""Text of `squealstudy check` on a results directory: its contents and any damage."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ MISFIT = "no table of this kind"  # undamaged, but with other columns than a run
 
 
 def check_results(directory: Path) -> tuple[Rows, bool]:
-    """Facts of a results directory, and whether every file is as the run wrote it.
+    """Facts of a results directory, and whether all files are as the run wrote them.
 
     Reads each file once and writes nothing.
 
     Raises
     ------
     ResultsError
-        Where there are no results of squealstudy.
+        The directory holds no results of squealstudy.
     """
     store = Store(directory)
     try:
         manifest = read_manifest(directory) or {}
     except ResultsError:
-        manifest = {}  # `Store.faults` tells
+        manifest = {}  # `Store.faults` tells the fault
     if not manifest and not store.journal.begun:
         raise ResultsError(f"{directory}: holds no results of squealstudy")
     identity = tuple(str(manifest.get(key, "unknown")) for key in ("name", "kind", "model"))
@@ -86,7 +86,7 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
 
 
 def _check_side_study(directory: Path) -> tuple[Rows, bool]:
-    """`check_results` of a side study, such as a variant; an error is a line of it."""
+    """`check_results` of a side study, such as a variant; an error becomes a line of the facts."""
     try:
         return check_results(directory)
     except ResultsError as error:
@@ -94,7 +94,7 @@ def _check_side_study(directory: Path) -> tuple[Rows, bool]:
 
 
 def _misfits(store: Store, manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Why undamaged tables are not as a run of the kind writes them, by their files."""
+    """Reasons why undamaged tables are not those of a run of the kind, by file."""
     kind = str(manifest.get("kind"))
     reasons: dict[str, str] = {}
     for name in kind_named(kind).tables if kind in kind_names() else ():
@@ -109,7 +109,7 @@ def _misfits(store: Store, manifest: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _run(store: Store, manifest: Mapping[str, Any], misfits: Collection[str]) -> Rows:
-    """How far the run came, and how many points are ok, failed and missing."""
+    """Status of the run, and how many points are ok, failed and missing."""
     if not manifest:
         return []
     status, kind = manifest.get("status", "unknown"), manifest["kind"]
@@ -121,7 +121,7 @@ def _run(store: Store, manifest: Mapping[str, Any], misfits: Collection[str]) ->
     first = study_kind.tables[0]
     if status == "complete" and not store.fault(first) and first not in misfits:
         status_tables = [store.read_table(first, ["status"])]
-    if sum(map(len, status_tables)) != n_points:  # the table is of something else than the points
+    if sum(map(len, status_tables)) != n_points:  # rows of the table are not the points
         status_tables = list(store.chunks(study_kind.schema, ["status"]))
     statuses = pa.chunked_array(
         [c.cast(pa.string()) for t in status_tables for c in t["status"].chunks], pa.string()
@@ -143,7 +143,7 @@ def _sizes(store: Store) -> Rows:
 
 
 def _in_no_journal(store: Store, manifest: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Files that the journal does not name: UNFINISHED ones of squealstudy, FOREIGN ones."""
+    """Files that the journal does not name: UNFINISHED ones of squealstudy, and FOREIGN ones."""
     named_files = {*store.journal.entries, MANIFEST, LOCK, JOURNAL, *manifest.get(PICTURES, [])}
     unfinished = set(store.unfinished())
     if manifest.get("kind") in kind_names():

@@ -1,4 +1,4 @@
-"""What `squealstudy columns` prints: tables of results and what their columns mean."""
+"""Text of `squealstudy columns`: tables of results and the meaning of their columns."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def kinds_and_tables() -> Iterator[RenderableType]:
 
 
 def described(kind: str, table: str | None) -> Iterator[RenderableType]:
-    """Columns of a kind of study, of one table or of all.
+    """Columns of one table, or of all tables, of a kind of study.
 
     Raises
     ------
     SquealstudyError
-        No such kind or table.
+        There is no such kind or table.
     """
     tables = COLUMNS.get(_expected(kind, COLUMNS, "kind of study"), {})
     for name in tables if table is None else (_expected(table, tables, f"table of {kind}"),):

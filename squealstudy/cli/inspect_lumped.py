@@ -30,17 +30,19 @@ from squealstudy.screen import Rows, facts, grid
 from squealstudy.study.lumped import read_lumped
 from squealstudy.wording import in_digits
 
-MOST_FREQUENCIES = 12  # that are listed
-RIGID_FREQUENCY_RATIO = 1e-6  # frequency over the highest of a motion that springs do not hold
+MOST_FREQUENCIES = 12  # most frequencies in a list
+RIGID_FREQUENCY_RATIO = 1e-6  # frequency over the highest below which a motion is free
 
 
 def lumped_facts(path: Path) -> Iterator[RenderableType]:
-    """Tables of masses, of what is between them, of frequencies and parameters, at the defaults.
+    """Tables of masses, of springs, contacts and so on, of frequencies and of parameters.
+
+    All values are at the defaults of the parameters.
 
     Raises
     ------
     StudyFileError
-        About what is wrong in the file.
+        The file is wrong.
     """
     model = read_lumped(path)
     build = model.build
@@ -66,7 +68,7 @@ def lumped_facts(path: Path) -> Iterator[RenderableType]:
 
 
 def _structure(build: LumpedBuild, assembly: Assembly) -> RenderableType:
-    """Masses, or matrices, a row each."""
+    """Table of masses, or of matrices, one row each."""
     space = build.space
     if isinstance(space, MassSpace):
         sizes = zip(space.names, assembly.M.diagonal(), strict=True)
@@ -84,7 +86,7 @@ def _unit(axis: str) -> str:
 
 
 def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
-    """Springs, dampers, contacts and loads, a row each."""
+    """Rows on springs, dampers, contacts and loads."""
     file, contact = build.space.file, assembly.contact
     stiffness = {s.name: s.stiffness[0] for s in assembly.springs if isinstance(s, SpringInterface)}
     first = len(contact.pairs) - len(contact.spring_points)
@@ -112,8 +114,8 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
         yield [f"damper {damper.name}", ends, along, size]
     points: Sequence[ContactTable | ContactOn] = file.contact
     for i, point in enumerate(points):
-        stiffness = contact.area[i] * PER_AREA
-        size = f"{stiffness:g} N/m" if point.area is None else f"{contact.area[i]:g} m2"
+        k = contact.area[i] * PER_AREA
+        size = f"{k:g} N/m" if point.area is None else f"{contact.area[i]:g} m2"
         slides = f", slides {_text(point.sliding)}" if point.sliding else ", no friction"
         slides += _friction(point)
         ends = " - ".join(point.between) if isinstance(point, ContactTable) else ""
@@ -128,7 +130,7 @@ def _between(build: LumpedBuild, assembly: Assembly) -> Iterator[list[str]]:
 
 
 def _friction(point: ContactTable | ContactOn) -> str:
-    """Friction numbers of a contact's own, and its state."""
+    """Text on the friction numbers and the state that a contact states itself."""
     texts = [f"friction {point.own_coefficient}"] if point.own_coefficient is not None else []
     texts += [f"{key} {number}" for key, number in point.friction_law.items()]
     if point.state is not None:
@@ -139,12 +141,12 @@ def _friction(point: ContactTable | ContactOn) -> str:
 
 
 def _cubics(dampers: Sequence[DamperTable | DamperOn]) -> int:
-    """How many dampers have a third power."""
+    """Number of dampers with a cubic term."""
     return sum(not damper.linear for damper in dampers)
 
 
 def _ends(table: SpringTable | DamperTable | SpringOn | DamperOn) -> tuple[str, str, bool]:
-    """Ends of a spring or damper, its direction, and whether it is against turning."""
+    """Ends of a spring or damper, its direction, and whether it acts on a rotation."""
     if isinstance(table, SpringOn | DamperOn):
         return "", _text(table.along), False
     turns = isinstance(table.direction, str) and table.direction.removeprefix("-") in TURNS
@@ -152,7 +154,7 @@ def _ends(table: SpringTable | DamperTable | SpringOn | DamperOn) -> tuple[str, 
 
 
 def _text(direction: Direction | Motion) -> str:
-    """A direction, or a sum of coordinates, in words."""
+    """A direction, or a sum of coordinates, as text."""
     if isinstance(direction, str):
         return direction
     parts = [part if isinstance(part, tuple) else ("", part) for part in direction]
@@ -167,9 +169,9 @@ def _factored(name: str, factor: Number) -> str:
 
 
 def _frequencies(assembly: Assembly) -> Rows:
-    """Frequencies by springs alone, and with linear contact that is closed and has no friction.
+    """Frequencies with springs alone, and with closed linear contact without friction.
 
-    Springs with a gap or of one side are closed with the contact; third powers are left out.
+    Springs with a gap or of one side count as closed with the contact. Cubic terms are left out.
     """
     mass, springs = assembly.M.toarray(), assembly.K_el + assembly.K_springs()
     others = assembly.contact.spring_points

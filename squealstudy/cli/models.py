@@ -1,4 +1,4 @@
-"""What `squealstudy models` prints: a model's options, parameters, components and their modes."""
+"""Text of `squealstudy models`: a model's options, parameters, components and their modes."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ masses, springs and free frequencies, squealstudy models MODEL its parameters.""
 
 
 def described(model: Model, modes: bool) -> Iterator[RenderableType]:
-    """A model's options and parameters; with `modes` its components' free-free modes."""
+    """Tables of a model's options and parameters; with `modes` also of free-free modes."""
     yield f"{model.definition.name}: {model.definition.description}\n"
     options = model.options
     if len(options):

@@ -1,4 +1,4 @@
-"""What commands share: their common arguments and options, and exit codes."""
+"""Arguments and options that several commands have, and exit codes."""
 
 from __future__ import annotations
 

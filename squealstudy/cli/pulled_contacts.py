@@ -1,4 +1,4 @@
-"""Names of the contacts that steady sliding pulls at."""
+"""Names of the contacts that are in tension in steady sliding."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ if TYPE_CHECKING:
 
 
 def pulled_contacts(study: Study, points: pd.DataFrame) -> list[str]:
-    """Contacts that pull at the first design point of a points table where one does.
+    """Names of contacts in tension at the first design point of a table where there are any.
 
-    Empty where no contact has a name, where there is one alone, or where nobody can tell.
+    Empty if the model has a single contact, or contacts without names, and if the working point
+    cannot be computed here.
     """
     rows = pulling_rows(points)
     if not len(rows) or not isinstance(study.resolved, ResolvedStudy):
         return []
     plan = cast("Plan", study.plan())
     of_point = np.flatnonzero(plan.tasks.ids.astype(str) == str(points["point_id"].iloc[rows[0]]))
-    if not len(of_point):  # solved between those of the study
+    if not len(of_point):  # a point between those of the study
         return []
     try:
         return _pulled(plan.tasks[int(of_point[0])])
-    except FAILURES:  # workers may start from another point's steady sliding, and come further
+    except FAILURES:  # workers may start from another point's steady sliding, and so succeed
         return []
 
 

@@ -1,4 +1,4 @@
-"""What `squealstudy run` prints below its findings."""
+"""Text of `squealstudy run` below its findings."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from squealstudy.wording import failure_counts, plural
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST_OF_A_PLOT = 3  # pictures of one plot that are named
+MOST_OF_A_PLOT = 3  # most pictures of one plot that are named one by one
 
 
 def blocks(results: Results, drawn: list[Path], verbose: bool = False) -> list[RenderableType]:
-    """What stands below the findings: how sure they are, what next, and all else if asked for."""
+    """Blocks below the findings: how sure they are, what next, and if `verbose` what was done."""
     manifest, kind = results.manifest, results.screen
     rows_by_block = _by_block(results)
     files = [("tables", _files_text(results.directory, [f"{n}.parquet" for n in results.tables]))]
@@ -49,9 +49,9 @@ def blocks(results: Results, drawn: list[Path], verbose: bool = False) -> list[R
 
 
 def _by_block(results: Results) -> dict[str, Rows]:
-    """The facts of results by the block they stand in; of no block's those that few ask for.
+    """The facts of results by the block that shows them; "" has facts for `verbose` alone.
 
-    A name that is empty or begins with a blank goes on with the line before it.
+    A fact whose name is empty or begins with a blank belongs to the one before it.
     """
     kind, block = results.screen, ""
     rows: dict[str, Rows] = {"found": [], "sure": [], "": []}
@@ -63,7 +63,7 @@ def _by_block(results: Results) -> dict[str, Rows]:
 
 
 def _counts(results: Results) -> str:
-    """How many design points are solved, and what became of the others."""
+    """Text on how many design points are solved, were solved before, or are not ok."""
     manifest = results.manifest
     solved, total = results.solved or 0, manifest["n_points"]
     lost = manifest["n_failed"] + manifest.get("n_inaccurate", 0)
@@ -80,7 +80,7 @@ def _counts(results: Results) -> str:
 
 
 def _of_run(solved: int, total: int) -> str:
-    """Which run a time is of, where it did not solve everything."""
+    """Text on the run that a time belongs to; empty if it solved everything."""
     if solved == total:
         return ""
     return ", without what earlier runs solved" if solved else " in the run that wrote the tables"
@@ -91,7 +91,7 @@ def _files_text(directory: Path, names: list[str]) -> str:
 
 
 def _by_plot(drawn: list[Path]) -> list[str]:
-    """Names of pictures; many of one plot, as of each run, as ``spectrogram_*.png (9)``."""
+    """Names of pictures; many pictures of one plot become ``spectrogram_*.png (9)``."""
     from squealstudy.engine.pictures import plots  # with pandas: `check` needs none
 
     by_plot: dict[str, list[str]] = {}
@@ -114,7 +114,7 @@ def outside(results: Results, head: str = "") -> list[str]:
 
 
 def fidelity(fidelity_facts: Mapping[str, Any] | None) -> Rows:
-    """The settings that [fidelity] chose, their neighbours and the audit; nothing without one."""
+    """Rows on the settings that [fidelity] chose, their neighbours and the audit."""
     if fidelity_facts is None:
         return []
     rows = [("fidelity", f"{_choice(fidelity_facts['chosen'])}: {fidelity_facts['reason']}")]
@@ -132,7 +132,7 @@ def fidelity(fidelity_facts: Mapping[str, Any] | None) -> Rows:
 
 
 def _error(relative: float) -> str:
-    """An error in two digits; zero as it is."""
+    """Text of a relative error in two digits; "0" for zero."""
     return f"{relative:.1e}" if relative else "0"
 
 

@@ -51,7 +51,7 @@ def run(
 
 
 def _expect_one_place(jobs: int | None, scheduler: str | None) -> None:
-    """Raise a usage error for workers of this machine and of a cluster."""
+    """Raise a usage error where both workers of this machine and a cluster are asked for."""
     if jobs is not None and scheduler is not None:
         raise typer.BadParameter("--jobs is of this machine, --scheduler of a cluster: give one")
 
@@ -215,7 +215,10 @@ def examples(
 def schema(
     kind: Annotated[
         str | None,
-        typer.Option(help="model_file, work_precision or method_stability; else study files."),
+        typer.Option(
+            help="model_file, lumped_file, matrix_file, work_precision or method_stability; else "
+            "study files."
+        ),
     ] = None,
     tables: Annotated[
         bool, typer.Option("--tables", help="Tables of all keys to read, in Markdown.")

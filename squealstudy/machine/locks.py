@@ -1,4 +1,4 @@
-"""Locks of files, and flushing them to the disk."""
+"""File locks, and flushing files to the disk."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ NO_FLUSH_ERRORS = {errno.EINVAL, errno.EOPNOTSUPP, errno.ENOTSUP}
 
 
 class HeldError(Exception):
-    """A lock that another process or thread holds."""
+    """Raised where another process or thread holds a lock."""
 
 
 @contextlib.contextmanager
 def lock(path: Path, wait: bool = True) -> Iterator[None]:
-    """Hold a lock on a file, which is made if it is missing; the lock ends with its process.
+    """Hold a lock on a file, which is made if it is missing. The lock ends with the process.
 
     Raises
     ------
     HeldError
-        Where another holds it and `wait` is false.
+        Another process or thread holds the lock, and `wait` is false.
     MachineError
-        On a file system without locks.
+        The file system has no locks, or the file is a link.
     """
     from filelock import FileLock, Timeout
 
@@ -54,7 +54,7 @@ def lock(path: Path, wait: bool = True) -> Iterator[None]:
 
 
 def flush(path: Path) -> None:
-    """Flush a file to the disk, or the names in a directory where the system can."""
+    """Flush a file to the disk, or the entries of a directory if the system can do that."""
     if path.is_dir():
         if sys.platform == "win32":  # which keeps names in a journal and opens no directory
             return

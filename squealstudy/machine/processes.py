@@ -1,4 +1,4 @@
-"""Processes: that end together, by signals and lifelines."""
+"""Signals, and lifelines by which processes end together."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ import psutil
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-SIGNALS = {signal.SIGINT, signal.SIGTERM}  # and of a terminal that closes, where there is one:
+SIGNALS = {signal.SIGINT, signal.SIGTERM}
+# that of a terminal that closes, which Windows does not have
 SIGNALS |= {getattr(signal, name) for name in ("SIGHUP",) if hasattr(signal, name)}
 SAFE_PATH = "PYTHONSAFEPATH"
 SILENTLY = "ignore:resource_tracker:UserWarning"
-SIGNAL_EXIT_CODE_OFFSET = 128  # added to a signal's number by shells, for an exit code
-SIGNAL_RETRY_S = 0.01  # s until a signal comes again
+SIGNAL_EXIT_CODE_OFFSET = 128  # exit code of a process that a signal ended, less its number
+SIGNAL_RETRY_S = 0.01  # time after which a dropped signal is sent again
 
-_pipes: list[tuple[Connection, Connection]] = []  # one at most
+_pipes: list[tuple[Connection, Connection]] = []  # at most one
 
 
 def is_running(process: int) -> bool:
-    """Whether there is a process of that number."""
+    """Whether there is a process with this id."""
     return psutil.pid_exists(process)
 
 
@@ -40,10 +41,10 @@ class InterruptedRun(BaseException):
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """Ctrl-C, and what ends processes politely, raise InterruptedRun; the second ends at once.
+    """Raise InterruptedRun on Ctrl-C, SIGTERM and SIGHUP; a second signal ends the process.
 
-    Python drops an exception in a finaliser or a callback of garbage collection with a traceback on
-    stderr. A signal that comes there comes again a moment later.
+    In a finaliser or a callback of garbage collection Python drops the exception, with a traceback
+    on stderr. A signal that arrives there is sent again a moment later.
     """
 
     def interrupt(number: int, _frame: object) -> None:
@@ -72,9 +73,9 @@ def interruptible() -> Iterator[None]:
 
 
 def lifeline() -> Connection:
-    """The end of a pipe, to hand to processes that shall end with this one (`end_with`).
+    """The end of a pipe, for processes that are to end with this one (`end_with`).
 
-    Nothing is ever written; the system closes the other end when this process is gone.
+    Nothing is ever written to it. The system closes the other end when this process ends.
     """
     from multiprocessing import Pipe
 
@@ -84,7 +85,7 @@ def lifeline() -> Connection:
 
 
 def cut_lifeline() -> None:
-    """End all processes that have been handed the lifeline of this one; others get a new one."""
+    """End all processes that have the lifeline of this one; `lifeline` then makes a new one."""
     while _pipes:
         for end in _pipes.pop():
             end.close()
@@ -95,12 +96,12 @@ if hasattr(os, "register_at_fork"):  # a fork of this process would hold the pip
 
 
 def end_with(lifeline: Connection) -> None:
-    """End this process with that from which `lifeline` came, which alone gets signals."""
+    """End this process when the one that made `lifeline` ends; from now on ignore signals."""
     _end_when(lambda: lifeline.poll(None))
 
 
 def end_with_input() -> None:
-    """End this process when its parent closes the pipe that is its standard input."""
+    """End this process when its parent closes its standard input; from now on ignore signals."""
     _end_when(lambda: os.read(0, 1))
 
 
@@ -119,7 +120,10 @@ def _end_when(over: Callable[[], object]) -> None:
 
 @contextlib.contextmanager
 def _without_current_directory() -> Iterator[None]:
-    """For processes that start here: they look for no modules there, for it may be anybody's."""
+    """Keep processes that start within from importing modules of the current directory.
+
+    It may belong to anybody.
+    """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"
     try:
@@ -133,15 +137,16 @@ def _without_current_directory() -> Iterator[None]:
 
 @contextlib.contextmanager
 def starting_processes() -> Iterator[None]:
-    """For processes that start here: signals go to this one alone, its main file is not theirs.
+    """Start processes within that get no signals and do not import the main file.
 
-    A main file may run a study as it is read, and so would they. A signal that comes meanwhile
-    waits: a process that has half of what it needs would say so in a traceback. They look for no
-    modules in the current directory, which may be anybody's.
+    A main file may run a study when it is imported. Signals that arrive meanwhile wait until the
+    end, since a half started process would print a traceback. The processes do not import modules
+    of the current directory, which may belong to anybody.
     """
     from multiprocessing import get_context
 
-    # what starts with the first lock lets signals through, and removes what a killed run leaves
+    # the first lock starts the resource tracker, which unblocks signals, and removes what a killed
+    # run leaves
     sys.warnoptions.append(SILENTLY)
     with _without_current_directory():
         get_context("spawn").Lock()
@@ -161,7 +166,7 @@ def starting_processes() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _signals_wait() -> Iterator[None]:
-    """Raise signals at the end: Python heeds those that came to a thread without a mask, too."""
+    """Raise signals at the end: Python also handles those that came to unmasked threads."""
     came: list[int] = []
     main = threading.current_thread() is threading.main_thread()  # no other may set handlers
     heeded = [each for each in SIGNALS if main and callable(signal.getsignal(each))]

@@ -1,6 +1,6 @@
 """Cores and memory that this process may use.
 
-A container, a control group or an affinity may leave it a part of the machine.
+A container, a control group or a processor affinity may limit it to a part of the machine.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ import psutil
 BYTES_PER_MB = 2**20
 # Python can wait for 61 processes on Windows
 MOST_WORKERS = 61 if sys.platform == "win32" else 2**16
-# files of Linux alone
+# files that only Linux has
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # numbers of these settings in <malloc.h>
-# bytes; the latter is where glibc's own setting would end
+# bytes from which glibc maps an array by itself: within `memory_returned`; else, its own maximum
 MMAP_THRESHOLD_BYTES, MAPPED_LATER = 2**20, 2**25
-KEPT_FREE = 2**28  # bytes
+KEPT_FREE = 2**28  # bytes of free memory that the process keeps
 
 
 # -- cores ----------------------------------------------------------------------------------------
 def cores() -> int:
-    """Cores that this process may use: of the machine, its affinity and its control groups."""
+    """Number of cores that this process may use, by the machine, affinity and control groups."""
     process = psutil.Process()
     allowed = len(process.cpu_affinity()) if hasattr(process, "cpu_affinity") else os.cpu_count()
     return max(1, min([allowed or 1, *_quotas()]))
 
 
 def _quotas() -> Iterator[int]:
-    """Cores that each control group allows, rounded up."""
+    """Number of cores that each control group with a limit allows, rounded up."""
     for group in _groups("cpu"):
         quota_text = _first(group, "cpu.max") or " ".join(
             (_first(group, "cpu.cfs_quota_us"), _first(group, "cpu.cfs_period_us"))
@@ -49,7 +49,7 @@ def _quotas() -> Iterator[int]:
 
 
 def _groups(controller: str) -> Iterator[Path]:
-    """Directories of the control groups of this process, and of those around them."""
+    """Directories of the control groups of this process, and of their parents."""
     for line in _read(OWN_GROUPS).splitlines():
         _, controllers, name = line.split(":", 2)
         if controllers and controller not in controllers.split(","):
@@ -73,12 +73,12 @@ def _read(path: Path) -> str:
 
 # -- memory ---------------------------------------------------------------------------------------
 def available_memory_mb() -> float:
-    """Memory that processes may still take without swapping or being killed, MB."""
+    """Memory [MB] that processes may still take without swapping or being killed."""
     return min([psutil.virtual_memory().available, *_remaining_bytes()]) / BYTES_PER_MB
 
 
 def _remaining_bytes() -> Iterator[int]:
-    """Bytes that each control group leaves; files that it has read give way."""
+    """Bytes that each control group leaves; its cache of files counts as free."""
     names = (
         ("memory.max", "memory.current", "inactive_file"),
         ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
@@ -92,7 +92,7 @@ def _remaining_bytes() -> Iterator[int]:
 
 
 def peak_memory_mb() -> float:
-    """Largest resident size of this process so far, MB."""
+    """Largest resident size [MB] of this process so far."""
     if STATUS.is_file():  # getrusage would give a worker its parent's size at the fork
         return _status_mb("VmHWM")
     if sys.platform == "darwin":
@@ -108,19 +108,19 @@ def _status_mb(name: str) -> float:
 
 
 def give_back_memory() -> None:
-    """Give the machine what is free inside this process; Linux only.
+    """Return free memory of this process to the machine; Linux only.
 
-    The C library keeps it otherwise, gigabytes after a factorisation of a large matrix.
+    Otherwise the C library keeps it: gigabytes after the factorisation of a large matrix.
     """
     _of_glibc("malloc_trim", 0)
 
 
 @contextlib.contextmanager
 def memory_returned() -> Iterator[None]:
-    """Give back all memory that is freed within; Linux only.
+    """Return all memory that is freed within to the machine; Linux only.
 
-    Large arrays are mapped one by one meanwhile. In one heap an array that stays would keep the
-    freed memory below it from the machine.
+    Meanwhile large arrays are mapped one by one. In a common heap an array that stays would keep
+    the freed memory below it.
     """
     _of_glibc("mallopt", MMAP_THRESHOLD, MMAP_THRESHOLD_BYTES)
     try:
@@ -131,10 +131,10 @@ def memory_returned() -> Iterator[None]:
 
 
 def keep_free_memory() -> None:
-    """Keep what is freed, up to 256 MB, for the next arrays; Linux only.
+    """Keep up to 256 MB of freed memory for the next arrays; Linux only.
 
-    Else the C library gives it back at once, and the machine has to clear it for the next design
-    point.
+    Otherwise the C library returns it at once, and the machine has to clear it again for the next
+    design point.
     """
     _of_glibc("mallopt", MMAP_THRESHOLD, MAPPED_LATER)
     _of_glibc("mallopt", TRIM_THRESHOLD, KEPT_FREE)
@@ -148,7 +148,13 @@ def _of_glibc(name: str, *arguments: int) -> None:
 
 @dataclass
 class MemoryAbove:
-    """Largest resident size within `memory_above`, MB above that before; NaN where unknown."""
+    """What `memory_above` measures.
+
+    Attributes
+    ----------
+    megabytes : float
+        Largest resident size within, above that before [MB]; NaN where it is not known.
+    """
 
     megabytes: float = float("nan")
 
@@ -158,7 +164,7 @@ def memory_above() -> Iterator[MemoryAbove]:
     """Watch the memory of what runs inside; Linux only, elsewhere NaN."""
     above = MemoryAbove()
     try:
-        RESET.write_text("5", encoding="utf-8")  # the peak begins again at the present size
+        RESET.write_text("5", encoding="utf-8")  # resets the peak to the present size
         before = _status_mb("VmRSS")
     except OSError:
         yield above

@@ -1,4 +1,4 @@
-"""A design point of a study: values of all parameters, and what they are kept under."""
+"""A design point of a study: values of all parameters, its id and the key of its structure."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from squealstudy.models.model_point import ModelPoint
 
 @dataclass(frozen=True)
 class DesignPoint(ModelPoint):
-    """All parameter values of one design point, and what its row and its model are kept under.
+    """All parameter values of one design point, with the keys of its row and its model.
 
     Attributes
     ----------
     point_id : str
-        Identity of its row; empty for a point that is in no table.
+        Id of its row; empty for a point that is in no table.
     structure : str
-        Key of its prepared model in the cache; empty where none is known.
+        Key of its prepared model in the cache; empty if it is not known.
     """
 
     point_id: str = ""
     structure: str = ""
 
     def with_values(self, values: Mapping[str, float]) -> DesignPoint:
-        """A point of other values: without id, without structure where that is another one.
+        """A point with other values, without id. It keeps its structure if that is the same.
 
-        What follows a table follows it where what that is over has changed.
+        Parameters that follow a table get the value of the table where what it is over has changed.
         """
         values = self.model.followed(values, self.values)
         other = replace(self, values=values, point_id="")

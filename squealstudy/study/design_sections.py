@@ -1,4 +1,4 @@
-"""The sections of a study file that say what varies, and how values join to design points."""
+"""The sections of a study file that say what varies, and how sweeps are combined."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from squealstudy.study.section import FloatList, Section
 Scale = Literal["linear", "log"]
 DistributionName = Literal["uniform", "normal", "truncated_normal", "lognormal"]
 
-ADDED_MASS = "added_mass."  # how parameters begin that add a mass, kg, on the set that follows
+ADDED_MASS = "added_mass."  # beginning of parameters that add a mass, kg, on the set named after it
 MOST_LEVELS = 1_000_000
-# of a design: a plan holds 8 bytes a sweep and 16 for the id of each point, some gigabytes then
+# a plan needs 8 bytes for each sweep and 16 for the id of each point: some gigabytes for so many
 MOST_POINTS = 100_000_000
 MOST_REFINEMENTS = 10
 LARGEST_SEED = 2**32 - 1
-QUANTITY = ("number", "string")  # in the JSON Schema: a value of a parameter
+QUANTITY = ("number", "string")  # types in the JSON Schema of a value of a parameter
 
 
 class SweepSection(Section):
@@ -83,14 +83,14 @@ DesignType = Literal["grid", "zip", "sobol", "latin_hypercube", "sobol_indices",
 
 
 def _design_type(name: object) -> object:
-    """The name that SALib and older descriptions use is told apart from a typing error."""
+    """The name unchanged; an error of its own for the name that SALib uses."""
     if name == "saltelli":
         raise ValueError("the sample of Saltelli et al. is named 'sobol_indices' here")
     return name
 
 
 class DesignSection(Section):
-    """How the sweeps are put together to design points."""
+    """How sweeps are combined to design points."""
 
     type: Annotated[DesignType, BeforeValidator(_design_type)] = Field(
         default="grid",

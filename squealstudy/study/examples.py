@@ -1,7 +1,7 @@
-"""The shipped studies: in the package of a wheel, in the folder `studies` of a clone.
+"""The shipped studies, which are in the package of a wheel and in the folder `studies` of a clone.
 
-A study is written with all that it names: model files and meshes, studies that it measures methods
-on, and those whose results it reads.
+A study is written with all files that it names: model files and meshes, studies on which it
+measures methods, and studies whose results it reads.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from squealstudy.wording import did_you_mean
 PACKAGE = Path(__file__).parents[1]
 IN_WHEEL, IN_CLONE = PACKAGE / "examples", PACKAGE.parent / "studies"
 NOT_SHIPPED = "benchmarks"  # folder of the clone
-RESULTS = "results"  # folder in which a study finds those of another
+RESULTS = "results"  # folder in which a study finds the results of another
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def _folder() -> Path:
 
 @cache
 def examples() -> Mapping[str, Example]:
-    """The shipped studies by name: those of the top folder first, then folder by folder."""
+    """The shipped studies by name: those of the top folder, then folder by folder."""
     folder, by_name = _folder(), {}
     paths = (p.relative_to(folder) for p in folder.rglob("*.toml"))
     for path in sorted(paths, key=lambda p: (p.parent.as_posix(), p.stem)):
@@ -68,7 +68,7 @@ def examples() -> Mapping[str, Example]:
 
 
 def list_examples() -> dict[str, str]:
-    """Descriptions of the shipped studies by name: `write_example` writes one.
+    """Descriptions of the shipped studies by name; `write_example` writes one of them.
 
     Examples
     --------
@@ -85,20 +85,20 @@ def write_example(name: str, folder: Path | str | None = None) -> list[Path]:
     Parameters
     ----------
     name : str
-        Of `list_examples`.
+        One of `list_examples`.
     folder : Path, str or None
-        Where to; by default the current directory for a study of one file, otherwise a new folder
-        of the study's name.
+        Folder to write to; by default the current directory for a single file, otherwise a new
+        folder with the name of the study.
 
     Returns
     -------
     list of Path
-        What was written, the study first.
+        The written files, the study first.
 
     Raises
     ------
     SquealstudyError
-        No such study; files that are there already.
+        There is no such study, or a file exists already.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def _common_folder(files: list[Path]) -> Path:
 
 
 def _with_named_files(path: Path) -> Iterator[Path]:
-    """A file, and the shipped files that it names."""
+    """A file, and the shipped files that it names, to any depth."""
     yield path
     if path.suffix != ".toml":
         return

@@ -1,4 +1,4 @@
-"""The model of a study of matrices: its terms, parameters and files."""
+"""The model of a study of a family of matrices: its terms, parameters and files."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from squealstudy.study.toml_text import KeyPath
 from squealstudy.wording import did_you_mean
 
 DATA_VARIABLE = "SQUEALSTUDY_DATA"  # environment variable: replaces the folder that a study names
-CONTACT_TABLES = ("contact", "spring", "damper", "load")  # only of a model file with [[term]]
+CONTACT_TABLES = ("contact", "spring", "damper", "load")  # tables of model files with [[term]] only
 CONTACT_ADVICE = (
     'matrices with [[contact]] are a model of a file with [[term]], named by [model] file = "..."'
 )
-# columns of the tables beside the parameters
+# columns of tables, which parameters must not be named like
 RESERVED_NAMES = {"point_id", "status", "message", "wall_s", "method", "mode", "track", "track_mac"}
 RESERVED_NAMES |= {"track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio", "unstable"}
 RESERVED_NAMES |= {
@@ -69,13 +69,14 @@ RESERVED_NAMES |= {
 
 
 def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefinition:
-    """The family of matrices that a study describes; no file is opened.
+    """The family of matrices that a study describes; opens no file.
 
     Raises
     ------
     StudyFileError
-        No terms, or none of M or K; a coefficient that is no expression; a parameter without a
-        value under [parameters], or one that no coefficient uses; an option of another model.
+        The kind of study needs contact; there is no term of M or of K; a coefficient is no
+        expression; a parameter has no value under [parameters], or no coefficient uses it; [model]
+        has an option of another model.
     """
     section = definition.model
     kind = model_kind(definition.study.kind)
@@ -101,9 +102,9 @@ def family_of(definition: StudyDefinition, source: SourceText) -> FamilyDefiniti
 
 
 def data_folder(section: ModelSection, study: Path) -> Path:
-    """Where files are sought: beside the study, or the folder that it names.
+    """The folder of the matrices: that of the study file, or the one that it names.
 
-    A folder named in the study gives way to $SQUEALSTUDY_DATA, where that is set.
+    The environment variable SQUEALSTUDY_DATA, if set, replaces a folder that the study names.
     """
     if section.folder is None:
         return study.parent
@@ -111,7 +112,7 @@ def data_folder(section: ModelSection, study: Path) -> Path:
 
 
 def file_digests(model: FamilyDefinition, source: SourceText) -> list[str]:
-    """Hash of each term's file; StudyFileError where one is absent."""
+    """SHA-256 of each term's file; StudyFileError where one does not exist."""
     digests: dict[Path, str] = {}
     for i, term in enumerate(model.sources):
         if not term.path.is_file():
@@ -128,7 +129,7 @@ def read_family(model: FamilyDefinition, source: SourceText) -> MatrixFamily:
     Raises
     ------
     StudyFileError
-        With the line of the term whose file cannot be used, or whose size differs from the first.
+        The file of a term cannot be used, or its matrix has another size than the first one.
     """
     term_matrices: list[sp.csr_matrix | LabelledMatrix] = []
     for i, term in enumerate(model.sources):
@@ -178,7 +179,7 @@ def _expression(term: TermSection, index: int, source: SourceText) -> Expression
 def _nominal(
     expressions: list[Expression], values: Mapping[str, float], source: SourceText
 ) -> dict[str, float]:
-    """Value of every name in the coefficients, and nothing else."""
+    """Value of every parameter in the coefficients; StudyFileError about others in the study."""
     names = {name: i for i, e in reversed(list(enumerate(expressions))) for name in e.names}
     unused = [name for name in values if name not in names]
     for name, index in sorted(names.items(), key=lambda item: item[1]):

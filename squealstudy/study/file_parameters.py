@@ -1,4 +1,4 @@
-"""The parameters of a model file: numbers in it that studies may vary, and the operating point."""
+"""The parameters of a model from a file: those of the operating point, and numbers of the file."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
 
 
 def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath, ...]]:
-    """Keys of the numbers in the file that each parameter sets."""
+    """Key paths of the numbers in the file that each parameter sets, by its name.
+
+    StudyFileError about a path that is wrong, or that two parameters have.
+    """
     places_of: dict[str, tuple[KeyPath, ...]] = {}
     owner: dict[KeyPath, str] = {}
     for name, table in file.parameters.items():
@@ -61,7 +64,10 @@ def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath,
 def file_parameters(
     file: ModelFile, source: SourceText, keys_of: Mapping[str, tuple[KeyPath, ...]]
 ) -> Declared:
-    """Parameters of the operating point, with the file's defaults, and those of the file."""
+    """Parameters of the operating point, with defaults of the file, then those of the file.
+
+    StudyFileError about a parameter that is wrong.
+    """
     standard = OPERATING if file.rotation is None else (*OPERATING, GYROSCOPIC)
     operating = {p.name: p for p in (*standard, *friction_parameters(), *contact_parameters())}
     of_file = []
@@ -84,7 +90,7 @@ def file_parameters(
 def _changed(
     parameter: Parameter, table: ParameterTable, source: SourceText, keys: KeyPath
 ) -> Parameter:
-    """A parameter of the operating point with another default, SI units."""
+    """A parameter of the operating point with the default of the file, in SI units."""
     if table.paths:
         raise source.error(keys, "it belongs to the operating point: expected no path")
     if table.default is None:
@@ -99,7 +105,7 @@ def _changed(
 
 def _size(unit: str, parameter_unit: str, source: SourceText, keys: KeyPath) -> float:
     """Factor from a unit to `parameter_unit`; StudyFileError where the dimensions differ."""
-    if unit == parameter_unit:  # some are known to no table of units, such as Pa/m^n
+    if unit == parameter_unit:  # `Unit` does not know all of them, such as Pa/m^n
         return 1.0
     with contextlib.suppress(KeyError):
         stated, target = Unit.named(unit), Unit.named(parameter_unit or "1")
@@ -131,7 +137,7 @@ def _parameter(
     source: SourceText,
     number_keys: tuple[KeyPath, ...],
 ) -> Parameter:
-    """A parameter whose numbers stand in the file, SI units."""
+    """A parameter of numbers in the file, in SI units."""
     keys = ("parameters", name)
     dimension = dimension_of(number_keys[0])
     for path, other in zip(table.paths[1:], number_keys[1:], strict=True):
@@ -144,7 +150,9 @@ def _parameter(
     if table.default is not None:
         default = _default(table, factor, dimension.unit, source, keys)
     elif file.at(number_keys[0]) is None or isinstance(file.at(number_keys[0]), str):
-        raise source.error(keys, "expected default = NUMBER: it is not in this file, but in a mesh")
+        raise source.error(
+            keys, "expected default = NUMBER: its value is in a mesh, not in this file"
+        )
     else:
         default = Numbers(file, {}).at(*number_keys[0])
     kind = kind_of(number_keys[0])

@@ -1,11 +1,11 @@
-"""Friction over speed and pressure as a study file writes it: lists, or a file of points.
+"""Friction over speed and pressure in a study file, as lists or as a file of points.
 
 [parameters.friction_law.map]
 speed = ["2 cm/s", "50 cm/s", 2.0]     # m/s
 pressure = ["2 bar", "20 bar"]         # of the contact, Pa
-ratio = [[1.5, 1.1, 1.0], [1.3, 1.0, 0.9]]   # over friction: a row a pressure
+ratio = [[1.5, 1.1, 1.0], [1.3, 1.0, 0.9]]   # over the parameter friction: a row for each pressure
 
-or file = "mu.csv" with the columns speed, pressure and ratio, a line a point.
+or file = "mu.csv" with the columns speed, pressure and ratio and a line for each point.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from squealstudy.wording import listed, shown
 
 SECTION, LAW, MAP, FILE = "parameters", "friction_law", "map", "file"
 COLUMNS = ("speed", "pressure", "ratio")
-LIMITS = {"speed": 6, "pressure": 4}  # as the law has parameters
+LIMITS = {"speed": 6, "pressure": 4}  # most values, for which the law has parameters
 KEYS: KeyPath = (SECTION, LAW, MAP)
 
 
 def with_map(tables: Mapping[str, Any], source: SourceText) -> Mapping[str, Any]:
-    """A study file's tables with the parameters of a friction map in place of its table.
+    """A study file's tables with parameters of the friction law in place of a friction map.
 
     Raises
     ------
     StudyFileError
-        A table that is no map: keys, sizes, a file that is none or lacks points.
+        The map has wrong keys or sizes; its file cannot be read or lacks points.
     """
     written = _map_of(tables)
     if written is None:
@@ -49,17 +49,17 @@ def with_map(tables: Mapping[str, Any], source: SourceText) -> Mapping[str, Any]
             text = f"expected a list of 1 to {LIMITS[key]} values, got {shown(written[key])}"
             raise source.error((*KEYS, key), text)
     if not isinstance(rows, list) or len(rows) != len(pressures):
-        text = f"expected {len(pressures)} lists of {len(speeds)} ratios, a list a pressure"
+        text = f"expected {len(pressures)} lists of {len(speeds)} ratios, one for each pressure"
         raise source.error((*KEYS, "ratio"), text)
     for number, row in enumerate(rows):
         if not isinstance(row, list) or len(row) != len(speeds):
-            text = f"expected {len(speeds)} ratios, one a speed, got {shown(row)}"
+            text = f"expected {len(speeds)} ratios, one for each speed, got {shown(row)}"
             raise source.error((*KEYS, "ratio", number), text)
     return _with_values(tables, _law_values(speeds, pressures, rows), source)
 
 
 def recorded_map(tables: Mapping[str, Any], nominal: Mapping[str, float]) -> Mapping[str, Any]:
-    """The tables of results with the values that a map of a file had when they were made."""
+    """The study tables of results, with the values that the file of a map had in that run."""
     written = _map_of(tables)
     if not isinstance(written, Mapping) or FILE not in written:
         return tables
@@ -69,14 +69,14 @@ def recorded_map(tables: Mapping[str, Any], nominal: Mapping[str, float]) -> Map
 
 
 def _map_of(tables: Mapping[str, Any]) -> Any:
-    """The table of a map; None where there is none."""
+    """What a study file writes as friction map; None without one."""
     parameters = tables.get(SECTION)
     laws = parameters.get(LAW) if isinstance(parameters, Mapping) else None
     return laws.get(MAP) if isinstance(laws, Mapping) else None
 
 
 def _law_values(speeds: list[Any], pressures: list[Any], rows: list[Any]) -> dict[str, Any]:
-    """Values of the law's parameters, by their names within it."""
+    """Values of the parameters of the friction law, by their names after friction_law."""
     return {
         **{f"{MAP}_speed_{k}": speed for k, speed in enumerate(speeds, 1)},
         **{f"{MAP}_pressure_{j}": pressure for j, pressure in enumerate(pressures, 1)},

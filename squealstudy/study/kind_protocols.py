@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ScreenFacts(Protocol):
-    """Which tables results of a kind have, and what is needed of them; see `KindScreen`."""
+    """The tables that results of a kind have, and the columns they need; see `KindScreen`."""
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ class StudyKind(Protocol):
 
     @property
     def description(self) -> str:
-        """In a sentence."""
+        """What it computes, in a sentence."""
         ...
 
     @property
@@ -115,7 +115,7 @@ class ModelStudyKind(StudyKind, Protocol):
 
     @property
     def file_defaults(self) -> Mapping[str, Mapping[str, Any]]:
-        """Keys of tables that are otherwise by default than in a study of complex modes."""
+        """Defaults, by table and key, that differ from those of a study of complex modes."""
         ...
 
     @property
@@ -150,7 +150,7 @@ class ModelStudyKind(StudyKind, Protocol):
 
     @property
     def needs_contact(self) -> bool:
-        """Whether it cannot be made of a family of matrices."""
+        """Whether it needs contact, so that it cannot be of a family of matrices."""
         ...
 
     def resolver(self, study: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
@@ -158,11 +158,11 @@ class ModelStudyKind(StudyKind, Protocol):
         ...
 
     def identity(self, plan: Any) -> list[Any]:
-        """All that a design point's row depends on beside its structure and values."""
+        """All that a design point's row depends on besides its structure and values."""
         ...
 
     def table_identity(self, plan: Any) -> list[Any]:
-        """All that the tables depend on beside the rows."""
+        """All that the tables depend on besides the rows."""
         ...
 
     def stacks(self, plan: Any) -> bool:
@@ -170,5 +170,5 @@ class ModelStudyKind(StudyKind, Protocol):
         ...
 
     def begin(self, plan: Any) -> None:
-        """Begin, in other processes, what can be made beside the structures."""
+        """Start, in other processes, preparations that can run while structures are made."""
         ...

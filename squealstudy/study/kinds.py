@@ -1,4 +1,4 @@
-"""The kinds of study there are: those of the package, and those that extensions register."""
+"""The register of kinds of study: those of the package, and those of extensions."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
     from squealstudy.study.kind_protocols import ModelStudyKind, ScreenFacts, StudyKind
 
-FOLDER = "squealstudy.kinds"  # above this room: read by name, never imported
+FOLDER = "squealstudy.kinds"  # a higher layer: its modules are imported by name, on demand
 _registered: dict[str, StudyKind] = {}
 
 
 @cache
 def _folders() -> tuple[str, ...]:
-    """Kinds of the package: a folder each, imported when it is asked for."""
+    """Names of the kinds of the package, each of which is a folder."""
     return tuple(
         module_info.name
         for module_info in iter_modules(import_module(FOLDER).__path__)
@@ -47,12 +47,12 @@ def register_kind(kind: StudyKind) -> None:
     Parameters
     ----------
     kind : StudyKind
-        An instance, of a class derived from ModelKind.
+        An instance of a class derived from `ModelKind`.
 
     Raises
     ------
     ValueError
-        Where another one has its name.
+        Another kind has its name.
     """
     registered = _registered.get(kind.name, kind)
     if kind.name in _folders() or type(registered) is not type(kind):
@@ -80,13 +80,13 @@ def definition_of(name: str) -> type[BaseModel]:
 
 
 def facts_of(name: str) -> type[BaseModel] | None:
-    """Type of the facts in a manifest of a kind; None of kinds that have not said."""
+    """Type of the facts in a manifest of a kind; None where the kind states none."""
     facts = file_of_kind(name, "facts")
     return None if facts is None else facts.FACTS
 
 
 def file_of_kind(kind: str, name: str) -> ModuleType | None:
-    """A file in the folder of a kind of the package; None where there is none."""
+    """A module in the folder of a kind of the package; None without one."""
     path = f"{FOLDER}.{kind}.{name}"
     return import_module(path) if kind in _folders() and find_spec(path) else None
 
@@ -100,12 +100,14 @@ def model_kind(name: str) -> ModelStudyKind:
 
 
 def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> StudyKind | None:
-    """The kind that the tables of a study file name; None where they name none.
+    """The kind that a study file names; None where it names none.
+
+    Executes the extensions of the study first.
 
     Raises
     ------
     StudyFileError
-        A kind that there is not.
+        There is no such kind, or an extension fails.
     """
     extensions_of(source, tables)  # before kernels are imported: they may hold laws
     from squealstudy.wording import did_you_mean
@@ -123,9 +125,9 @@ def kind_of_file(source: SourceText, tables: Mapping[str, Any]) -> StudyKind | N
 
 
 def screen_of(name: str) -> ScreenFacts:
-    """Screen of results of a kind; KeyError for an unknown one.
+    """Screen of results of a kind; KeyError for an unknown kind.
 
-    It is imported without what solves the kind's design points.
+    For a kind of the package, this does not import the code that solves design points.
     """
     if name not in _folders():
         return kind_named(name).screen

@@ -1,4 +1,4 @@
-"""Checks of the laws that a study chooses and that are not of the package."""
+"""Checks of the laws of a study: laws from outside the package, and values that may not fit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ def check_laws(
     sweeps: Iterable[Sweep],
     error_at: Callable[[KeyPath, str], StudyFileError],
 ) -> None:
-    """Try laws from outside, and tables, at the study's nominal values and the ends of its sweeps.
+    """Try the laws of a study at its nominal values and at the ends of its sweeps.
+
+    These are laws from outside the package, and laws of the package whose values may contradict
+    each other, such as tables.
 
     Parameters
     ----------
@@ -28,12 +31,12 @@ def check_laws(
         The nominal values.
     sweeps : iterable of Sweep
     error_at : callable
-        Function of the keys of a place in the study file and a message: the error to raise.
+        Takes the key path of a place in the study file, and a message; returns the error to raise.
 
     Raises
     ------
     StudyFileError
-        About the law, or the sweep at whose end functions of the law contradict each other.
+        Values of a law, or its functions, contradict each other; about the law or the sweep.
     """
     if not design.has_working_point:
         return
@@ -67,7 +70,7 @@ def _try_contact(operating: OperatingPoint) -> None:
 
 
 def _try_friction(operating: OperatingPoint) -> None:
-    if operating.curve.definition.in_package:  # it has been tested, and its values fit each other
+    if operating.curve.definition.in_package:  # tests cover it, and `operating_point` checks values
         return
     for s, p in product((*TEST_SPEEDS, abs(operating.sliding_speed)), TEST_PRESSURES):
         with suppress(NotComputedError):

@@ -1,4 +1,4 @@
-"""The model of a study that names the file of a lumped model: its parameters, how it is built."""
+"""The model of the file of a lumped model: its parameters, laws and structure."""
 
 from __future__ import annotations
 
@@ -53,26 +53,20 @@ from squealstudy.study.family import RESERVED_NAMES
 from squealstudy.study.source import SourceText, validate
 from squealstudy.wording import did_you_mean
 
-LINEAR = "bilateral"  # contact law by default: it opens never, as springs do
+LINEAR = "bilateral"  # default contact law: linear, and never open
 ANGLES = ("deg", "°")  # units of parameters that are not of SI
 POSITIVE = ("mass", "inertia", "area", "speed_factor", "radius")  # keys above zero
-NOT_NEGATIVE = (
-    "stiffness",
-    "damping",
-    "friction",
-    "friction_factor",
-    "state",
-    "tangential",
-)  # of springs and dampers; of contact above zero
+# keys of zero or above; the stiffness of a contact is above zero
+NOT_NEGATIVE = ("stiffness", "damping", "friction", "friction_factor", "state", "tangential")
 
 
 def read_lumped(path: Path) -> LumpedDefinition:
-    """The model of a file with [[mass]] or [[term]]; StudyFileError about what is wrong."""
+    """Read a lumped model, a file with [[mass]] or [[term]]; StudyFileError where it is wrong."""
     return lumped_of(SourceText.read(path))
 
 
 def lumped_of(source: SourceText) -> LumpedDefinition:
-    """The model of a text that has been read, as by `read_lumped`."""
+    """The lumped model of a text, as `read_lumped`."""
     if all(name in source.tables for name in TABLES_OF_FILE):
         text = "expected either [[mass]] or [[term]], whose matrices hold all masses: not both"
         raise source.error(("term",), text)
@@ -155,7 +149,10 @@ def _idle(rubbing: Sequence[ContactNumbers], law: FrictionCurveDefinition) -> di
 
 
 def _own_static(table: ContactNumbers) -> tuple[Number, dict[str, Number]]:
-    """Parts of the static friction of a contact with numbers of its own."""
+    """Coefficient and friction-law parameters of a contact that has its own.
+
+    With these, `LargestFriction` computes its static friction.
+    """
     coefficient = table.own_coefficient
     law: dict[str, Number] = {f"{LAW_PREFIX}{key}": x for key, x in table.friction_law.items()}
     if table.state is not None:  # it has its coefficient at all speeds
@@ -170,7 +167,7 @@ def _linear_first() -> tuple[str, ...]:
 
 @contextmanager
 def _with_file_and_key(source: SourceText) -> Iterator[None]:
-    """Errors about a key of the file raised with file, line and key."""
+    """Raise a PlacedError as StudyFileError, with file, line and key."""
     try:
         yield
     except PlacedError as error:
@@ -205,7 +202,7 @@ def _declared(
 
 
 def _changed(parameter: Parameter, file: AnyFile, source: SourceText) -> Parameter:
-    """A parameter of the operating point with another default."""
+    """A parameter of the operating point with the default of the file."""
     table, keys = file.parameters[parameter.name], ("parameters", parameter.name)
     for key in ("unit", "minimum", "maximum"):
         if getattr(table, key) is not None:
@@ -215,7 +212,7 @@ def _changed(parameter: Parameter, file: AnyFile, source: SourceText) -> Paramet
 
 
 def _parameter(name: str, file: AnyFile, source: SourceText) -> Parameter:
-    """A parameter that numbers of the file are made of."""
+    """A parameter of the file, which its expressions use."""
     table, keys = file.parameters[name], ("parameters", name)
     if not name.isidentifier() or name in RESERVED_NAMES or name in RESERVED:
         text = f"'{name}' has another meaning: expected a name of letters, digits and _"
@@ -247,7 +244,7 @@ def _above_zero(keys: KeyPath) -> bool:
 
 
 def _unit(table: ParameterTable, source: SourceText, keys: KeyPath) -> str:
-    """The unit of a parameter, one of SI or deg: expressions are in it."""
+    """The unit of a parameter in expressions: one of SI, or deg; StudyFileError for others."""
     unit = table.unit or ""
     try:
         parsed = Unit.named(unit or "1")

@@ -22,23 +22,23 @@ if TYPE_CHECKING:  # scipy and scikit-fem stay out of what computes nothing
 def measured_values(
     model: ModelDefinition, cutoff_hz: float, parameters: Iterable[StudyParameter]
 ) -> dict[str, float]:
-    """Factors on frequencies and damping ratios of component modes that were measured.
+    """Measured frequencies and damping ratios of component modes, as values of mode parameters.
 
-    Of modes up to a cutoff, at the model file's defaults: a factor stays what it is where a study
-    changes the component. What a study sets of a mode itself is left to it.
+    A frequency is a factor on the one computed at the defaults of the model file. The factor stays
+    the same where a study changes the component. Values that the study sets itself are left out.
 
     Parameters
     ----------
     model : ModelDefinition
     cutoff_hz : float
-        Up to which a reduction holds component modes.
+        Highest frequency [Hz] of component modes in the reduction.
     parameters : iterable of StudyParameter
-        What the study sets and sweeps.
+        Parameters that the study sets or sweeps.
 
     Raises
     ------
     StudyFileError
-        About the model file: what is wrong with a table, or a component that is held.
+        About the model file: a table of measured modes is wrong, or the component is fixed.
     """
     from squealstudy.models.components.definition import FileDefinition
 
@@ -71,7 +71,7 @@ def _measured(model: FileDefinition) -> list[str]:
 
 
 class _ByFiles:
-    """A model that is another one where its files are others."""
+    """A model as key of a cache: equal to another model of the same files."""
 
     def __init__(self, model: FileDefinition) -> None:
         self.model = model

@@ -1,4 +1,4 @@
-"""Model files of both sorts: of meshes, and of lumped models, told apart by what is in them."""
+"""Model files of both sorts, of meshed components and of lumped models, told apart by content."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from squealstudy.study.added_parts import AddedPart
     from squealstudy.study.sections import StudyDefinition
 
-TABLES = " or ".join(f"[[{name}]]" for name in TABLES_OF_FILE)  # of a lumped model's file
+TABLES = " or ".join(f"[[{name}]]" for name in TABLES_OF_FILE)  # of a lumped model, for messages
 
 
 def is_lumped(path: Path) -> bool:
-    """Whether a file has [[mass]] or [[term]]; one that cannot be read has none."""
+    """Whether a file has [[mass]] or [[term]] and no [components]; False if it cannot be read."""
     try:
         tables = tomllib.loads(path.read_text("utf-8-sig"))
     except (OSError, ValueError, RecursionError):
@@ -36,8 +36,8 @@ def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefini
     Raises
     ------
     StudyFileError
-        With line and key: of the study where there is no such file, of the model file for all that
-        is wrong there.
+        About the study where it names no file, or one that does not exist; about the model file
+        where that is wrong.
     """
     file_name = definition.model.file
     if file_name is None:
@@ -52,7 +52,7 @@ def model_of_file(definition: StudyDefinition, source: SourceText) -> FileDefini
 
 
 def read_model_file(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefinition:
-    """The model of a model file with what a study adds; StudyFileError about what is wrong."""
+    """The model of a model file, with the parts that a study adds; StudyFileError where wrong."""
     if is_lumped(path):
         if parts:
             raise parts[0].error("a lumped model has no sets to add to")
@@ -65,12 +65,12 @@ def read_model_file(path: Path, parts: Sequence[AddedPart] = ()) -> FileDefiniti
 
 
 def named_by_content(tables: Mapping[str, Any], source: SourceText) -> Mapping[str, Any]:
-    """A study's tables, in which the file of a lumped model is named as one.
+    """A study's tables, with the name of lumped models in [model] where its file is one.
 
     Raises
     ------
     StudyFileError
-        A model named so without a file, or with one of another sort.
+        The study names a lumped model, but no file or one of another sort.
     """
     section = tables.get("model")
     if not isinstance(section, Mapping):

@@ -1,4 +1,4 @@
-"""Along which parameter of a study onsets are sought."""
+"""The parameter of a study along which onsets are sought."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Common parts of all sections of a study file: strictness, and types of values."""
+"""Base of all sections of a study file: strict types, and types of values."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from squealstudy.wording import shown
 
 
 def flatten(tables: object) -> object:
-    """Tables with flat keys, as of `flat_keys`; anything else unchanged."""
+    """Tables with flat keys, as by `flat_keys`; anything else unchanged."""
     return flat_keys(tables) if isinstance(tables, dict) else tables
 
 
 def flat_keys(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Dotted keys of [parameters] as they were written, whether quoted or not.
+    """Values by dotted keys, whether a file writes these in quotes or as nested tables.
 
-    ValueError where one is given twice, or is a table without any.
+    ValueError where a key is given twice, or a table is empty.
     """
     flat: dict[str, Any] = {}
     pending = [(str(k), v) for k, v in reversed([*tables.items()])]
@@ -65,7 +65,7 @@ class Section(BaseModel):
 
 
 class NamedSection(Section):
-    """Section [study] of any kind: its name, its kind, and words about it."""
+    """Section [study] of any kind: name, kind and description of the study."""
 
     name: str = Field(
         pattern=r"^[A-Za-z0-9_-]+$",

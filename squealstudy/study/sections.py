@@ -35,7 +35,7 @@ DURATION = re.compile(r"\s*([0-9.]+)\s*(s|min|h)\s*")
 
 
 def _seconds(value: object) -> object:
-    """``"5 min"`` in seconds."""
+    """A time such as "5 min" in seconds; anything that is no text unchanged."""
     if not isinstance(value, str):
         return value
     match = DURATION.fullmatch(value)
@@ -72,7 +72,7 @@ class FidelitySection(Section):
 
 
 def _as_text(value: Any) -> str:
-    """A coefficient as the text of an expression, whether given as one or as a number."""
+    """A coefficient, an expression or a number, as the text of an expression."""
     if isinstance(value, str):
         return value
     number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -108,8 +108,8 @@ class StudySection(NamedSection):
     """The [study] section: name, kind, description."""
 
     kind: str = Field(
-        description="what is computed at each design point: complex modes, motion in time, or "
-        "sensitivities of complex modes"
+        description="what is computed: complex modes, motion in time, limit cycles, sensitivities "
+        "of complex modes, or a design without squeal"
     )
     extensions: Annotated[tuple[str, ...], Strict(False)] = Field(
         default=(),
@@ -119,9 +119,9 @@ class StudySection(NamedSection):
 
 
 class ModelSection(Section):
-    """The model, and its own options beside its name."""
+    """The model, and its options besides its name."""
 
-    model_config = ConfigDict(extra="allow")  # which options there are is the catalogue's to say
+    model_config = ConfigDict(extra="allow")  # the model itself checks its options
 
     name: str = Field(description="model of the catalogue; 'squealstudy models' lists them")
     file: str | None = Field(
@@ -151,17 +151,17 @@ class ModelSection(Section):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Keys of [model] beside its name, as given and unchecked."""
+        """Options in [model], unchecked."""
         return dict(self.model_extra or {})
 
     @property
     def family_keys(self) -> tuple[str, ...]:
-        """Keys given that only a family of matrices has."""
+        """Given keys that only a family of matrices has."""
         return tuple(key for key in ("term", "folder") if key in self.model_fields_set)
 
 
 def _rung(name: str) -> str:
-    """A rung that there is, or the choice of one."""
+    """The name of a rung, or AUTO; ValueError for others."""
     names = (AUTO, *rung_names())
     if name not in names:
         listed = ", ".join(shown(rung_name) for rung_name in names)
@@ -170,7 +170,7 @@ def _rung(name: str) -> str:
 
 
 class ModesSection(Section):
-    """Which complex modes are computed and how they are judged."""
+    """Which complex modes are computed, and how stability is judged."""
 
     band: Band = Field(
         default=DEFAULT_BAND,
@@ -277,9 +277,9 @@ class ReductionSection(Section):
 
 
 class StudyDefinition(Section):
-    """A whole study file, but for the table that is its kind's own.
+    """A whole study file, without the table of its kind.
 
-    `other_defaults` has keys of tables that are otherwise by default in a kind of study.
+    `other_defaults` has defaults of a kind of study, by table and key, that differ from those here.
     """
 
     other_defaults: ClassVar[Mapping[str, Mapping[str, Any]]] = {}

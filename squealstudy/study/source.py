@@ -1,4 +1,4 @@
-"""A study file as text: read, parsed, validated, and what is wrong in it said in plain words."""
+"""A study file as text: reads, parses and validates it, with plain messages about mistakes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from squealstudy.wording import did_you_mean, expectation, shown
 Model = TypeVar("Model", bound=BaseModel)
 TOML_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 LIST_PLACE = re.compile(r"(?P<name>\w+)\[(?P<number>\d+)\]")
-MOST_NAMED = 2  # tables that have a key
-MOST_LISTED, MOST_SOUGHT = 10, 50  # errors of one message; those put in order by their lines
+MOST_NAMED = 2  # most tables that a message proposes for a key
+MOST_LISTED, MOST_SOUGHT = 10, 50  # further errors in a message; errors that are sorted by line
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class SourceText:
 
     @classmethod
     def read(cls, path: str | Path) -> SourceText:
-        """The text of a UTF-8 file; StudyFileError where there is none."""
+        """Read the text of a UTF-8 file; StudyFileError where that is not possible."""
         return cls(Path(path), _read_text(Path(path)))
 
     @cached_property
@@ -50,7 +50,7 @@ class SourceText:
         return KeyLines(self.text)
 
     def error(self, keys: KeyPath, message: str) -> StudyFileError:
-        """The error to raise about a key, with the line of it or of the table around it."""
+        """The error to raise about a key, with its line or that of the table around it."""
         return StudyFileError(message, self.path, dotted(keys), self.lines.find(keys))
 
 
@@ -96,7 +96,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
 
 
 def _mended(lines: list[str], column: int) -> str:
-    """Proposal for numbers and names written in a hurry: .5, 5., 1,5, True, hoffmann."""
+    """Proposal for values that are not TOML: .5, 5., 1,5, True, hoffmann; empty for others."""
     line = lines[0] if lines else ""
     before = re.search(r"[-+]?\d+$", line[:column])
     after = re.match(r"[^\s,\]}#]+", line[column:])
@@ -117,25 +117,25 @@ def _mended(lines: list[str], column: int) -> str:
 def changed(
     source: SourceText, tables: Mapping[str, Any], changes: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """A copy of a file's tables with other values of some keys; StudyFileError where one cannot be.
+    """A copy of a file's tables with other values of some dotted keys.
 
-    A value of None takes the key out of the file.
+    A value of None removes the key. StudyFileError where a key cannot be set.
     """
     copied = copy.deepcopy(dict(tables))
     for key, new_value in changes.items():
         try:
             _set_key(copied, key, new_value)
         except KeyError as error:
-            message = f"'{error.args[0]}' is no table of single keys in this file"
+            message = f"'{error.args[0]}' is no single table in this file"
             raise StudyFileError(message, source.path, key) from None
     return copied
 
 
 def _set_key(tables: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key, ``transient.step``, in nested tables; tables on the way are made.
+    """Set a dotted key, ``transient.step``, in nested tables; missing tables are made.
 
-    A key that the file writes in quotes, dots and all, is the one that is set. ``sweep[1].num`` is
-    that of the first of several tables of a name.
+    A key that the file writes in quotes, with its dots, is replaced there. ``sweep[1].num`` is in
+    the first of several tables of a name. KeyError about what is no table.
     """
     name, _, rest = key.partition(".")
     if key in tables or not rest:
@@ -158,7 +158,7 @@ def _set_key(tables: dict[str, Any], key: str, value: Any) -> None:
 
 
 def extensions_of(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, ...]:
-    """Execute the files that a study names, before it is read any further; their hashes."""
+    """Execute the extensions that a study names, and return their hashes."""
     section = tables.get("study")
     names = section.get("extensions", ()) if isinstance(section, Mapping) else ()
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -174,7 +174,7 @@ def extensions_of(source: SourceText, tables: Mapping[str, Any]) -> tuple[str, .
 
 
 def not_registered(tables: Mapping[str, Any], name: object) -> str:
-    """Ending of a message: where a name that is not known may be defined; nothing of others."""
+    """End of a message that says where an unknown name may be defined; empty if it is no text."""
     if not isinstance(name, str):
         return ""
     files = tables.get("study", {}).get("extensions")
@@ -184,14 +184,14 @@ def not_registered(tables: Mapping[str, Any], name: object) -> str:
 
 
 def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> Model:
-    """`data` as a pydantic model; StudyFileError about all that is wrong, in the file's order."""
+    """`data` as a pydantic model; StudyFileError about all mistakes, in the order of the file."""
     try:
         return kind.model_validate(data)
     except ValidationError as e:
         problems = {_key_path(data, p["loc"]): p for p in e.errors(include_url=False)}
         for keys in [k for k, p in problems.items() if p["type"] == "too_short"]:
             if any(len(k) > len(keys) and k[: len(keys)] == keys for k in problems):
-                del problems[keys]  # pydantic does not count those that are wrong
+                del problems[keys]  # too short only because pydantic does not count wrong entries
     lines = {keys: source.lines.find(keys) for keys in list(problems)[:MOST_SOUGHT]}
     past_the_end = len(source.text) + 2  # for keys that are nowhere in the file
     first, *others = sorted(lines, key=lambda keys: lines[keys] or past_the_end)
@@ -205,7 +205,7 @@ def validate(kind: type[Model], source: SourceText, data: Mapping[str, Any]) -> 
 
 
 def _key_path(data: Any, loc: KeyPath) -> KeyPath:
-    """Where in the data an error is: pydantic adds which type of several did not fit."""
+    """Key path in the data of an error, without types of a union that pydantic adds to it."""
     for depth, key in enumerate(loc):
         if isinstance(data, Mapping) and isinstance(key, str):
             data = data.get(key)
@@ -217,7 +217,7 @@ def _key_path(data: Any, loc: KeyPath) -> KeyPath:
 
 
 def _wording(kind: type[BaseModel], problem: ErrorDetails) -> str:
-    """Meaning of one pydantic error, for somebody who wrote the file."""
+    """Message on one pydantic error, for the author of the file."""
     loc, written, context = problem["loc"], problem["input"], problem.get("ctx", {})
     if problem["type"] == "value_error":
         return str(context["error"])
@@ -264,7 +264,7 @@ def _missing(kind: type[BaseModel], loc: KeyPath) -> str:
 
 
 def _section(kind: type[BaseModel], loc: KeyPath) -> type[BaseModel] | None:
-    """The pydantic model of the table at `loc`; of tables by name, of the one of that name."""
+    """The pydantic model of the table at a key path; None where it is no table."""
     section: type[BaseModel] | None = kind
     named = False
     for key in loc:
@@ -280,7 +280,7 @@ def _section(kind: type[BaseModel], loc: KeyPath) -> type[BaseModel] | None:
 
 
 def _elsewhere(kind: type[BaseModel], key: str) -> str:
-    """Tables of the file that have a key, for a message; empty where none has."""
+    """Text on the tables of the file that have a key; empty for none, or for too many."""
     from squealstudy.models.operating import (  # numba is slow to load
         CONTACT_OPTION,
         FRICTION_OPTION,
@@ -293,7 +293,7 @@ def _elsewhere(kind: type[BaseModel], key: str) -> str:
 
 
 def _tables_with(kind: type[BaseModel], key: str, path: str) -> Iterator[str]:
-    """Names, as files write them, of the tables below one that have a key."""
+    """Names, as files write them, of the inner tables that have a key."""
     for name, field in kind.model_fields.items():
         kinds = list(_annotation_parts(field.annotation))
         table = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
@@ -311,7 +311,7 @@ def _tables_with(kind: type[BaseModel], key: str, path: str) -> Iterator[str]:
 
 
 def _annotation_parts(annotation: Any) -> Iterator[Any]:
-    """An annotation, and those that it is made of."""
+    """An annotation and all annotations in it."""
     yield annotation
     for part in get_args(annotation):
         yield from _annotation_parts(part)

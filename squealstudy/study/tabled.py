@@ -34,13 +34,13 @@ ABOUT = (
     "temperature, which acts through tables of other parameters only; in results in degC, in files "
     "with its unit, a bare number is in K"
 )
-KNOT_SLACK = 1e-9  # of a sweep's range, within which a value is on a knot
-MIN_KNOTS = 2  # values along one axis of a table
-GivenTable = tuple[KeyPath, str, Any]  # where a table stands, of which parameter, what it says
+KNOT_SLACK = 1e-9  # distance over a sweep's range within which a value is on a knot
+MIN_KNOTS = 2  # least values along an axis of a table
+GivenTable = tuple[KeyPath, str, Any]  # key path of a table, the parameter it is of, its content
 
 
 def take_tables(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[GivenTable]]:
-    """A study file's tables without the tables of values in [parameters], and those."""
+    """Split a study file's tables: without tables of values in [parameters], and these tables."""
     parameters = tables.get(SECTION)
     if not isinstance(parameters, Mapping):
         return tables, []
@@ -67,10 +67,10 @@ def _without(
 
 
 def with_temperature(model: ModelDefinition, given_tables: Sequence[GivenTable]) -> ModelDefinition:
-    """The model with a parameter ``temperature``, where it has none and there are tables.
+    """The model with a parameter ``temperature``, added if it has none and there are tables.
 
-    It is structural where one of the parameters that follow it is. It is in degC, a bare
-    number of a file in K.
+    The parameter is structural if one that follows it is. Its unit is degC; bare numbers in files
+    are in K.
     """
     followers = [
         name
@@ -141,7 +141,7 @@ def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText)
 
 
 def _knots(parameter: Parameter, entries: Any, keys: KeyPath, source: SourceText) -> list[float]:
-    """Ascending values of the parameter that a table is over."""
+    """Values, ascending, of a parameter that a table is over; StudyFileError where wrong."""
     parameter_keys = (*keys, parameter.name)
     if not isinstance(entries, list) or len(entries) < MIN_KNOTS:
         text = f"expected a list of {MIN_KNOTS} or more values, got {shown(entries)}"
@@ -157,7 +157,7 @@ def _knots(parameter: Parameter, entries: Any, keys: KeyPath, source: SourceText
 def _numbers(
     parameter: Parameter, entries: Any, keys: KeyPath, shape: Sequence[int], source: SourceText
 ) -> Iterator[float]:
-    """Values of a table in the order of its first key, then of its second."""
+    """Values of a table, nested lists of this shape, one after the other (last axis fastest)."""
     if not shape:
         yield _number(parameter, entries, keys, source)
         return
@@ -184,7 +184,7 @@ def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText)
 def expect_values(
     tables: Iterable[ParameterTable], values: Mapping[str, float], source: SourceText
 ) -> None:
-    """StudyFileError where a parameter that a table is over has no value, or one beyond it."""
+    """Raise StudyFileError where a parameter of a table has no value, or one outside the table."""
     for table in tables:
         for name, knots in zip(table.over, table.at, strict=True):
             keys = (SECTION, name)
@@ -197,7 +197,7 @@ def expect_values(
 def expect_sweeps(
     tables: Iterable[ParameterTable], sweeps: Iterable[Sweep], source: SourceText
 ) -> None:
-    """StudyFileError for a sweep of a parameter that follows a table, or beyond a table."""
+    """Raise StudyFileError for a sweep of a parameter that follows a table, or outside a table."""
     for number, sweep in enumerate(sweeps):
         for table in tables:
             keys = ("sweep", number)
@@ -212,9 +212,10 @@ def expect_sweeps(
 def knots_between(
     tables: Iterable[ParameterTable], sweeps: Iterable[Sweep]
 ) -> dict[str, list[float]]:
-    """Knots of tables over what is swept that lie between its values: nothing is solved there.
+    """Knots of tables that lie between the values of a sweep, by its name.
 
-    What follows bends at a knot, and is farthest there from what its neighbours show.
+    Nothing is solved there. Parameters that follow the table have a kink at a knot, which the
+    swept values do not show.
     """
     between: dict[str, list[float]] = {}
     for sweep in sweeps:

@@ -1,4 +1,4 @@
-"""TOML text: tables written as such, and the lines of its keys, which tomllib does not give."""
+"""Writes tables as TOML, and finds the lines of keys in a TOML text, which tomllib does not."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any
 KeyPath = tuple[str | int, ...]  # keys, and 0-based positions in arrays
 
 BARE = re.compile(r"[A-Za-z0-9_-]+")
-# of a list or text that the first lines of a file leave open
+# ends of a list or text that is cut in the middle
 CLOSINGS = ("", "]", "]]", "]]]", '"""', "'''")
-MAX_NESTING = 24  # deeper nesting has no meaning in a study file; it is not looked into
+MAX_NESTING = 24  # deeper nesting means nothing in a study file and is not searched
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
@@ -62,9 +62,9 @@ def _is_tables(value: object) -> bool:
 
 
 class KeyLines:
-    """Where the tables, keys and array elements of a TOML text are: tomllib does not tell.
+    """Lines of the tables, keys and array elements of a TOML text, which tomllib does not tell.
 
-    A key is on the first line of those with which the text, cut behind them, has it.
+    The line of a key is the last one of the shortest beginning of the text that has the key.
 
     Parameters
     ----------
@@ -77,10 +77,10 @@ class KeyLines:
         self._read: dict[int, dict[str, Any]] = {0: {}}
 
     def find(self, keys: KeyPath) -> int | None:
-        """Line, from 1, of a key, or else of the nearest one around it; None without either.
+        """Line, from 1, of a key, else of the innermost table around it; None without either.
 
-        ``("sweep", 1, "num")`` is ``num`` in the second ``[[sweep]]``. Dotted keys may be given,
-        and stand in the file, in one text or in parts.
+        ``("sweep", 1, "num")`` is ``num`` in the second ``[[sweep]]``. A dotted key may be one text
+        or several parts, both in `keys` and in the file.
         """
         parts: list[str | int] = []
         for key in keys:
@@ -98,7 +98,7 @@ class KeyLines:
         return self._tables(len(self._lines))
 
     def _tables(self, count: int) -> dict[str, Any]:
-        """Tables that the first lines of the text name, as far as they can be read."""
+        """Tables of the first lines of the text, or of fewer where these cannot be parsed."""
         if count not in self._read:
             head = "\n".join(self._lines[:count])
             for closing in CLOSINGS:

@@ -1,7 +1,7 @@
-"""Tables of a study file with numbers in place of values with units.
+"""Converts values with units in a study file to numbers.
 
-A text such as "3 bar" becomes a number in the parameter's unit before a file is checked further:
-all that is computed, named and hashed has numbers only.
+A text such as "3 bar" becomes a number in the parameter's unit before the file is checked further,
+so that everything that is computed, named and hashed has numbers only.
 """
 
 from __future__ import annotations
@@ -20,33 +20,33 @@ from squealstudy.study.toml_text import MAX_NESTING, KeyPath
 if TYPE_CHECKING:
     from squealstudy.models.parameter import ModelDefinition
 
-TEMPERATURE = "temperature"  # a parameter whose bare numbers may be in another unit than its own
+TEMPERATURE = "temperature"  # parameter whose bare numbers may be in another unit than its own
 TABLES = ("sweep", "variable", "uncertain")  # lists of tables, each of one parameter
 KEYS_IN_UNIT = ("start", "stop", "mean", "median", "std")  # numbers in the parameter's unit
 LISTS_IN_UNIT = ("values", "bounds")
-DIFFERENCES = ("std", "bounds")  # differences of two values: a temperature has no offset there
+DIFFERENCES = ("std", "bounds")  # keys with differences: temperatures in them have no offset
 
 
 def with_numbers(
     tables: Mapping[str, Any], model: Callable[[], ModelDefinition | None], source: SourceText
 ) -> Mapping[str, Any]:
-    """A study file's tables with numbers where values of parameters have units.
+    """A study file's tables with numbers in place of values with units.
 
     Parameters
     ----------
     tables : mapping
-        Tables of the file. Whatever is no number with a unit of a known parameter stays unchanged:
-        the check of the file refuses it. A bare temperature of tables is in K.
+        Tables of the file. Other texts stay unchanged, and the check of the file refuses them. A
+        bare number for ``temperature`` may be in another unit than the parameter's.
     model : callable
-        Returns the model whose parameters they are, None where it is not known or its parameters
-        have no units. It is called only where a value has a unit.
+        Returns the model with the parameters, or None where it is not known or its parameters have
+        no units. It is called only if a value has a unit.
     source : SourceText
         For messages.
 
     Raises
     ------
     StudyFileError
-        An unknown unit, or one that does not fit the parameter; an unknown parameter.
+        A unit is unknown or does not fit the parameter; a parameter is unknown.
     """
     texts = list(_texts(tables))
     definition = model() if texts else None
@@ -83,14 +83,14 @@ def with_numbers(
 
 
 def quantities(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Values with units in a study file's tables, each behind the name of its parameter."""
+    """Pairs of a parameter's name and a value with a unit, for all such values in tables."""
     for _, name, written in _texts(tables):
         if isinstance(written, str):
             yield name, written
 
 
 def _parameter(name: str, model: ModelDefinition) -> StudyParameter:
-    """The parameter of a name, also of a mass that the study adds; raises ParameterError."""
+    """The parameter of a name, also of a mass that the study adds; ParameterError for others."""
     try:
         return parse_parameter(name, model)
     except ParameterError:
@@ -100,7 +100,7 @@ def _parameter(name: str, model: ModelDefinition) -> StudyParameter:
 
 
 def _parameter_key(keys: KeyPath) -> KeyPath:
-    """Where a file names the parameter whose value stands at `keys`."""
+    """Key path at which a file names the parameter whose value is at `keys`."""
     return (*keys[:2], "parameter") if keys[0] in TABLES else keys
 
 
@@ -111,7 +111,7 @@ def _is_quantity(value: object, name: str) -> bool:
 
 
 def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, object]]:
-    """Values of parameters with units, and bare temperatures: keys, parameter's name, value."""
+    """Key path, parameter's name and value of all values with units and bare temperatures."""
     parameters = tables.get("parameters")
     if isinstance(parameters, Mapping):
         yield from _nested(parameters, ("parameters",))
@@ -132,7 +132,7 @@ def _texts(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str, object]]:
 
 
 def _nested(table: Mapping[str, Any], keys: KeyPath) -> Iterator[tuple[KeyPath, str, object]]:
-    """Texts in [parameters], whose names may be written with dots, in quotes or as tables."""
+    """As `_texts` for [parameters], where names may have dots, quotes or be nested tables."""
     for key, entry in table.items() if len(keys) <= MAX_NESTING else ():
         path = (*keys, key)
         if isinstance(entry, Mapping):

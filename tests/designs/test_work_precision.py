@@ -208,7 +208,7 @@ def test_a_reference_that_fails_is_said(write, tmp_path):
         ("[2e-5, 2e-4]", "[2e-5, -1.0]", "method[1].knob", "expected more than 0"),
         ("repeats = 2", "repeats = 0", "work_precision.repeats", "at least 1"),
         ("= 2e-4", '= "fast"', "method[2].set", "expected a number"),
-        ('"transient.step"', '"sweep.num"', "method[1].knob", "no table of single keys"),
+        ('"transient.step"', '"sweep.num"', "method[1].knob", "no single table in this file"),
         ('"transient.step"', '"option.aitken"', "method[1]", "name one"),
         ("points = 1", 'points = 1\nset.transient.stop = "settled"', "method[2]", "run to the end"),
         ("values = [2e-5", "valeus = [2e-5", "method[1].valeus", "did you mean 'values'"),

@@ -12,10 +12,11 @@ from made_results import enter
 from study_runs import plan_of
 from study_texts import study_text, sweep_text
 
+from squealstudy.cli.foreign import on_results
 from squealstudy.engine.result_names import CHUNKS, MANIFEST
 from squealstudy.engine.results import Results
 from squealstudy.engine.runner import run_study
-from squealstudy.errors import SquealstudyError
+from squealstudy.errors import ContradictionError, SquealstudyError
 
 STUDY = study_text("lockin", "complex_modes", "hulten") + sweep_text("friction", 0.0, 0.6, 4)
 FORGED = {
@@ -93,3 +94,12 @@ def test_a_finished_study_whose_table_has_no_rows_is_finished_again(whole, tmp_p
     enter(tmp_path / "r", path)
     run_study(plan_of(STUDY), tmp_path / "r", 1)
     assert len(Results.open(tmp_path / "r").points) == 4
+
+
+def test_a_contradiction_names_all_results_of_a_command():
+    @on_results
+    def compare(frequency, other):
+        raise KeyError(f"{frequency} {other}")
+
+    with pytest.raises(ContradictionError, match="^first, second: what the files say"):
+        compare("first", other="second")

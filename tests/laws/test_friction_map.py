@@ -246,7 +246,7 @@ def test_results_of_a_file_open_without_it(tmp_path, monkeypatch):
 
 TABLES = [
     ("speed = [0.1]", "expected speed, pressure, ratio, or file; got speed"),
-    (LISTS.replace(", 0.4]", "]"), "ratio.*expected 2 ratios, one a speed, got"),
+    (LISTS.replace(", 0.4]", "]"), "ratio.*expected 2 ratios, one for each speed, got"),
     (LISTS.replace('50.0, "1 mbar"', "50.0"), "expected 1 lists of 3 ratios"),
     (LISTS.replace("50.0,", "200.0,"), "map_pressure_2 is 100 Pa: expected more than"),
     ('file = "no.csv"', "there is no file"),
