@@ -101,5 +101,5 @@ def test_a_contradiction_names_all_results_of_a_command():
     def compare(frequency, other):
         raise KeyError(f"{frequency} {other}")
 
-    with pytest.raises(ContradictionError, match="^first, second: what the files say"):
+    with pytest.raises(ContradictionError, match=r"^first, second: what the files say"):
         compare("first", other="second")
