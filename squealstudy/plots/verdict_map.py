@@ -112,11 +112,13 @@ def verdict_map(
         lines = axes.contour(*cells[:2], np.ma.masked_invalid(cells[2]), N_CONTOURS, colors="0.15")
         axes.clabel(lines, fontsize=8, fmt="%.3g m/s")
     borders = _borders(axes, results, plane, rows, (across, up))
-    present = {int(k) for k in verdict[np.isfinite(verdict)]}
+    counts = np.bincount(verdict[np.isfinite(verdict)].astype(int), minlength=len(codes))
     handles = [
-        Patch(facecolor=FILLS[name], edgecolor=GREY, label=name.replace("_", " "))
+        Patch(
+            facecolor=FILLS[name], edgecolor=GREY, label=f"{name.replace('_', ' ')} ({counts[k]})"
+        )
         for k, name in enumerate(codes)
-        if k in present
+        if counts[k]
     ]
     legend_below(figure, [*handles, *borders])
     finish(axes, plane.across.label, plane.up.label)

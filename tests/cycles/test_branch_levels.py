@@ -84,6 +84,7 @@ def test_no_error_is_said_to_be_known_where_it_is_not(of_seven):
     def said(*errors, events=("", "F", "")):
         return _levels_error(pd.DataFrame({"event": events, "level_error": errors}))
 
+    assert said(1e-7, np.nan, 1e-8) == "; its levels err by less than 0.001 %"
     assert said(0.01, np.nan, 0.002) == "; its levels err by up to 1 %"
     assert said(0.01, np.nan, np.nan) == "; its levels err by up to 1 %, not known at 1 of 2 points"
     assert said(np.nan, 0.1, np.nan) == "; error of its levels not known"

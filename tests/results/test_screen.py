@@ -152,13 +152,18 @@ def test_levels_and_kicks_are_told_in_words():
             "torque_line_hz": [np.nan, 223.9, 219.9, 217.7],
             "threshold_velocity": [np.nan, 0.7886, 1.153, np.nan],
             "threshold_share": [np.nan, 0.92, 0.19, np.nan],
+            "verdict": ["no_cycle_found", "squeals_if_kicked", "squeals_if_kicked", "squeals"],
         }
     )
     assert levels_in_words(points, "N") == (
         " RMS of the force of friction in what was seen to last: 23.5 to 262.6 N, at 217.7 to "
         "223.9 Hz. Where it squeals if kicked, a kick along the unstable cycle by 0.79 to 1.15 m/s "
-        "at a contact point starts it (19 to 92 % of the speed in the cycle); others may need less."
+        "at a contact point starts it (19 to 92 % of the speed in the cycle); kicks of "
+        "other shapes may need less."
     )
+    unknown = points.assign(threshold_velocity=[np.nan, 0.7886, np.nan, np.nan])
+    told = levels_in_words(unknown, "N")  # of a cycle continued from another design
+    assert ". At 1 of the 2 that squeal if kicked, a kick along the unstable cycle by 0.79" in told
     assert levels_in_words(points[2:3].assign(threshold_velocity=np.nan), "N m") == (
         " RMS of the torque in what was seen to last: 127.9 N m, at 219.9 Hz."
     )

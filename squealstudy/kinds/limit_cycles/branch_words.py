@@ -77,7 +77,8 @@ def _levels_error(branch: pd.DataFrame) -> str:
         return "; error of its levels not known"
     unknown_count = int(errors.isna().sum())
     but = f", not known at {unknown_count} of {plural(len(errors), 'point')}" * bool(unknown_count)
-    return f"; its levels err by up to {error_percent(errors.max())}{but}"
+    most = error_percent(errors.max())
+    return f"; its levels err by {'' if most.startswith('less') else 'up to '}{most}{but}"
 
 
 def _uncertainty(event: Mapping[Hashable, Any], unit: str) -> str:

@@ -245,9 +245,13 @@ def levels_in_words(points: pd.DataFrame, unit: str) -> str:
         return text
     speeds = f"{_ends(kicked['threshold_velocity'], 2)} m/s at a contact point"
     share = f"{_ends(100 * kicked['threshold_share'])} % of the speed in the cycle"
+    n_kicked = int((points["verdict"] == IF_KICKED).sum())
+    where = "Where it squeals if kicked"
+    if len(kicked) < n_kicked:  # of a cycle that was continued to a design no threshold is known
+        where = f"At {len(kicked)} of the {n_kicked} that squeal if kicked"
     return (
-        f"{text} Where it squeals if kicked, a kick along the unstable cycle by {speeds} starts it "
-        f"({share}); others may need less."
+        f"{text} {where}, a kick along the unstable cycle by {speeds} starts it ({share}); "
+        "kicks of other shapes may need less."
     )
 
 
