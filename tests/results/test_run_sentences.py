@@ -9,6 +9,7 @@ from made_results import made
 from transient_tables import growth_table, modes_table, points_table
 
 from squealstudy.kinds.transient.screen import SCREEN as RUNS
+from squealstudy.kinds.transient.screen import _error_share_text, _growth_marks
 from squealstudy.kinds.transient.window_screen import in_words
 
 
@@ -62,3 +63,26 @@ def test_frequencies_of_windows_are_those_of_all_of_them(hz, text):
     windows |= {"sliding_speed_start": 1.0, "sliding_speed_stop": 1.0, "torque_line_hz": 200.0}
     results = made(kind="transient", windows=pd.DataFrame(windows))
     assert f"limit cycle to 300 ms ({text})." in in_words(results, "N")
+
+
+@pytest.mark.parametrize(
+    ("method", "why"),
+    [
+        ("too_short", "; -: fewer than five periods grow or decay exponentially"),
+        ("not_linear", "; -: small motion has another frequency than the mode"),
+        ("", "; -: nothing moves"),
+    ],
+)
+def test_a_dash_in_place_of_growth_says_why(method, why):
+    """It said 'fewer than five periods' of every dash, and where no run had one."""
+    points = points_table({"friction": [0.5]}, ["limit_cycle"])
+    points = points.assign(growth_rate=np.nan, growth_method=method)
+    assert _growth_marks(points) == f"~: with wide bounds{why}"
+    assert _growth_marks(points.assign(growth_rate=3.0)) == "~: with wide bounds"
+    assert _growth_marks(points.assign(**{"class": "failed"})) == "~: with wide bounds"
+
+
+def test_a_slope_that_changes_nothing_has_no_error():
+    """Of a contact that never sticks it was 'below 2.2 % (its runs tell no less)'."""
+    assert _error_share_text({"error": 0.0, "chance": 0.02}) == "none (both runs are the same)"
+    assert _error_share_text({"error": 0.001, "chance": 0.02}).startswith("below 2.0 %")

@@ -46,6 +46,13 @@ CHANCE_THAT_TELLS_NOTHING = 1.0  # relative scatter from which an error counts a
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 LEAST_PLAIN_LEVEL = 1e-3  # N m or N; smaller levels, of runs that decay, are written as 1.2e-05
+FEW_PERIODS = "fewer than five periods grow or decay exponentially"
+NOTHING_MOVES = "nothing moves"
+WITHOUT_GROWTH = {  # why no growth was fitted, by `growth_method`
+    "too_short": FEW_PERIODS,
+    "not_exponential": FEW_PERIODS,
+    "not_linear": "small motion has another frequency than the mode",
+}
 N_FINDING_COLUMNS = 9  # columns of `_findings`
 
 
@@ -200,8 +207,7 @@ def points(
     more = len(table) - len(listed)
     legend = notes(
         f"{more} more in the points table" if more else "",
-        "growth: fitted to the run (~: with wide bounds; -: fewer than five periods grow or decay "
-        "exponentially); forecast: growth of the complex mode",
+        f"growth: fitted to the run ({_growth_marks(listed)}); forecast: of the complex mode",
         f"{what}{'' if what == 'torque' else ' of friction'}: its mean; RMS: of its fluctuation, "
         "+-: its error; Hz: of the motion (x2: loudest at twice that; ~: loudest line, where no "
         "period is known)",
@@ -211,6 +217,14 @@ def points(
     if varied and not shown_parameters:
         parts += ["", _changes(listed, varied)]
     return [*parts, *_undecided(table)]
+
+
+def _growth_marks(table: pd.DataFrame) -> str:
+    """Meaning of the marks of growth: of a dash the reasons of the runs that have one."""
+    unfitted = table[(table["growth_rate"].isna() & (table["class"] != FAILED)).to_numpy(bool)]
+    methods = unfitted.get("growth_method", ["too_short"] * len(unfitted))  # older results
+    whys = dict.fromkeys(WITHOUT_GROWTH.get(m, NOTHING_MOVES) for m in methods)
+    return f"~: with wide bounds{'; -: ' * bool(whys)}{' or '.join(whys)}"
 
 
 def _frequency(row: Mapping[Hashable, Any] | pd.Series) -> str:
@@ -374,6 +388,8 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
 
 def _error_share_text(error: Mapping[str, float]) -> str:
     """An error in percent; where the scatter of its runs is larger, that as its bound."""
+    if error["error"] == 0.0:
+        return "none (both runs are the same)"
     if error["error"] < error["chance"]:
         if error["chance"] >= CHANCE_THAT_TELLS_NOTHING:
             return "not known (its runs scatter too much)"
