@@ -53,7 +53,7 @@ __all__ = [
 ]
 
 
-FACE = "squealstudy.face"  # where the names are that are not elsewhere
+FACE = "squealstudy.face"  # module of the names that ELSEWHERE does not have
 ELSEWHERE = {
     **dict.fromkeys(("Model", "list_models", "model"), "squealstudy.face_model"),
     "Results": "squealstudy.engine.results",
@@ -66,10 +66,10 @@ ELSEWHERE = {
 }
 
 
-if not TYPE_CHECKING:  # there a name that is not above is an error
+if not TYPE_CHECKING:  # a type checker refuses names that are not imported above
 
     def __getattr__(name: str) -> Any:
-        """A name of the face; AttributeError for another."""
+        """A name of `__all__`, imported now; AttributeError for others."""
         if name.startswith("_") or name not in __all__:
             from squealstudy.wording import did_you_mean
 
@@ -79,5 +79,5 @@ if not TYPE_CHECKING:  # there a name that is not above is an error
 
 
 def __dir__() -> list[str]:
-    """The names of the face."""
+    """The public names."""
     return __all__

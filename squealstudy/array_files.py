@@ -16,8 +16,8 @@ import numpy as np
 
 from squealstudy.machine.resources import BYTES_PER_MB, available_memory_mb
 
-LEAST_BYTES = 8  # of a number as it is used, however short it is in the file
-MAX_UNCHECKED_BYTES = 2**28  # up to which the machine's memory is not asked for
+LEAST_BYTES = 8  # bytes of memory counted for a number, which may be shorter in the file
+MAX_UNCHECKED_BYTES = 2**28  # bytes that are taken without asking how much memory there is
 HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
@@ -25,13 +25,15 @@ HEADERS = {
 
 
 def read_arrays(source: Path | IO[bytes]) -> dict[str, np.ndarray]:
-    """The arrays of an npz file by name.
+    """The arrays of an npz file, by name.
 
     Raises
     ------
-    OSError, ValueError
-        No such file; damaged; pickles; another size than its header says; more than there is
-        memory for, which is known before any is taken.
+    OSError
+        Where the file is missing or cannot be read.
+    ValueError
+        Where the file is damaged, has pickles or arrays of another size than declared, or needs
+        more memory than there is, which is known before any is taken.
     """
     try:
         expect_room(source)
@@ -42,7 +44,7 @@ def read_arrays(source: Path | IO[bytes]) -> dict[str, np.ndarray]:
 
 
 def expect_room(source: Path | IO[bytes]) -> None:
-    """Raise ValueError where arrays of an npz file are not as large as they say, or too large."""
+    """Raise ValueError if arrays of an npz file are not of the declared size, or too large."""
     needed = 0
     with zipfile.ZipFile(source) as archive:
         for member in archive.infolist():
@@ -57,7 +59,7 @@ def expect_room(source: Path | IO[bytes]) -> None:
 
 
 def expect_memory(needed: float) -> None:
-    """Raise ValueError where fewer bytes of memory are available."""
+    """Raise ValueError if fewer bytes of memory than `needed` are available."""
     if needed > MAX_UNCHECKED_BYTES and needed > (free := available_memory_mb() * BYTES_PER_MB):
         raise ValueError(
             f"it would take {needed / 1e9:,.3g} GB of memory, and {free / 1e9:.3g} GB are left"
@@ -66,7 +68,7 @@ def expect_memory(needed: float) -> None:
 
 @contextlib.contextmanager
 def _as_written(name: str) -> Iterator[None]:
-    """Raise ValueError for a member of an archive that is not as it was written."""
+    """Raise ValueError if a member of an archive is damaged."""
     try:
         yield
     except zipfile.BadZipFile:
@@ -74,7 +76,7 @@ def _as_written(name: str) -> Iterator[None]:
 
 
 def _claimed(handle: IO[bytes]) -> tuple[int, int]:
-    """Number of elements and bytes of the array whose header is read."""
+    """Number of elements and of bytes that the header of an array declares."""
     version = np.lib.format.read_magic(handle)
     if version not in HEADERS:
         raise ValueError(f"unknown version {version} of NumPy's format")

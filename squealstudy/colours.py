@@ -15,11 +15,11 @@ from squealstudy.wording import (
     UNDECIDED,
 )
 
-# Okabe and Ito: told apart by colour-blind readers
+# by Okabe and Ito: colour-blind readers can tell them apart
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F5F2A")
 GREY = "#9A9A9A"
 DARK = "#505050"
-# told apart in grey and by readers who lack a cone: CIELAB distances of 20 and more
+# fills of verdicts, with CIELAB distances of 20 or more in grey and for colour-blind readers
 FILLS = {
     SQUEALS: "#C4500A",
     IF_KICKED: "#E89C1E",
@@ -27,7 +27,7 @@ FILLS = {
     NEUTRAL: "#8FB9E3",
     NO_CYCLE: "#F3F8F1",
 }
-RUN_FILLS = {  # of classes of runs in time, the same five
+RUN_FILLS = {  # fills of classes of runs in time, from the same five
     LIMIT_CYCLE: FILLS[SQUEALS],
     IRREGULAR: FILLS[IF_KICKED],
     GROWING: FILLS[NEUTRAL],

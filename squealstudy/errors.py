@@ -1,4 +1,4 @@
-"""The named failures of squealstudy; every layer may raise them, `cli` turns them into one line."""
+"""Errors of squealstudy: every layer may raise them, and `cli` prints each as one line."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import os
 import traceback
 from pathlib import Path
 
-DEBUG = "SQUEALSTUDY_DEBUG"  # in the environment: errors are shown with all frames
+DEBUG = "SQUEALSTUDY_DEBUG"  # environment variable: errors are shown with a traceback
 PACKAGE = Path(__file__).parent
 
 
 class SquealstudyError(Exception):
     """Base of all errors that a user can cause or meet; its text is the message to show.
 
-    ``exit_code`` is that of the command: 2 where the input is at fault.
+    ``exit_code`` is the exit code of the command: 2 where the input is at fault, else 1.
     """
 
     exit_code = 2
 
     def _render_traceback_(self) -> list[str]:
-        """Lines for a notebook: the calling line and the sentence; the traceback with DEBUG."""
+        """Lines for a notebook: the calling line and the message, or with DEBUG the traceback."""
         if os.environ.get(DEBUG):
             return traceback.format_exception(self)
         caller = None
@@ -46,13 +46,13 @@ class StudyFileError(SquealstudyError):
     Parameters
     ----------
     message : str
-        What is wrong and what was expected.
+        What is wrong, and what was expected.
     path : Path or None
         The study file.
     key : str
         The key at fault, dotted as in the file (``sweep[2].num``); empty for the whole file.
     line : int or None
-        1-based line of that key, where it is known.
+        Line of that key, counted from 1; None where it is not known.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class StudyFileError(SquealstudyError):
 
 
 def printable(text: str) -> str:
-    """Text of a file with control characters of all kinds as escapes."""
+    """Text of a file, with control characters as escapes."""
     return "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
     )
@@ -87,7 +87,7 @@ class ParameterError(SquealstudyError):
 
 
 class ExtensionError(SquealstudyError):
-    """A file outside the package that cannot be used: absent, failing, changed meanwhile."""
+    """A file outside the package that cannot be used: it is missing, fails, or has changed."""
 
     def __init__(self, path: Path, message: str) -> None:
         self.path, self.message = path, message
@@ -114,7 +114,7 @@ class UnknownNameError(ResultsError, AttributeError):
 
 
 class ContradictionError(ResultsError):
-    """Results whose files do not fit together, or a mistake of ours: one cannot tell which."""
+    """Results whose files contradict each other, by damage or by an error of this program."""
 
     exit_code = 1
 

@@ -1,8 +1,7 @@
-"""Files of Python outside the package, that a study names: they register what they hold.
+"""Python files outside the package that a study names: they register laws, rungs and the like.
 
-A file is executed once in a process, and so is it in worker processes. What it holds is part of
-the identity of results by the hash of its source, and of the modules of its own folder that it
-imports.
+A file is executed once in each process, workers included. The identity of results has the hash of
+its source and of the modules in its folder that it imports.
 """
 
 from __future__ import annotations
@@ -25,21 +24,20 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-HASH_DIGITS = 16  # of a hash
+HASH_DIGITS = 16  # digits of a hash
 PACKAGE = Path(__file__).parent
-_read: dict[Path, str] = {}  # files of this process and the hashes of what was executed
-_registered: list[bool] = []  # what was registered outside the package: whether models see it
-_in_models: dict[str, bool] = {}  # by the hash of a file, whether models see any of what it holds
+_read: dict[Path, str] = {}  # files that this process executed, and their hashes
+_registered: list[bool] = []  # for each thing registered outside the package: may models use it
+_in_models: dict[str, bool] = {}  # by the hash of a file: may models use anything it registers
 
 
 def load_extension(path: str | Path) -> str:
-    """Execute a file of Python, if it was not yet; the hash of its source.
+    """Execute a Python file, unless it was already; return its hash (`hash_of`).
 
     Raises
     ------
     ExtensionError
-        A file that is not there, that fails, that registers nothing, or that has changed since it
-        was executed.
+        Where the file is missing, fails, registers nothing, or has changed since it was executed.
     """
     path = Path(path).resolve()
     source = hash_of(path)
@@ -53,7 +51,7 @@ def load_extension(path: str | Path) -> str:
             raise ExtensionError(path, "is no file of Python")
         before = len(_registered)
         module = sys.modules[name] = importlib.util.module_from_spec(spec)
-        if str(path.parent) not in sys.path:  # last: no module of its folder hides an installed one
+        if str(path.parent) not in sys.path:  # at the end, so as to hide no installed module
             import_texts_of(path.parent)
         try:
             spec.loader.exec_module(module)
@@ -73,26 +71,27 @@ def load_extension(path: str | Path) -> str:
 
 
 def note_registered(module: str, in_models: bool = False) -> None:
-    """Note the module of what is registered, of whatever sort: a file without any is refused.
+    """Note that a module registers something; a file that registers nothing is refused.
 
-    `in_models`: it is a model, or a law that the nominal working point of a model depends on.
+    `in_models`: it is a model, or a law on which the nominal working point of a model may depend.
     """
     if module.partition(".")[0] != __package__:
         _registered.append(in_models)
 
 
 def in_models(sources: Sequence[str]) -> list[str]:
-    """Extensions among some files, by their hashes, that may decide how a model is reduced."""
+    """Hashes of those extension files, among `sources`, on which a reduction may depend."""
     return [source for source in sources if _in_models.get(source, True)]
 
 
 def remember(function: Callable[..., Any]) -> None:
-    """Note the file of a function registered outside the package: workers must execute it too.
+    """Note the file of a function registered outside the package, for workers to execute it too.
 
     Raises
     ------
     ExtensionError
-        A function of the program itself, which workers cannot execute, or of no file.
+        Where it is a function of the main program, which workers cannot execute, or the file
+        cannot be read or has changed.
     """
     path = Path(inspect.getfile(function)).resolve()
     if path.is_relative_to(PACKAGE):
@@ -115,15 +114,15 @@ def executed_files() -> dict[Path, str]:
 
 
 def start_worker(lifeline: Connection, files: tuple[Path, ...]) -> None:
-    """Set a worker up: it ends with its parent, has one thread, and knows its files."""
+    """Set up a worker: it ends with its parent, has one thread, and executes extension files."""
     end_with(lifeline)
-    os.environ.update(dict.fromkeys(THREADS, "1"))  # before a library that has threads comes
+    os.environ.update(dict.fromkeys(THREADS, "1"))  # before a library with threads is imported
     for path in files:
         load_extension(path)
 
 
 def hash_of(path: Path) -> str:
-    """Hash of a file of Python and of the modules of its folder that it imports, and these."""
+    """Hash of a Python file and of all modules in its folder that it imports, also indirectly."""
     digest = hashlib.sha256()
     for text in sources_of(path).values():
         digest.update(text)
@@ -131,9 +130,9 @@ def hash_of(path: Path) -> str:
 
 
 def sources_of(path: Path) -> dict[str, bytes]:
-    """Source of a file of Python, and of the modules of its folder that it imports, and these.
+    """Sources of a Python file and of all modules in its folder that it imports, also indirectly.
 
-    By their names in that folder; the file itself comes first.
+    Keys are names in that folder; the file itself comes first.
     """
     content_of: dict[Path, bytes] = {}
     pending = [path]
@@ -155,12 +154,12 @@ def _content(path: Path) -> bytes:
 
 
 def _helpers(text: bytes, folder: Path) -> list[Path]:
-    """Files of a folder that a file of Python may import, wherever in it."""
-    if folder.is_relative_to(PACKAGE):  # its own code is hashed as a whole
+    """Files of a folder that a Python file may import, anywhere in its text."""
+    if folder.is_relative_to(PACKAGE):  # the package's own code is hashed as a whole
         return []
     try:
         nodes = list(ast.walk(ast.parse(text)))
-    except (SyntaxError, ValueError):  # told when it is executed
+    except (SyntaxError, ValueError):  # reported when the file is executed
         return []
     names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
     names |= {str(n.module) for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
@@ -172,7 +171,7 @@ def _helpers(text: bytes, folder: Path) -> list[Path]:
 
 
 def _was_executed(path: Path, source: str) -> bool:
-    """Whether a file was executed; ExtensionError where it was another one then."""
+    """Whether a file was executed; ExtensionError if it has changed since."""
     if path in _read and _read[path] != source:
         raise ExtensionError(path, "has changed since it was executed: start Python anew")
     return path in _read

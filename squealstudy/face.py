@@ -38,16 +38,16 @@ SENSITIVITY = "sensitivity"
 
 @dataclass(frozen=True)
 class Study:
-    """A study file, checked; or one with some keys changed.
+    """A checked study file, perhaps with some keys changed.
 
     Attributes
     ----------
     source : SourceText
         The file as it was read, and its path.
     tables : mapping
-        What it says, changes included.
+        Its tables, changes included.
     resolved : ResolvedStudy or MethodsFile
-        The same as its kind has read it; the latter of a study of methods.
+        What its kind makes of the tables; a MethodsFile for a study of methods.
 
     Examples
     --------
@@ -72,27 +72,27 @@ class Study:
 
     @property
     def owner(self) -> tuple[str, str, str]:
-        """Name, kind and model (of a method-stability study the case)."""
+        """Name, kind and model; for a method-stability study the case in place of the model."""
         return _kind_of(self).owner(self.resolved)
 
     def plan(self) -> Planned:
-        """The plan's design points, or runs: `tasks`.
+        """The plan of the study; its `tasks` are the design points, or runs of a study of methods.
 
         Raises
         ------
         StudyFileError
-            What only the design points show.
+            For errors that only the design points show.
         """
         return _kind_of(self).plan(self.resolved)
 
     @property
     def directory(self) -> Path:
-        """Where its results go unless told otherwise: results/NAME in the current directory."""
+        """Default directory of its results: results/NAME in the current directory."""
         return Path("results") / self.tables["study"]["name"]
 
     @property
     def text(self) -> str:
-        """The file that says what this study is, changes included."""
+        """Text of a file with this study, changes included."""
         return toml_text(self.tables)
 
     def with_(self, changes: Mapping[str, Any] | None = None, /, **values: Any) -> Study:
@@ -101,17 +101,18 @@ class Study:
         Parameters
         ----------
         changes : mapping of str -> value
-            By dotted key, ``{"modes.method": "dense", "sweep[1].num": 5}``; None takes a key out.
+            New values by dotted key, ``{"modes.method": "dense", "sweep[1].num": 5}``; None removes
+            a key.
         **values
-            By name of a parameter: of several values they are swept, in place of its sweep or as
-            the last one, ``friction=[0.3, 0.5]``; one value is that of all design points. Names
-            with dots as ``**{"contact.lambda": 1e6}``. Of an option of the model one value,
-            ``mesh="coarse"``.
+            New values by name. Several values of a parameter, ``friction=[0.3, 0.5]``, are swept,
+            in place of its sweep or as the last sweep; a single one is that of all design points.
+            Names with dots are given as ``**{"contact.lambda": 1e6}``. An option of the model takes
+            one value, ``mesh="coarse"``.
 
         Raises
         ------
         StudyFileError
-            With file and key, where the study cannot take one.
+            With file and key, where the study cannot take a value.
 
         Examples
         --------
@@ -126,7 +127,7 @@ class Study:
         return resolved_study(self.source, tables, toml_text(tables))
 
     def _with_values(self, tables: dict[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-        """Tables with values of parameters and options."""
+        """Tables with other values of parameters and options."""
         if not isinstance(self.resolved, ResolvedStudy):
             raise self.source.error(
                 ("study", "kind"), "a study of methods has no parameters: change those of its base"
@@ -137,9 +138,7 @@ class Study:
             if name in options:
                 tables["model"] = {**tables["model"], name: setting}
                 continue
-            plain = (
-                setting.tolist() if hasattr(setting, "tolist") else setting
-            )  # of numpy and pandas
+            plain = setting.tolist() if hasattr(setting, "tolist") else setting  # numpy, pandas
             position = next((i for i, s in enumerate(sweeps) if s.get("parameter") == name), None)
             if isinstance(plain, list | tuple):
                 swept = [{"parameter": name, "values": list(plain)}]
@@ -157,14 +156,15 @@ class Study:
         return {**tables, "sweep": sweeps} if sweeps else tables
 
     def sensitivities(self) -> Study:
-        """The study of sensitivities at the [parameters] of a complex-mode study; itself if it is.
+        """The study of sensitivities at the [parameters] of a complex-mode study.
 
-        It has no sweeps, all defaults of [sensitivity], and a name of its own.
+        It has no sweeps, the defaults of [sensitivity], and another name. A study of sensitivities
+        returns itself.
 
         Raises
         ------
         StudyFileError
-            A study of another kind.
+            For a study of another kind.
         """
         kind, name = self.resolved.kind, self.tables["study"]["name"]
         if kind.name == SENSITIVITY:
@@ -179,23 +179,24 @@ class Study:
 
 
 def _kind_of(study: Study) -> Kind:
-    """The kind of a study, with all that a run asks of it."""
+    """The kind of a study, with the methods that a run needs."""
     from squealstudy.engine.kind import as_kind
 
     return as_kind(study.resolved.kind)
 
 
 def read_study(path: str | Path) -> Study:
-    """Read and check a study file, of any kind.
+    """Read and check a study file of any kind.
 
     Parameters
     ----------
     path : str or Path
+        The study file.
 
     Raises
     ------
     StudyFileError
-        With file, line, key and what was expected, whatever is wrong with the file.
+        For anything wrong with the file; it names file, line and key, and what was expected.
 
     Examples
     --------
@@ -209,7 +210,7 @@ def read_study(path: str | Path) -> Study:
 
 
 def resolved_study(source: SourceText, tables: Mapping[str, Any], text: str) -> Study:
-    """The study of a file's tables; `text` says the same as they do."""
+    """The study of a file's tables; `text` is the text of these tables."""
     resolved = replace(read_tables(source, tables), source=SourceText(source.path, text))
     return Study(source, tables, resolved)
 
@@ -220,11 +221,12 @@ def open_results(path: str | Path) -> Results:
     Parameters
     ----------
     path : str or Path
+        The results directory.
 
     Raises
     ------
     ResultsError
-        Missing, not of squealstudy, or not finished.
+        Where the directory is missing, not written by squealstudy, or not finished.
 
     Examples
     --------
@@ -247,35 +249,38 @@ def run(
     fresh: bool = False,
     client: Client | str | Path | None = None,
 ) -> Results:
-    """Run a study, or what is left of it, with progress on a terminal or in a notebook.
+    """Run a study, or what is not finished of it, with progress on a terminal or in a notebook.
 
-    Elsewhere how far it is goes to the log (`squealstudy.progress`), which Python does not show by
-    itself: ``logging.basicConfig(level="INFO")`` does.
+    Elsewhere progress goes to the log (`squealstudy.progress`), which Python does not show by
+    default: ``logging.basicConfig(level="INFO")`` does.
 
     Parameters
     ----------
-    study : Study or path of a study file
-    output : path or None
+    study : Study, str or path
+        The study, or the path of its file.
+    output : str, path or None
         Results directory; results/NAME by default.
     jobs : int or None
-        Worker processes; by default as many as there are cores and memory for.
+        Number of worker processes; by default as many as there are cores and memory for.
     yes : bool
         Accept more design points than the study's limit.
     warn : callable
-        Told what may go wrong, before design points are solved.
+        Called with warnings, before design points are solved.
     fresh : bool
         Begin anew: what the study wrote there before is removed once the study is known to be
-        valid; files of others stay.
+        valid; other files stay.
     client : distributed.Client, str, path or None
-        A cluster of dask whose workers solve the design points, or the address or the file of its
-        scheduler (docs/howto/cluster.md); None for processes of this machine.
+        A dask cluster whose workers solve the design points, or the address or file of its
+        scheduler (docs/howto/cluster.md); None for processes on this machine.
 
     Raises
     ------
-    StudyFileError, ResultsError
-        Invalid study; directory of another study, or in use.
+    StudyFileError
+        Where the study is not valid.
+    ResultsError
+        Where the directory belongs to another study, or is in use.
     MachineError
-        What the machine refuses: a full disk, memory, a worker that was killed, a scheduler that
+        Where the machine refuses: a full disk, memory, a worker that was killed, a scheduler that
         is lost. What is finished is kept, and the next run goes on from there.
 
     Examples
@@ -318,7 +323,7 @@ def run(
 def _cluster_or_none(
     client: Client | str | Path | None, warn: Callable[[str], None]
 ) -> contextlib.AbstractContextManager[Cluster | None]:
-    """Where design points are solved: a cluster, or None for this machine."""
+    """Context of a cluster that solves design points; of None for this machine."""
     if client is None:
         return contextlib.nullcontext()
     from squealstudy.engine.cluster import connected

@@ -1,4 +1,4 @@
-"""A model of the Python face: of the catalogue, of a model file, or of matrices."""
+"""Models of the Python face: of the catalogue, or of a model file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MODEL_FILE = ".toml"
 
 @dataclass(frozen=True, repr=False)
 class Model(MechanicalModel):
-    """A model at one design point, which a study can be made of (`mechanics.model.Model`).
+    """A model at one design point (`mechanics.model.Model`) that can make a study of itself.
 
     Examples
     --------
@@ -47,14 +47,14 @@ class Model(MechanicalModel):
         Parameters
         ----------
         name : str
-            Of the study and of its results directory.
+            Name of the study and of its results directory.
         band : (low, high) or None
-            Hz; by default that of study files.
+            Frequency band, Hz; by default that of study files.
 
         Raises
         ------
         ParameterError
-            ``band`` where it is none.
+            Where ``band`` is no band of frequency.
         """
         options = {option.name for option in self.definition.options}
         try:
@@ -76,27 +76,27 @@ class Model(MechanicalModel):
             raise ParameterError("band", error.message) from None
 
     def _named(self) -> dict[str, str]:
-        """How a study names the model."""
+        """Keys with which a study file names the model."""
         if isinstance(self.definition, FileDefinition):
             return {"file": str(Path(self.definition.path).resolve())}
         return {"name": self.definition.name}
 
 
 def model(name: str | os.PathLike[str], **values: Any) -> Model:
-    """A model of the catalogue: ``model("disc_brake", mesh="coarse", friction=0.4)``.
+    """A model of the catalogue or of a file: ``model("disc_brake", mesh="coarse", friction=0.4)``.
 
     Parameters
     ----------
     name : str or path
         One of `list_models`, or the path of a model file, which ends in ``.toml``.
     **values
-        Parameters, SI units or with a unit, ``pressure="12 bar"``, and options; names with dots as
-        ``**{"contact.lambda": 1e6}``.
+        Parameters in SI units or with a unit, ``pressure="12 bar"``, and options. Names with dots
+        are given as ``**{"contact.lambda": 1e6}``.
 
     Raises
     ------
     SquealstudyError
-        An unknown model; a parameter that it does not have, or a value that it cannot take.
+        For an unknown model, a parameter that it does not have, or a value that it cannot take.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from squealstudy.errors import MachineError, SquealstudyError
 
-# limits of the machine, which libraries also tell by their text alone
+# limits of the machine; some libraries report them only by the text of another error
 LIMITS = {
     errno.ENOSPC: "the disk is full: free some space",
     errno.EDQUOT: "your quota of the disk is used up: free some space",
@@ -32,7 +32,7 @@ REFUSED = LIMITS | {
     errno.ENAMETOOLONG: "the name is too long: choose a shorter one",
     errno.EIO: "the disk does not answer",
 }
-SPEAKING = (OSError, RuntimeError, ImportError)  # of libraries, whose texts are looked at
+SPEAKING = (OSError, RuntimeError, ImportError)  # errors of libraries whose texts are searched
 NO_TEXT = "its name is no text in UTF-8 here: set PYTHONUTF8=1 or choose another place"
 NO_TEMPORARY = "no directory for temporary files can be written: name one in TMPDIR"
 NO_DIRECTORY = "the current directory was removed: change to another"
@@ -46,7 +46,7 @@ TEXTS = {os.strerror(code): code for code in LIMITS} | {
 
 @contextlib.contextmanager
 def named(path: Path | str) -> Iterator[None]:
-    """Name `path` in an error of the operating system that names no file, or a temporary one."""
+    """Make errors of the operating system name `path`, not a temporary file or none."""
     try:
         yield
     except OSError as error:
@@ -58,7 +58,7 @@ def named(path: Path | str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def told(then: str = "") -> Iterator[None]:
-    """Raise what the machine refuses as a MachineError; what it says ends with `then`."""
+    """Raise refusals of the machine as MachineError; their text ends with `then`."""
     try:
         yield
     except Exception as error:
@@ -68,7 +68,7 @@ def told(then: str = "") -> Iterator[None]:
 
 
 def sentence(error: Exception) -> str | None:
-    """Sentence with what failed, where, and what to do; None where the machine is not at fault."""
+    """Sentence on what failed, where, and what to do; None where the machine is not at fault."""
     if isinstance(error, MachineError):
         return str(error)
     if isinstance(error, SquealstudyError | BrokenPipeError):  # a pipe: a reader such as `head`
@@ -87,13 +87,13 @@ def sentence(error: Exception) -> str | None:
 
 
 def raise_if_memory(error: RuntimeError) -> None:
-    """Raise MemoryError where SuperLU says by another error that memory ran out."""
+    """Raise MemoryError if an error of SuperLU says that memory ran out."""
     if _code(error) == errno.ENOMEM:
         raise MemoryError(str(error)) from error
 
 
 def _code(error: Exception) -> int | None:
-    """The number of what the operating system refused."""
+    """The error number of what the operating system refused; None for other errors."""
     if isinstance(error, MemoryError):
         return errno.ENOMEM
     if (code := getattr(error, "errno", None)) is not None:

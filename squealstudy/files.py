@@ -1,6 +1,6 @@
 """Files that are whole or absent: written under a temporary name, flushed, renamed.
 
-A sealed file is JSON with a hash of its own content, for what stands in no journal.
+A sealed file is JSON with a hash of its own content; it serves for files that no journal names.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from squealstudy.machine.locks import flush
 from squealstudy.machine.processes import is_running
 
 SEAL = "sha256"
-OF_TEXT = 4.0  # bytes of memory for each of a text that is decoded
-OF_LINES = OF_JSON = 40.0  # ... of many short ones: JSON and TOML, whose least is an empty list
+OF_TEXT = 4.0  # bytes of memory for each byte of a text that is decoded
+OF_LINES = OF_JSON = 40.0  # the same for many short values, as in JSON and TOML: empty lists
 TEMPORARY = ".*.tmp"
-FLUSHES_AT_ONCE = 16  # a choice: threads that wait for the disk
+FLUSHES_AT_ONCE = 16  # threads that wait for the disk, a choice
 
 
 def temporary_name(path: Path) -> Path:
-    """A name beside `path` that no other process uses; it tells who does."""
+    """A name beside `path` that no other process uses, with this machine and process in it."""
     owner = f"{_host()}-{os.getpid()}-{secrets.token_hex(4)}"
     return path.parent / f".{path.name}.{owner}.tmp"
 
@@ -52,7 +52,7 @@ def write_atomic(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def write_all(writers: Mapping[Path, Callable[[Path], None]]) -> None:
-    """Write each file as `write_atomic` does, in order; they go to the disk side by side."""
+    """Write files as `write_atomic` does, in order; they are flushed to the disk in parallel."""
     temporaries: dict[Path, Path] = {}
     try:
         for path, write in writers.items():
@@ -72,9 +72,9 @@ def write_all(writers: Mapping[Path, Callable[[Path], None]]) -> None:
 
 
 def _flush_all(paths: Mapping[Path, Path]) -> None:
-    """Flush each of `paths`, named in errors by its key.
+    """Flush each of `paths`; errors name its key.
 
-    A file system does for many that wait at once what it does for one.
+    Several threads do so at once: a file system flushes many files in one go.
     """
 
     def flush_one(name: Path) -> None:
@@ -84,9 +84,7 @@ def _flush_all(paths: Mapping[Path, Path]) -> None:
     if len(paths) == 1:
         flush_one(*paths)
     else:
-        from concurrent.futures import (
-            ThreadPoolExecutor,
-        )  # as numpy below: no command starts slower
+        from concurrent.futures import ThreadPoolExecutor  # late, as commands must start fast
 
         with ThreadPoolExecutor(FLUSHES_AT_ONCE) as pool:
             for _ in pool.map(flush_one, paths):
@@ -108,7 +106,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def text_writer(text: str) -> Callable[[Path], None]:
-    """Function that writes a text in UTF-8."""
+    """A function that writes a text to a path, in UTF-8."""
     content = text.encode()
 
     def write(path: Path) -> None:
@@ -123,8 +121,8 @@ def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False
 
 
 def arrays_writer(arrays: Mapping[str, Any], compressed: bool = False) -> Callable[[Path], None]:
-    """Function that writes arrays by name to an npz file."""
-    import numpy as np  # stays out of `squealstudy schema`
+    """A function that writes arrays by name to an npz file."""
+    import numpy as np  # not needed by `squealstudy schema`
 
     save = np.savez_compressed if compressed else np.savez
 
@@ -136,7 +134,7 @@ def arrays_writer(arrays: Mapping[str, Any], compressed: bool = False) -> Callab
 
 
 def is_plain_file(path: Path) -> bool:
-    """Whether a path is a file itself: no link to one, no device that might never end."""
+    """Whether a path is a regular file, not a link to one or a device that might never end."""
     try:
         return stat.S_ISREG(path.lstat().st_mode)
     except OSError:
@@ -144,25 +142,26 @@ def is_plain_file(path: Path) -> bool:
 
 
 class UnusableFileError(OSError, ValueError):
-    """A file from anybody that is none, or too large; both, for readers expect one or the other."""
+    """A path that is no file, or a file that is too large; readers expect one base or the other."""
 
 
 def read_whole(path: Path, room: float = OF_TEXT) -> bytes:
-    """The bytes of a file from anybody, where there is memory for them and what is made of them.
+    """The bytes of a file of unknown origin, if there is memory for them and what is made of them.
 
-    A file that takes nothing on disk may have any size.
+    Even a file that takes nothing on the disk may claim any size.
 
     Parameters
     ----------
     path : Path
-        A link is followed.
+        The file; a link is followed.
     room : float
-        Bytes of memory for each of the file.
+        Bytes of memory needed for each byte of the file.
 
     Raises
     ------
     OSError
-        Not there, a device or pipe, unreadable; without room (UnusableFileError).
+        Where the file is missing or cannot be read; UnusableFileError where it is a device or pipe,
+        or too large for the memory.
     """
     state = path.stat()
     if not stat.S_ISREG(state.st_mode) and not stat.S_ISDIR(state.st_mode):
@@ -172,7 +171,7 @@ def read_whole(path: Path, room: float = OF_TEXT) -> bytes:
 
 
 def expect_room(needed: float) -> None:
-    """Raise UnusableFileError where so many bytes of memory are not left for what a file holds."""
+    """Raise UnusableFileError if fewer bytes of memory than `needed` are left."""
     from squealstudy.array_files import expect_memory  # imports numpy
 
     try:
@@ -188,13 +187,13 @@ def file_hash(path: Path) -> str:
 
 
 def sealed(content: Mapping[str, Any]) -> str:
-    """Content as JSON with its hash; what JSON does not know is written as text."""
+    """Content as JSON with its hash; values of types that JSON does not have become text."""
     plain = json.loads(json.dumps({k: v for k, v in content.items() if k != SEAL}, default=str))
     return json.dumps(plain | {SEAL: _seal(plain)}, indent=2) + "\n"
 
 
 def unsealed(text: str | bytes) -> dict[str, Any]:
-    """Content that `sealed` wrote; ValueError where it has changed or was never sealed."""
+    """Content that `sealed` wrote; ValueError if it was changed or never sealed."""
     try:
         content = json.loads(text)
     except RecursionError:

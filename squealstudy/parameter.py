@@ -1,4 +1,4 @@
-"""A named number: its unit, default and bounds, as study files give it."""
+"""Named numbers of models: unit, default and bounds."""
 
 from __future__ import annotations
 
@@ -10,34 +10,37 @@ from squealstudy.errors import ParameterError
 
 @dataclass(frozen=True)
 class Parameter:
-    """One named number of a model, SI units (angles in degrees).
+    """One named number of a model, in SI units (angles in degrees).
 
     Attributes
     ----------
     name : str
-        As in study files.
+        Its name in study files.
     default : float
-        In the unit [unit], as all numbers here.
+        Default value [unit].
     unit : str
-        Empty for a pure number.
+        Unit; empty for a pure number.
     description : str
+        Its meaning, for tables of parameters.
     minimum, maximum : float
-        Closed bounds [unit]; with `positive` the minimum itself is excluded.
+        Bounds [unit], themselves allowed.
     positive : bool
-        The value must be greater than zero.
+        Whether the value must be greater than zero.
     above, below : float
-        Open bounds [unit].
+        Bounds [unit], themselves not allowed.
     nonzero : bool
-        Of either sign, a direction: never zero, and a sweep stays on one side of it.
+        Whether the value is a direction: either sign is allowed but not zero, and a sweep must not
+        pass through zero.
     usual : (low, high)
-        Values beyond are allowed, but likely to be in other units.
+        Usual values [unit]. Others are allowed, but are likely to be in another unit.
     structural : bool
-        True where a change alters masses or stiffnesses: it costs a new assembly and reduction.
+        Whether a change alters masses or stiffnesses, so that it costs a new assembly and
+        reduction.
     bare : str
-        Unit of a number that a study file gives without one, where that is another: of the
-        temperature of tables, in degC here and in results, the kelvin of SI.
+        Unit of a number that a study file gives without one, if it is not `unit`. The temperature
+        of tables is in degC here and in results, but a bare number is in kelvin, as in SI.
     difference : bool
-        It is one of two temperatures: a degC of it is a kelvin.
+        Whether it is a difference of temperatures: one degC of it is one kelvin.
     """
 
     name: str
@@ -56,7 +59,7 @@ class Parameter:
     difference: bool = False
 
     def check(self, value: float) -> float:
-        """`value` as a float; ParameterError where it is not a finite number within bounds."""
+        """`value` as a float; ParameterError if it is not a finite number within the bounds."""
         if (
             isinstance(value, bool)
             or not isinstance(value, int | float)
@@ -88,7 +91,7 @@ class Parameter:
         return float(value)
 
     def check_range(self, low: float, high: float) -> None:
-        """ParameterError where a sweep from low to high would pass through zero and must not."""
+        """Raise ParameterError if a sweep from low to high passes through zero but must not."""
         if self.nonzero and low < 0 < high:
             raise ParameterError(
                 self.name,
@@ -96,7 +99,7 @@ class Parameter:
             )
 
     def doubt(self, value: float) -> str:
-        """Warning about a value far from usual ones; empty for others."""
+        """A warning about a value that is far from usual ones; empty for others."""
         low, high = self.usual
         if low <= value <= high:
             return ""

@@ -1,4 +1,4 @@
-"""Folders of the cache and of compiled kernels, and substitutes where these cannot be used."""
+"""Folders of the cache and of compiled kernels, and substitutes if these cannot be used."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from pathlib import Path
 from squealstudy import faults
 
 ENVIRONMENT = "SQUEALSTUDY_CACHE"
-COMPILED, KERNELS = "NUMBA_CACHE_DIR", "kernels"  # numba's own; a directory in the cache
-CACHE_TRIAL_BYTES = bytes(2**20)  # what a cache must take to be of use
+COMPILED, KERNELS = "NUMBA_CACHE_DIR", "kernels"  # numba's variable; a folder in the cache
+CACHE_TRIAL_BYTES = bytes(2**20)  # written on trial; a cache that does not take it is of no use
 
 
 def cache_directory() -> Path:
-    """$SQUEALSTUDY_CACHE, else the user's cache directory; not necessarily there yet.
+    """$SQUEALSTUDY_CACHE, else the user's cache directory; it may not exist yet.
 
-    Raises OSError where no home directory is known.
+    Raises OSError if no home directory is known.
     """
     from_environment = os.environ.get(ENVIRONMENT)
     return Path(from_environment) if from_environment else user_cache()
 
 
 def user_cache() -> Path:
-    """The cache directory of this user, whatever the environment names."""
+    """The cache directory of this user, whatever $SQUEALSTUDY_CACHE is."""
     try:
         base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     except RuntimeError:
@@ -41,9 +41,9 @@ def user_cache() -> Path:
 
 @contextlib.contextmanager
 def usable_cache(warn: Callable[[str], None]) -> Iterator[None]:
-    """Provide a cache that can be written: a temporary one where the user's cannot, with a warning.
+    """Provide a cache that can be written: a temporary one, with a warning, if the usual cannot.
 
-    The content of the user's cache is not used then: new parts would have to be written beside it.
+    The content of the usual cache is then not used, as new parts would be written beside it.
     """
     try:
         _try_writing(cache_directory())
@@ -65,10 +65,11 @@ def usable_cache(warn: Callable[[str], None]) -> Iterator[None]:
 
 
 def compiled_base() -> Path:
-    """Where compiled kernels are kept: $NUMBA_CACHE_DIR, else in the cache.
+    """Folder of compiled kernels: $NUMBA_CACHE_DIR, else one in the cache.
 
-    Loading them executes them. Where others may write too, they are kept in the user's own cache,
-    or in a temporary directory for this process and its workers; a warning says so.
+    Kernels are executed when they are loaded. If other users may write to the folder, or nobody
+    can, they are kept in the user's own cache, or else in a temporary directory for this process
+    and its workers; a warning says so.
     """
     from_environment = os.environ.get(ENVIRONMENT)
     return _safe_kernel_folder(
@@ -100,10 +101,10 @@ def _safe_kernel_folder(folder: str) -> Path:
 
 
 def others_may_write(path: Path) -> bool:
-    """Whether another user, root apart, may put files in a directory or replace it.
+    """Whether another user than root may put files in a directory or replace it.
 
-    False where files have no owners (Windows). A group with the user's number is taken to
-    be the user's own.
+    False where files have no owners (Windows). A group with the number of a folder's owner is taken
+    to be that user's own.
     """
     if not hasattr(os, "geteuid"):
         return False
@@ -117,7 +118,7 @@ def others_may_write(path: Path) -> bool:
 
 
 def _try_writing(directory: Path) -> None:
-    """Raise OSError where a directory cannot be made, or takes no file."""
+    """Raise OSError if a directory cannot be made, or takes no file."""
     with faults.named(directory):
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory) as file:

@@ -1,10 +1,10 @@
-"""How far a run is: bars on a terminal, one line in a notebook, else plain lines of the log.
+"""Progress of a run: bars on a terminal, one line in a notebook, else lines of the log.
 
-What takes less than BAR_DELAY_S seconds has neither bar nor line. In a notebook it is plain text
-that is kept up to date: bars would need ipywidgets there.
+Bars and the notebook's line appear after BAR_DELAY_S seconds. In a notebook it is plain text that
+is kept up to date, as bars would need ipywidgets.
 
-The log is that of Python's `logging`, by the name squealstudy and at level INFO: the command writes
-it to stderr, a program sees it after ``logging.basicConfig(level="INFO")``.
+The log is that of Python's `logging`, with the name squealstudy and level INFO. The command writes
+it to stderr; a program sees it after ``logging.basicConfig(level="INFO")``.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from squealstudy.screen import messages
 from squealstudy.wording import duration, in_digits
 
 LOG = logging.getLogger("squealstudy")
-# s before a bar is shown; between two states of a line that is replaced
+# time before a bar or line is shown, and least time between two states of a notebook's line
 BAR_DELAY_S, MIN_UPDATE_INTERVAL_S = 2.0, 0.5
-# of a stage; s between two lines of it
+# share of a stage between two lines of the log, if time between them is within these bounds
 PROGRESS_STEP, MIN_PROGRESS_INTERVAL_S, MAX_PROGRESS_INTERVAL_S = 0.05, 30.0, 600.0
 RATES = (("a second", 1.0), ("a minute", 60.0), ("an hour", 3600.0))
 
 
 class Progress(Protocol):
-    """Is told how many tasks of a stage are done, and how many of these failed."""
+    """Called with the number of tasks of a stage that are done, and how many of these failed."""
 
     def __call__(self, stage: str, done: int, total: int, failed: int = 0) -> None:
-        """Take note of it."""
+        """Take note of the progress of a stage."""
 
 
 @contextlib.contextmanager
 def progress() -> Iterator[Progress]:
-    """Tell how far a run is, in the way of the place where it runs."""
+    """Show progress in the way that fits the terminal, notebook or log."""
     if messages.is_jupyter:
         with _later(line := OneLine()):
             yield line
@@ -62,18 +62,18 @@ def progress() -> Iterator[Progress]:
 
 
 class _Begun(Protocol):
-    """Display of progress from a moment on."""
+    """A display of progress that is started and stopped."""
 
     def start(self) -> None:
-        """Show it."""
+        """Begin to show it."""
 
     def stop(self) -> None:
-        """Show it no more; nothing where it was not."""
+        """End it, if it was shown."""
 
 
 @contextlib.contextmanager
 def _later(shown: _Begun) -> Iterator[None]:
-    """Start it after BAR_DELAY_S seconds, where what is within is not done by then."""
+    """Start a display after BAR_DELAY_S seconds, unless the block within has ended by then."""
     timer = threading.Timer(BAR_DELAY_S, shown.start)
     timer.daemon = True
     timer.start()
@@ -86,12 +86,12 @@ def _later(shown: _Begun) -> Iterator[None]:
 
 
 class OneLine:
-    """One line of a notebook's output, which is replaced: the stage and how far it is.
+    """One line of a notebook's output that is kept up to date: the stage and its progress.
 
     Parameters
     ----------
     clock : callable
-        Seconds, of any origin.
+        Returns a time in seconds, of any origin.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -124,18 +124,18 @@ class OneLine:
 
     @property
     def shown(self) -> bool:
-        """Whether the line is shown by now."""
+        """Whether the line is shown already."""
         return self._display is not None
 
     def start(self) -> None:
         """Show the line."""
-        display = import_module("IPython.display").display  # which a notebook has
+        display = import_module("IPython.display").display  # every notebook has it
 
         with self._lock:
             self._display = display(self._bundle(), raw=True, display_id=True)
 
     def stop(self) -> None:
-        """Leave the last state, if any was shown."""
+        """Show the last state, if the line is shown."""
         if self._display is not None:
             self._show()
 
@@ -149,7 +149,7 @@ class OneLine:
 
 @contextlib.contextmanager
 def _bars() -> Iterator[Progress]:
-    """A bar for each stage with the expected remaining time."""
+    """Bars, one for each stage, with the expected remaining time."""
     bars = Bars(
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -176,26 +176,26 @@ def _bars() -> Iterator[Progress]:
 
 @dataclass
 class _Stage:
-    """When a stage began, with how many done, and what was last told of it."""
+    """When a stage began and with how many tasks done, and what was last reported of it."""
 
     began: float
     at_first: int
     told_at: float
     told: int
-    total: int  # of the stage as it began, or more: it may end earlier, its budget spent
+    total: int  # the largest number of tasks that it had: it may end earlier, its budget spent
 
 
 class Lines:
-    """A line where a stage begins and ends; between them every 5 %, at least 30 s apart.
+    """A line when a stage begins and ends, and in between every 5 %, at least 30 s apart.
 
-    A slow stage is told of every 10 minutes all the same.
+    A slow stage has a line every 10 minutes, once a task of it is done.
 
     Parameters
     ----------
     write : callable
-        Takes a line.
+        Called with each line.
     clock : callable
-        Seconds, of any origin.
+        Returns a time in seconds, of any origin.
     """
 
     def __init__(
@@ -208,7 +208,7 @@ class Lines:
         """See `Progress`."""
         now = self._clock()
         state = self._stages.get(stage)
-        if state is None or done < state.told:  # a new one, or the same once more
+        if state is None or done < state.told:  # a new stage, or the same one again
             state = self._stages[stage] = _Stage(now, done, now, done, total)
             text = "begins" + (f", {done:,} of {total:,} done" if total > 1 else "")
         elif done == total and state.told < total:

@@ -1,7 +1,7 @@
-"""Modules of folders of others are made of their texts, never of bytecode that lies beside them.
+"""Import modules of users' folders from their source text, never from bytecode beside it.
 
-Python takes bytecode in ``__pycache__`` for a text of the size and time that stand in it, whatever
-the bytecode does: what was read and hashed would not be what is executed.
+Python takes bytecode in ``__pycache__`` as that of a source whose size and time it names, whatever
+the bytecode does: what is executed might not be what was read and hashed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ class TextLoader(SourceFileLoader):
     """Executes the text of a module, and neither reads nor writes bytecode."""
 
     def get_code(self, fullname: str) -> CodeType:
-        """The text, compiled."""
+        """Code compiled from the source text."""
         path = self.get_filename(fullname)
         return self.source_to_code(self.get_data(path), path)
 
 
 def import_texts_of(folder: Path) -> None:
-    """Find modules in a folder, after all others: a text hides what is compiled beside it."""
+    """Find modules in a folder too, after all other places; sources come before compiled ones."""
     if not _folders:
         sys.path_hooks.insert(0, _finder)
     _folders.append(folder)
@@ -39,7 +39,7 @@ def import_texts_of(folder: Path) -> None:
 
 
 def _finder(path: str) -> FileFinder:
-    """Importer of such a folder, or of a package in it; ImportError for another one."""
+    """Importer for such a folder or a package in it; ImportError for other paths."""
     folder_path = Path(path)
     if not any(folder_path == folder or _is_package(folder_path, folder) for folder in _folders):
         raise ImportError(path)
@@ -49,7 +49,7 @@ def _finder(path: str) -> FileFinder:
 
 
 def _is_package(path: Path, folder: Path) -> bool:
-    """Whether a path is that of a package in a folder: not what Python finds elsewhere."""
+    """Whether a path is below a folder, and not in another entry of sys.path below it."""
     if not path.is_relative_to(folder):
         return False
     between = {path, *path.parents} - {folder, *folder.parents}

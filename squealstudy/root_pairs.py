@@ -1,4 +1,4 @@
-"""Bands and order of roots, one of each conjugate pair, and pairs of solutions of a problem."""
+"""Bands and order of roots, one of each conjugate pair, and pairs of roots of two solutions."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-LIGHT_DAMPING = 0.05  # zeta below: the modes that errors are stated for, growing ones among them
+LIGHT_DAMPING = 0.05  # damping ratio below which errors of modes are stated; growing ones count too
 MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which a full-order root has a partner
-# of a full-order root to the edge of a band, over the largest distance of a pair, within which its
-# partner may be outside; in any case relative
+# distance of a full-order root from a band's edge within which its partner may be outside: over
+# the largest distance of a pair, and at most, relative
 EDGE_TO_DISTANCE, MOST_EDGE_REL_DISTANCE = 3.0, 1e-3
-MIN_DISTANCE_TO_ERROR = 100.0  # errors of the full-order root above which a distance says something
+MIN_DISTANCE_TO_ERROR = 100.0  # distance, over the full-order root's error, that is an error itself
 BAND_END_REL_TOLERANCE = 1e-9
-RIGID_SHARE = 1e-5  # start of a band over its top, where it is to begin at zero
-# relative distance of moduli that count as one: roots of two modes that locked in
+RIGID_SHARE = 1e-5  # start of a band over its top, for a band from zero
+# relative distance of moduli that count as equal, as of two modes that locked in
 EQUAL_MODULUS_REL_DISTANCE = 1e-9
 
 
 def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
-    """The band in rad/s, its ends in it.
+    """The band in rad/s, ends included.
 
-    One from 0 Hz begins RIGID_SHARE of its top above the rigid-body modes.
+    A band from 0 Hz begins at RIGID_SHARE of its top, to leave out rigid-body modes.
     """
     low, high = band_hz
     return 2 * np.pi * (low or RIGID_SHARE * high) * (
@@ -32,8 +32,8 @@ def angular_band(band_hz: tuple[float, float]) -> tuple[float, float]:
 def by_modulus(lam: np.ndarray, late: np.ndarray) -> np.ndarray:
     """Order (..., m) of roots lam (..., m): ascending in `late`, then in modulus.
 
-    Of neighbours of one modulus (EQUAL_MODULUS_REL_DISTANCE) the one that grows fastest comes last:
-    round-off, which another processor has otherwise, must not number modes.
+    Among neighbours of equal modulus (EQUAL_MODULUS_REL_DISTANCE) the fastest growing one is last.
+    Otherwise round-off, which differs between processors, would number modes.
     """
     size = np.abs(lam)
     order = np.lexsort((size, late), axis=-1)
@@ -53,7 +53,7 @@ def by_modulus(lam: np.ndarray, late: np.ndarray) -> np.ndarray:
 def one_of_each_pair(
     lam: np.ndarray, psi: np.ndarray, band: tuple[float, float] = (0.0, np.inf)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Roots of imaginary part >= 0 in a band of moduli, ascending in modulus, and unit vectors."""
+    """Roots of imaginary part >= 0 in a band of moduli, in ascending order, and unit vectors."""
     size = np.abs(lam)
     order = np.flatnonzero((lam.imag >= 0) & (size >= band[0]) & (size <= band[1]))
     order = order[np.argsort(size[order])]
@@ -63,8 +63,8 @@ def one_of_each_pair(
 def least_assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns, k = min(n, m) of each, of the pairs whose costs (n, m) have the least sum.
 
-    Rows ascend. Where the cheapest columns of all rows differ, they are the answer, as no sum can
-    be less; else `scipy.optimize.linear_sum_assignment` finds them, which is slow to import.
+    Rows ascend. If the cheapest columns of all rows differ, they are the solution, as no sum can be
+    less. Otherwise `scipy.optimize.linear_sum_assignment` is used, which is slow to import.
     """
     if len(cost) > cost.shape[1]:
         columns, rows = least_assignment(cost.T)
@@ -83,11 +83,11 @@ def least_assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
-    """For each row of distances (n, m) the column of its partner, -1 for none.
+    """Column (n,) of the partner of each row of distances (n, m); -1 for none.
 
-    No two rows have the same partner. The sum of the square roots of the distances is least, those
-    beyond the `limit`, which make no pair, counting as that: one mode that is missing must not
-    shift its neighbours' partners by one each, as the sum of the distances themselves allows.
+    No two rows have the same partner. Distances beyond the `limit` make no pair and count as the
+    limit. The sum of the square roots of distances is least, not that of distances: with that one
+    missing mode could shift the partners of its neighbours by one each.
     """
     partner = np.full(len(distance), -1)
     if not distance.size:
@@ -99,7 +99,7 @@ def partners(distance: np.ndarray, limit: float = np.inf) -> np.ndarray:
 
 
 def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Distance (m,) of each root to its partner among others, infinite where there is none."""
+    """Distance (m,) of each root to its partner among others; infinite where it has none."""
     distance = np.abs(lam[:, None] - others[None, :])
     partner = partners(distance)
     distances = np.full(len(lam), np.inf)
@@ -109,18 +109,18 @@ def partner_distances(lam: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 class FullOrderPairs(NamedTuple):
-    """Full-order roots, lightly damped or growing, with a partner among the roots of a point.
+    """Lightly damped or growing full-order roots, with their partners among the roots of a point.
 
     Attributes
     ----------
     row : ndarray (k,) of int
-        The partners.
+        Indices of the partners among the roots of the point.
     lam, full : ndarray (k,) complex
         The partners and the full-order roots, rad/s.
     resolved : ndarray (k,) of bool
         Whether their distance is well above the error of the full-order root itself.
     missed : int
-        Such full-order roots without a partner.
+        Number of such full-order roots without a partner.
     """
 
     row: np.ndarray
@@ -131,19 +131,19 @@ class FullOrderPairs(NamedTuple):
 
     @property
     def error(self) -> np.ndarray:
-        """Distances (k,), rad/s."""
+        """Distances (k,) of the partners, rad/s."""
         distance: np.ndarray = np.abs(self.lam - self.full)
         return distance
 
     @property
     def frequency_error(self) -> float:
-        """Largest relative error of |lambda|; infinite where every root is missed, NaN of none."""
+        """Largest relative error of ``|lambda|``; infinite if all are missed, NaN without roots."""
         error = np.abs(np.abs(self.lam) / np.abs(self.full) - 1.0)
         return self._largest(error)
 
     @property
     def damping_error(self) -> float:
-        """Largest error of the damping ratio; infinite where every root is missed, NaN of none."""
+        """Largest error of the damping ratio; infinite if all are missed, NaN without roots."""
         zeta = [-roots.real / np.abs(roots) for roots in (self.lam, self.full)]
         return self._largest(np.abs(zeta[0] - zeta[1]))
 
@@ -159,10 +159,10 @@ def paired_with_full_order(
     error: np.ndarray | float = 0.0,
     band_hz: tuple[float, float] = (0.0, np.inf),
 ) -> FullOrderPairs:
-    """Pair the roots lam (m,) of a point with full-order roots (n,), all rad/s.
+    """Pair the roots lam (m,) of a point with full-order roots (n,), all in rad/s.
 
-    `error` (n,) is that of the full-order roots themselves. A root at an edge of the band is not
-    missed where the distances of pairs explain that its partner lies beyond.
+    `error` (n,) is the error of the full-order roots themselves. A root so near an edge of the band
+    that its partner may be outside, by the distances of pairs, does not count as missed.
     """
     judged = (np.abs(full.real) < LIGHT_DAMPING * np.abs(full)) | (full.real > 0)
     full, errors = full[judged], np.broadcast_to(error, judged.shape)[judged]

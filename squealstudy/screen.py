@@ -1,6 +1,6 @@
-"""Common parts of all screens: tables of one style, name-value lines, notes, warnings.
+"""Common parts of all screens: tables, name-value lines, notes, warnings.
 
-Functions return what `rich` renders, on a terminal as in a notebook; `show` prints it.
+Functions return what `rich` renders on a terminal or in a notebook; `show` prints it.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ if TYPE_CHECKING:
 
 Rows = list[tuple[str, str]]
 STDOUT = "standard output"
-FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how texts begin that spreadsheets compute
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # first characters of what spreadsheets compute
 NUMBERS = re.compile(r"[-+\d.,eE\s]*")
-NO_BREAK = "\u00a0"  # a blank at which no line is broken; shown as any other
+NO_BREAK = "\u00a0"  # a blank at which no line is broken; it is shown as any other blank
 WORDS = re.compile(rf"(?:\S|{NO_BREAK})+[^\S{NO_BREAK}]*|\s+")  # pieces of a text
-NAME_BREAKS = "_./"  # after which a name that is too long is broken
-PIECES = re.compile(r"[^\s_]+[\s_]*|[\s_]+")  # of a title: names of parameters have underscores
+NAME_BREAKS = "_./"  # characters after which a name that is too long is broken
+PIECES = re.compile(r"[^\s_]+[\s_]*|[\s_]+")  # pieces of a title, whose names have underscores
 MOST_ACROSS, MOST_UP = 45, 30  # points of a map of letters
-LEAST_WIDTH = 80  # characters; a narrower terminal wraps its lines, nothing is cut
-WIDTH_OF_FILES = 110  # of what is written to a file or a pipe, or stands in a page
-WIDTH_OF_SENTENCES = 100  # there
-# columns of a grid: numbers and values stand right, and only texts are broken into lines
+LEAST_WIDTH = 80  # characters; a narrower terminal wraps lines, and nothing is cut
+WIDTH_OF_FILES = 110  # characters of a line in files, pipes and pages
+WIDTH_OF_SENTENCES = 100  # characters of a line of sentences there
+# columns of a grid: numbers and values are aligned right, and only texts are broken into lines
 NUMBER, VALUES, WORD, TEXT = "number", "value", "word", "text"
 GAP = 2  # characters between columns
-MIN_NUMBER_WIDTH = 4  # characters
-MIN_TEXT_WIDTH = 12  # of a column of texts, where some are so long
+MIN_NUMBER_WIDTH = 4  # characters of a column of numbers, at least
+MIN_TEXT_WIDTH = 12  # characters of a column of texts, at least if its words are as long
 
 
 class _Screen(Console):
     def on_broken_pipe(self) -> None:
-        """Let the command say what becomes of it."""
+        """Raise the error of a broken pipe, which the command handles."""
         raise
 
 
@@ -61,17 +61,17 @@ messages = Console(stderr=True, markup=False)
 
 
 def plain(text: str) -> str:
-    """A text with control characters as escapes: what a file says must not steer a terminal."""
+    """A text with control characters as escapes: no text of a file may control a terminal."""
     if text.isprintable():
         return text
     return "".join(c if c == "\n" or category(c)[0] != "C" else ascii(c)[1:-1] for c in text)
 
 
 def show(*parts: RenderableType, unbroken: bool = False) -> None:
-    """Print to stdout, sentences broken between words to the width of the screen.
+    """Print to stdout; texts are broken between words to the width of the screen.
 
-    `unbroken`: texts are paths or commands to be copied, of which each stays in one line. So does a
-    text with a word longer than a line.
+    `unbroken`: texts are paths or commands to be copied, and each stays in one line. So does a text
+    with a word that is longer than a line.
     """
     with named(STDOUT):
         for part in parts:
@@ -96,12 +96,12 @@ def show(*parts: RenderableType, unbroken: bool = False) -> None:
 
 
 def _without_trailing_blanks(text: str) -> str:
-    """A text for files and pages, whose lines are not filled up to a width."""
+    """A text for files and pages, without blanks at the ends of lines."""
     return re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
 
 
 def write(text: str) -> None:
-    """Write a text to stdout as it is."""
+    """Write a text to stdout unchanged."""
     with named(STDOUT):
         console.file.write(text)
         console.file.flush()
@@ -110,7 +110,7 @@ def write(text: str) -> None:
 def show_csv(table: pd.DataFrame) -> None:
     """Write all columns of a table to stdout as CSV.
 
-    A text that a spreadsheet would compute (``=1+1``) begins with an apostrophe.
+    A text that a spreadsheet would compute (``=1+1``) gets an apostrophe before it.
     """
     table_to_write = table.copy()
     for name in table_to_write.columns:
@@ -123,7 +123,7 @@ def show_csv(table: pd.DataFrame) -> None:
 
 
 def _no_formula(text: str) -> str:
-    """A text that no spreadsheet takes for a formula; numbers with signs stay."""
+    """A text that no spreadsheet takes for a formula; numbers with signs are unchanged."""
     return f"'{text}" if text[:1] in FORMULA and not NUMBERS.fullmatch(text) else text
 
 
@@ -139,22 +139,24 @@ def as_text(parts: Iterable[RenderableType], width: int = WIDTH_OF_FILES) -> str
 
 
 def warning(text: str) -> None:
-    """Print a warning to stderr; a log that cannot be written ends no run."""
+    """Print a warning to stderr; an error of writing it is ignored."""
     with contextlib.suppress(OSError):
         messages.print(f"warning: {plain(text)}", highlight=False, soft_wrap=True)
 
 
 class Grid:
-    """A table of texts, as wide as the screen at most: titles are broken first, then texts.
+    """A table of texts, at most as wide as the screen: titles are broken first, then texts.
 
-    Numbers and words are never broken, so that a table of very many columns is wider than asked.
+    Numbers and words are never broken, so that a table of very many columns may be wider.
 
     Parameters
     ----------
     kinds : sequence of str
-        NUMBER, VALUES, WORD or TEXT, of each column.
+        Kind of each column: NUMBER, VALUES, WORD or TEXT.
     titles : sequence of str
+        Title of each column.
     rows : sequence of sequence of str
+        Cells of each row.
     """
 
     def __init__(
@@ -175,7 +177,7 @@ class Grid:
             yield self._line(cells, widths, "")
 
     def widths(self, available: int) -> list[int]:
-        """Characters of each column."""
+        """Width of each column, in characters, if `available` ones are to suffice."""
         columns = [[row[k] for row in self.rows] for k in range(len(self.titles))]
         longest = [max(map(cell_len, cells), default=0) for cells in columns]
         min_widths = [MIN_NUMBER_WIDTH if k in (NUMBER, VALUES) else 0 for k in self.kinds]
@@ -212,7 +214,7 @@ class Grid:
         return widths
 
     def _line(self, cells: Sequence[Sequence[str]], widths: Sequence[int], style: str) -> Text:
-        """A row, of as many lines as its highest cell."""
+        """A row with as many lines as its highest cell."""
         lines = []
         for of_line in zip_longest(*cells, fillvalue=""):
             parts = [
@@ -230,7 +232,7 @@ def _longest_piece(text: str, pieces: re.Pattern[str]) -> int:
 
 
 def _in_lines(text: str, width: int, pieces: re.Pattern[str]) -> list[str]:
-    """A text in lines of at most `width` characters, broken between pieces where that does."""
+    """A text in lines of at most `width` characters, broken between pieces if possible."""
     lines = [""]
     for piece in pieces.findall(text):
         if cell_len(lines[-1] + piece.rstrip()) > width and lines[-1]:
@@ -250,13 +252,14 @@ def grid(*columns: str, rows: Iterable[Iterable[str]]) -> Grid:
     Parameters
     ----------
     *columns : str
-        Titles, each after its kind and a colon, as ``word:energy in``; without one a number.
+        Titles, each after its kind and a colon, as ``word:energy in``; without a kind it is number.
     rows : iterable of iterable of str
+        Cells of each row.
     """
     kinds, titles = [], []
     for column in columns:
         kind, colon, title = column.partition(":")
-        if not colon or kind not in (NUMBER, VALUES, WORD, TEXT):  # a title that has a colon itself
+        if not colon or kind not in (NUMBER, VALUES, WORD, TEXT):  # a title may have a colon itself
             kind, title = NUMBER, column
         kinds.append(kind)
         titles.append(plain(title))
@@ -269,19 +272,20 @@ def letter_map(
     words: Sequence[str],
     letters: Mapping[str, str],
 ) -> list[RenderableType]:
-    """A grid of two parameters as letters, the first to the right and the second up.
+    """A grid of two parameters as letters, the first parameter to the right and the second up.
 
-    Nothing where the points are no whole grid, or one that is too large for a screen.
+    Empty if the points are no full grid, or one that is too large for a screen.
 
     Parameters
     ----------
     names : (str, str)
-        With their units, as axes have them.
+        Names of both parameters, with their units.
     values : (sequence of float, sequence of float)
-        Of each point.
+        Values of both parameters at each point.
     words : sequence of str
-        What is found at each point; keys of `letters`.
+        Word of each point, a key of `letters`.
     letters : mapping of str -> str
+        Letter of each word.
     """
     x, y = (sorted(set(map(float, axis_values))) for axis_values in values)
     word_at = {(float(a), float(b)): w for a, b, w in zip(*values, words, strict=True)}
@@ -303,12 +307,12 @@ def letter_map(
 
 
 def command_text(verb: str, path: Path, *options: str) -> str:
-    """A command on a file or a folder, to be copied."""
+    """Text of a command on a file or folder, to be copied."""
     return shlex.join(["squealstudy", verb, str(path), *options])
 
 
 def held_together(texts: Iterable[str]) -> str:
-    """Texts with commas between them, of a column of texts: none is broken within itself."""
+    """Texts joined by commas, for a column of texts; lines are broken only between them."""
     return ", ".join(text.replace(" ", NO_BREAK) for text in texts)
 
 
@@ -318,7 +322,7 @@ def heading(title: str) -> Text:
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
-    """Name-value lines, aligned."""
+    """Lines of names and texts, aligned."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
@@ -328,5 +332,5 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def notes(*texts: str) -> Text:
-    """Notes beneath a table, a line each; empty ones are left out."""
+    """Notes beneath a table, one in each line; empty ones are left out."""
     return Text("\n".join(plain(text) for text in texts if text), style="dim")

@@ -1,39 +1,39 @@
-"""Units in which values are shown: with a prefix, or as the study file writes them."""
+"""Units in which values are shown: those of the study file, or SI units with a prefix."""
 
 from __future__ import annotations
 
 PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
 PREFIXED = ("Pa", "N")  # units that take a prefix
-MAX_PREFIXED = 1e6  # of a number before one: 5.4e17 Pa/m3 is no 5.4e8 GPa/m3
+MAX_PREFIXED = 1e6  # largest number before a prefix: 5.4e17 Pa/m3 is not shown as 5.4e8 GPa/m3
 
 
 class UnitAsWritten(str):
-    """An SI unit of numbers in tables, for which the study file has another: shown is that one.
+    """The SI unit of numbers in tables, with the unit of the study file in which they are shown.
 
     Attributes
     ----------
     written : str
-        The unit of the file, as ``bar``.
+        The unit of the file, such as ``bar``.
     size : float
-        Of it in this unit, as 1e5 of ``Pa``.
+        Size of that unit in this one, such as 1e5 for ``bar`` in ``Pa``.
     """
 
     written: str
     size: float
 
     def __new__(cls, unit: str, written: str, size: float) -> UnitAsWritten:
-        """The text is `unit`."""
+        """Make a unit whose text is `unit`."""
         text = super().__new__(cls, unit)
         text.written, text.size = written, size
         return text
 
     def __getnewargs__(self) -> tuple[str, str, float]:  # type: ignore[override]
-        """For copies: pandas makes deep ones of the facts of a table."""
+        """Arguments for copies; pandas makes deep copies of the facts of a table."""
         return str(self), self.written, self.size
 
 
 def as_written(unit: str) -> tuple[str, float]:
-    """The unit of the study file where it has another, else `unit`; and the factor to it."""
+    """The unit in which values are shown, that of the study file if known, and the factor to it."""
     return (unit.written, 1.0 / unit.size) if isinstance(unit, UnitAsWritten) else (unit, 1.0)
 
 

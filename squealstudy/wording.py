@@ -22,15 +22,15 @@ STABLE = "stable"  # decays to steady sliding
 LIMIT_CYCLE = "limit_cycle"
 IRREGULAR = "irregular"  # lasts, without a level that is steady over ten periods
 GROWING = "growing"  # lasts; its level is not reached yet
-ENERGY_RULE = "a step keeps the energy balance"  # of runs, whose validity it is
+ENERGY_RULE = "a step keeps the energy balance"  # a rule of the validity of runs
 UNDECIDED = "undecided"  # the run is too short to tell
 CHANGING = "changing"  # speed or pressure change during the run: its windows have classes
 FAILED = "failed"
 # classes of a window of such a run
 QUIET = "quiet"  # the torque's RMS is below 1 % of that of steady sliding
 STICK_SLIP = "stick_slip"  # above it, and contact begins to stick twice or more
-VIBRATES = "vibrates"  # above it, and it does not
-SUSTAINED = (LIMIT_CYCLE, IRREGULAR)  # those whose level is that of the vibration that lasts
+VIBRATES = "vibrates"  # above it, and contact does not
+SUSTAINED = (LIMIT_CYCLE, IRREGULAR)  # classes whose level is that of a lasting vibration
 LASTING = (*SUSTAINED, GROWING)
 
 # verdicts of studies of limit cycles
@@ -38,32 +38,33 @@ SQUEALS = "squeals"  # a mode is unstable
 IF_KICKED = "squeals_if_kicked"  # all are stable, and a vibration lasts beside them
 NEUTRAL = "neutral"  # small motions neither grow nor decay, and larger ones do not grow
 NO_CYCLE = "no_cycle_found"
-VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NEUTRAL, NO_CYCLE)  # of a design the first of its modes'
+# the verdict on a design is the first of these that one of its modes has
+VERDICTS = (SQUEALS, IF_KICKED, UNDECIDED, NEUTRAL, NO_CYCLE)
 
-# one of each on a map of letters, the most silent the least ink
+# letters on a map: the more silent, the less ink
 VERDICT_LETTERS = {SQUEALS: "S", IF_KICKED: "K", UNDECIDED: "?", NEUTRAL: "n", NO_CYCLE: "."}
 VERDICT_LETTERS[FAILED] = "x"
 CLASS_LETTERS = {LIMIT_CYCLE: "L", IRREGULAR: "I", GROWING: "G", UNDECIDED: "?", STABLE: "."}
 CLASS_LETTERS[CHANGING] = "~"
 CLASS_LETTERS[FAILED] = "x"
 
-LEAST_DIGITS = 3
-MOST_RANGES = 6  # of a parameter in one sentence
+LEAST_DIGITS = 3  # significant digits of a number that fixed decimals would leave too few of
+MOST_RANGES = 6  # ranges of a parameter in one sentence
 UNKNOWN = "-"  # in place of a number that is not known
 
-TORQUE = "torque"  # key of the units of a study: of its columns torque_*, N m or N
+TORQUE = "torque"  # key, in the units of a study, for columns torque_*: N m or N
 TORQUE_COLUMN = re.compile(
     r"torque|torque_(mean|rms|static|peak_to_peak|residual)(_low|_high)?|worst_torque_rms"
     r"|torque_rms_(window|step|rows)|torque_(min|max)"
     r"|predicted_torque_rms|torque_peak|torque_harmonics|dominant_level|harmonic_\d_level"
 )
 OF_THE_ONSET = "unit of the parameter along which onsets are sought"
-OF_THE_ROW = "unit of the row"  # numbers of a table in which each row has a unit of its own
-OWN_UNITS = {  # of columns of a table that have another one elsewhere
+OF_THE_ROW = "unit of the row"  # in tables where each row has a unit of its own
+OWN_UNITS = {  # units of a table's columns that have another unit in other tables
     **{table: {"cost": ""} for table in ("cells", "designs", "variants")},
     "onsets": {"error_estimate": OF_THE_ONSET},
 }
-# unit of a column of the result tables; the first pattern that fits it whole
+# units of columns of result tables; the first pattern counts that matches a whole name
 UNITS: tuple[tuple[str, str], ...] = (
     (r"\w+_velocity|velocity_(rms|peak)", "m/s"),
     (r"distance", "m"),
@@ -114,7 +115,7 @@ UNITS: tuple[tuple[str, str], ...] = (
 )
 
 
-EXPECTED = {  # pydantic's error types, in words for somebody who wrote a study file
+EXPECTED = {  # what was expected in a study file, by pydantic's type of error
     "bool_type": "true or false",
     "int_type": "a whole number",
     "float_type": "a number",
@@ -135,14 +136,14 @@ EXPECTED = {  # pydantic's error types, in words for somebody who wrote a study 
 
 
 def expectation(kind: str, context: Mapping[str, Any]) -> str:
-    """Expectation for a value that pydantic refuses; empty where it needs other words.
+    """What was expected in place of a value that pydantic refuses; empty for other types of error.
 
     Parameters
     ----------
     kind : str
         pydantic's type of error.
     context : mapping
-        Its numbers and words.
+        Numbers and words of the error.
     """
     return EXPECTED.get(kind, "").format(**context)
 
@@ -153,12 +154,12 @@ def plural(n: int, word: str, many: str = "") -> str:
 
 
 def any_of(n: int, word: str) -> str:
-    """Words for "none of several", to follow "at": ``the 1 point``, ``any of the 2 points``."""
+    """Words to follow "not ... at": ``the 1 point``, ``any of the 2 points``."""
     return f"{'' if n == 1 else 'any of '}the {plural(n, word)}"
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them: ``0.25 s``, ``12 s``, ``40 min``, ``3.5 h``."""
+    """A time in words: ``0.25 s``, ``12 s``, ``40 min``, ``3.5 h``."""
     if seconds < 60:
         return f"{seconds:.0f} s" if seconds >= 1 else f"{seconds:.2f} s"
     return f"{math.ceil(seconds / 60)} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
@@ -171,21 +172,21 @@ def listed(names: Sequence[str], most: int = 12) -> str:
 
 
 def all_of(names: Sequence[str]) -> str:
-    """All names as a sentence has them: ``T1, T2 and T3``; empty for none."""
+    """All names in words: ``T1, T2 and T3``; empty for none."""
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def in_digits(value: float, decimals: int = 0) -> str:
-    """`value` with fixed decimals; 0.00012 Hz, of which they would leave nothing, in two digits."""
+    """`value` with fixed decimals; with three digits if decimals would leave fewer than two."""
     if value and abs(value) < 10.0 ** (1 - decimals):
         return f"{value:.{LEAST_DIGITS}g}"
     return f"{value:.{decimals}f}"
 
 
 def motion_frequency(hz: float, line: float, decimals: int = 0) -> str:
-    """Frequency of a motion [Hz], and which harmonic of it a torque is loudest at: ``95, x3``.
+    """Frequency of a motion [Hz], and the harmonic at which its torque is loudest: ``95, x3``.
 
-    Of a motion that does not repeat the line at which its torque is loudest: ``~3131``.
+    For a motion that does not repeat, the line at which its torque is loudest: ``~3131``.
     """
     if hz != hz:
         return f"~{in_digits(line, decimals)}" if line == line else UNKNOWN
@@ -194,12 +195,12 @@ def motion_frequency(hz: float, line: float, decimals: int = 0) -> str:
 
 
 def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
-    """A number by a format, or `unknown` where it is NaN."""
+    """A number in a format; `unknown` for NaN."""
     return f"{value:{form}}" if value == value else unknown
 
 
 def with_error(value: float, error: float) -> str:
-    """A number with two digits of its error, ``165.2 +- 4.6``; alone where four digits hold it."""
+    """A number and two digits of its error, ``165.2 +- 4.6``; no error if four digits are right."""
     if not math.isfinite(error):
         return f"{figure(value)} (error not known)"
     if not error > 5e-4 * abs(value):
@@ -212,7 +213,7 @@ def with_error(value: float, error: float) -> str:
 
 
 def small_percent(share: float) -> str:
-    """A relative error in percent, in two digits; what nobody asks for is ``<0.001``."""
+    """A relative error in percent, in two digits; ``<0.001`` for smaller ones."""
     smallest = 0.001  # %
     return f"<{smallest:g}" if 0.0 <= 100 * share < smallest else figure(100 * share, ".2g")
 
@@ -231,7 +232,7 @@ def units_of(names: Iterable[str], units: Mapping[str, str]) -> dict[str, str]:
     names : iterable of str
         Columns of a table of results.
     units : mapping of name -> unit
-        Of parameters, and under ``torque`` the unit of the columns ``torque_*``.
+        Units of parameters, and under ``torque`` that of the columns ``torque_*``.
     """
     unit_of = {}
     for name in names:
@@ -245,7 +246,7 @@ def units_of(names: Iterable[str], units: Mapping[str, str]) -> dict[str, str]:
     return unit_of
 
 
-@lru_cache(maxsize=4096)  # the tables of a study have the same columns again and again
+@lru_cache(maxsize=4096)  # tables of a study repeat the same columns
 def _unit_by_name(column: str) -> str | None:
     return next((unit for names, unit in UNITS if re.fullmatch(names, column)), None)
 
@@ -260,7 +261,7 @@ def amount(value: float, unit: str, largest: float | None = None, digits: int = 
 
 
 def knots_text(knots_between: Mapping[str, Sequence[float]], units: Mapping[str, str]) -> str:
-    """Where tables bend between design points; empty where they do at none."""
+    """Text on knots of tables of values between design points; empty without any."""
     texts = [
         f"{name} {listed([in_column(k, units.get(name, '')) for k in knots])}"
         f" {as_written(units.get(name, ''))[0]}".rstrip()
@@ -273,7 +274,7 @@ def knots_text(knots_between: Mapping[str, Sequence[float]], units: Mapping[str,
 
 
 def moment(seconds: float) -> str:
-    """A time of a run: ``230 ms``, of a slow machine ``16.2 s``."""
+    """A time of a run: ``230 ms``, from 1 s on ``16.2 s``."""
     return f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.4g} s"
 
 
@@ -283,20 +284,20 @@ def setting(name: str, value: float, unit: str, largest: float | None = None) ->
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:
-    """A name with its unit, as titles of columns have it above numbers of `in_column`."""
+    """A name with its unit, for the title of a column of numbers by `in_column`."""
     return f"{name} {as_written(units.get(name, ''))[0]}".rstrip()
 
 
 def in_column(value: float, unit: str) -> str:
-    """A number of a column whose title has its unit."""
+    """A number in a column whose title has the unit."""
     return f"{value * as_written(unit)[1]:.6g}"
 
 
 def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str]) -> str:
-    """Words by values of a parameter: ``stable at friction 0.1 to 0.3 (3 points), ...``.
+    """Words by ranges of a parameter: ``stable at friction 0.1 to 0.3 (3 points), ...``.
 
-    In brackets how many values there are in a range. Empty where ranges are many, or where a value
-    is there twice or is none.
+    The number in brackets is that of values in a range. Empty if there are more than MOST_RANGES
+    ranges, or if a value occurs twice or is NaN.
     """
     pairs = sorted(zip(map(float, values), words, strict=True))
     if any(not a[0] < b[0] for a, b in pairwise(pairs)) or any(v != v for v, _ in pairs):
@@ -317,12 +318,12 @@ def by_ranges(name: str, unit: str, values: Sequence[float], words: Sequence[str
 
 
 def percent(low: float, high: float) -> str:
-    """Two shares as ``12.3 to 45.6``, in percent."""
+    """Two shares in percent: ``12.3 to 45.6``."""
     return f"{100 * low:.1f} to {100 * high:.1f}"
 
 
 def status_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> dict[str, int]:
-    """How often each status stands among those of rows, the most frequent first."""
+    """How many rows have each status, the most frequent status first."""
     import pyarrow as pa
 
     column = status if isinstance(status, pa.ChunkedArray) else pa.array(status, pa.string())
@@ -333,48 +334,48 @@ def status_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> dict[s
 
 
 def failure_counts(status: Sequence[str] | pd.Series | pa.ChunkedArray) -> str:
-    """How often rows are not ok, by status, the most frequent first: ``3 not_converged``."""
+    """How many rows have each status but ok, the most frequent first: ``3 not_converged``."""
     counts = status_counts(status)
     counts.pop("ok", None)
     return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
 def name_where_fastest(named: tuple[str, bool]) -> str:
-    """The name of a track, and whether it has others elsewhere (`Results.track_names`)."""
+    """The name of a track, and whether it has other names elsewhere (`Results.track_names`)."""
     text, changes = named
     return f"{text} (changes)" if changes else text
 
 
 def named_tracks(tracks: Iterable[int], names: Mapping[int, tuple[str, bool]]) -> list[str]:
-    """Names of tracks by their numbers, a line each; without tracks that have no name."""
+    """A line for each track that has a name: its number and name."""
     named = dict.fromkeys(int(track) for track in tracks if track in names)
     return [f"{track_number(track)}: {name_where_fastest(names[track])}" for track in named]
 
 
 def band_text(band_hz: Sequence[float]) -> str:
-    """A band of frequency in words, as it follows what lies in it."""
+    """A band of frequency in words: ``between 1 and 8000 Hz``."""
     low, high = band_hz
     return f"between {low:g} and {high:g} Hz"
 
 
 def track_number(track: int) -> str:
-    """A mode that is followed over design points, in screens, pictures and names of files."""
+    """Name of a track, a mode that is followed over design points: ``T3``."""
     return f"T{track}"
 
 
 def real_mode_number(mode: int) -> str:
-    """A real mode of the assembly, in screens and pictures."""
+    """Name of a real mode of the assembly: ``R3``."""
     return f"R{mode}"
 
 
 def did_you_mean(word: str, known_words: Iterable[str]) -> str:
-    """Ending of a message: the closest of the known words, or nothing."""
+    """Ending of a message with the known words that are closest to a word; may be empty."""
     matches = difflib.get_close_matches(word, list(dict.fromkeys(known_words)), n=3, cutoff=0.6)
     return f"; did you mean {' or '.join(map(repr, matches))}?" if matches else ""
 
 
 def shown(value: object) -> str:
-    """A value that was given, short enough for a message."""
+    """Text of a value that a user gave, short enough for a message."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int) and abs(value) >= 10**LONGEST_SHOWN:
@@ -387,12 +388,12 @@ def shown(value: object) -> str:
 
 
 def sufficient_step(reasons: str) -> float:
-    """Longest step [s] at which no rule about the step is broken, as their texts tell.
+    """Longest step [s] with which a run breaks no rule about the step; NaN if it breaks none.
 
     Parameters
     ----------
     reasons : str
-        Of a run that breaks rules; NaN is told where none of them is about the step.
+        Texts of the rules that the run breaks, which have the steps.
     """
     steps = re.findall(r"which a step of (\S+) s (?:would show|avoids)", reasons)
     return min(map(float, steps), default=float("nan"))

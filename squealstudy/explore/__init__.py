@@ -1,1 +1,1 @@
-"""One page in which results are explored: a map of the design points, and what is behind each."""
+"""A page to explore results: a map of the design points, and the results of each."""

@@ -1,4 +1,4 @@
-"""The complex modes on a page: those that grow and the least damped of the others."""
+"""Complex modes on a page: the unstable ones, and the least damped of the others."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from squealstudy.wording import name_where_fastest
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MAX_BYTES = 15_000_000  # of the columns of modes; base64 then makes four bytes of three
-# columns that are packed as numbers of 32 bits, and as integers of 16 bits
+MAX_BYTES = 15_000_000  # bytes of the columns of modes, before base64 makes four bytes of three
+# columns that are packed as numbers of 32 bits, and as whole numbers of 16 bits
 NUMBERS = ("frequency_hz", "growth_rate", "error_estimate")
 INTEGERS = ("mode", "track", "flags")
 UNSTABLE, UNCERTAIN, OVERDAMPED, AMBIGUOUS = 1, 2, 4, 8  # bits of flags
@@ -25,10 +25,10 @@ ENERGY = "energy_"
 
 
 def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
-    """Modes of some design points, and what a map can show of them.
+    """Modes of some design points, and the quantities of them that a map can show.
 
-    Where there are more modes than a page can hold, it has the unstable and the least damped ones.
-    ``lightest`` is then the damping ratio up to which modes are on the page, else missing.
+    If there are more modes than a page can hold, it has the unstable and the least damped ones.
+    ``lightest`` is then the damping ratio up to which all modes are on the page, else None.
     """
     names = results.columns("modes")
     energies = [name for name in names if name.startswith(ENERGY)]

@@ -1,4 +1,4 @@
-"""Empty figures of Bokeh, which the page's script fills: sources and annotations by name."""
+"""Empty figures of Bokeh with named sources and annotations, which the page's script fills."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ BRUSH = "#0072B2"
 
 
 def library() -> str:
-    """Bokeh's script for browsers, fit to stand in a page."""
+    """Bokeh's script for browsers, as text that can stand in a page."""
     return LIBRARY.read_text(encoding="utf-8").replace("</script", "<\\/script")
 
 
 def figures(kind: str) -> dict[str, Any]:
-    """Figures by the id of the element they stand in, as `Bokeh.embed.embed_item` takes them."""
+    """Figures by the id of their element in the page, as `Bokeh.embed.embed_item` takes them."""
     by_element = {"map": _map()}
     if kind == "complex_modes":
         by_element |= {"diagram": _diagram(), "line": _line("line")}
@@ -48,7 +48,7 @@ def figures(kind: str) -> dict[str, Any]:
 
 
 def _figure(name: str, height: int, brush: str = "") -> Any:
-    """A figure without points; what happens in it is told to the page's script."""
+    """A figure without points, which reports events to the page's script."""
     fig = figure(
         name=name,
         height=height,
@@ -82,7 +82,7 @@ def _figure(name: str, height: int, brush: str = "") -> Any:
 
 
 def _points(fig: Any, name: str, **look: Any) -> None:
-    """Points of a source named so: x, y, fill, line, size, marker."""
+    """Draw points of a new source of this name, with columns x, y, fill, line, size, marker."""
     columns: dict[str, list[Any]] = {k: [] for k in ("x", "y", "fill", "line", "size", "marker")}
     source = ColumnDataSource(columns, name=name)
     look_columns = {
@@ -95,7 +95,7 @@ def _points(fig: Any, name: str, **look: Any) -> None:
 
 
 def _ring(fig: Any) -> None:
-    """Where what is chosen stands."""
+    """Draw a ring around the chosen point."""
     source = ColumnDataSource({"x": [], "y": []}, name="chosen")
     look: dict[str, Any] = {"fill_color": None, "line_color": "#000000"}
     fig.scatter("x", "y", source=source, size=17, line_width=2.5, **look)
@@ -109,7 +109,7 @@ def _map() -> Any:
 
 
 def _diagram() -> Any:
-    """Frequency against growth of the modes of a design point, over those of a selection."""
+    """Growth over frequency of the modes of a design point, on top of those of a selection."""
     fig = _figure("diagram", HEIGHT, "width")
     fig.xaxis.axis_label, fig.yaxis.axis_label = "frequency [Hz]", "growth rate [1/s]"
     fig.add_layout(_zero())

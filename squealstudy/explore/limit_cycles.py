@@ -1,4 +1,4 @@
-"""Limit cycles on a page: a verdict a mode, the cycles, and the branches."""
+"""Limit cycles on a page: the verdict on each mode, the cycles and the branches."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from squealstudy.wording import TORQUE
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST_ROWS = 200_000  # of verdicts, cycles and branches that a page holds of each
+MOST_ROWS = 200_000  # rows of each of the tables verdicts, cycles and branches that a page holds
 OF_CYCLES = ("torque_rms", "frequency_hz", "contact_velocity", "level_error")
 OF_VERDICTS = ("frequency_hz", "growth_rate", "torque_rms", "level_error", "threshold_velocity")
 NUMBERS = {
@@ -26,12 +26,12 @@ NUMBERS = {
 }
 WORDS = {"verdicts": ("verdict", "reason"), "cycles": (), "branches": ("along", "cycle_id")}
 GROWTH = "max_growth_rate"
-# whether a cycle is stable: 1, unstable: 0; a motion of a run in time is no cycle that is known
+# codes of cycles whose stability is not known, and of runs in time; stable cycles have 1, others 0
 NOT_KNOWN, RUN_IN_TIME = 2, 3
 
 
 def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
-    """Verdicts and cycles of some design points, and what a map can show of them."""
+    """Verdicts, cycles and branches of some design points, and quantities that a map can show."""
     unit = results.units.get(TORQUE, "N m")
     row_of_id = pd.Series(np.arange(len(points)), index=points["point_id"])
     tables = {name: _of_points(results.table(name), row_of_id) for name in NUMBERS}
@@ -65,7 +65,7 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
     named["threshold_velocity"] = ("kick along unstable cycle", "m/s")
     n = points["n_unstable"]
     for name, (text, column) in named.items():
-        if name not in points:  # of an earlier version
+        if name not in points:  # results of an earlier version
             continue
         values = _numbers(points[name])
         if np.isfinite(values).any():
@@ -74,7 +74,7 @@ def cycles_content(results: Results, points: pd.DataFrame) -> tuple[Content, lis
 
 
 def of_friction(unit: str) -> str:
-    """Meaning of the columns ``torque_*`` of a model: a torque, or a force of a lumped model."""
+    """What the columns ``torque_*`` are: a torque, or the friction force of a lumped model."""
     return "torque" if unit == "N m" else "friction force"
 
 
@@ -84,14 +84,14 @@ def _numbers(column: pd.Series) -> np.ndarray:
 
 
 def _of_points(table: pd.DataFrame, row_of_id: pd.Series) -> pd.DataFrame:
-    """Rows of a table that belong to design points of the page, with the place of these."""
+    """Rows of a table that belong to design points of the page, with the index `row` of these."""
     rows = row_of_id.reindex(table["point_id"]).to_numpy(dtype=float)
     is_shown = np.isfinite(rows)
     return table[is_shown].assign(row=rows[is_shown].astype(int))
 
 
 def _with_runs(cycles: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Cycles, and after them the levels that only runs in time tell."""
+    """Cycles, followed by levels that are known from runs in time only."""
     runs = run_levels(verdicts, cycles)[["row", "mode", "torque_rms", "level_error"]]
     hertz = verdicts.loc[runs.index, "cycle_frequency_hz"]
     runs = runs.assign(frequency_hz=hertz, contact_velocity=np.nan, by_run=True, stable=None)

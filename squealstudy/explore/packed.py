@@ -12,15 +12,14 @@ import pandas as pd
 MISSING = 65535  # code of a number that is not known
 WHOLE = MISSING - 1  # steps between the least and the largest number
 
-Packed = dict[str, Any]  # what the page's script reads again
+Packed = dict[str, Any]  # a column as the page's script reads it
 
 
 def packed_numbers(values: np.ndarray) -> Packed:
-    """Numbers (n,) in 16 bits, evenly between the least and the largest; NaN where one is missing.
+    """Numbers (n,) in 16 bits, in equal steps from the least to the largest; NaN for missing ones.
 
-    Only for curves and shares: of a number far below the largest no digit stays.
-
-    ``error`` is the most by which a number read again differs.
+    They serve for curves and shares only: a number far below the largest keeps no digit. ``error``
+    is the largest difference between a number and what is read again.
     """
     values = np.asarray(values, dtype=float)
     finite = np.isfinite(values)
@@ -33,12 +32,12 @@ def packed_numbers(values: np.ndarray) -> Packed:
 
 
 def packed_single(values: np.ndarray) -> Packed:
-    """Numbers (n,) in 32 bits: six digits of each stay, however large the others are."""
+    """Numbers (n,) in 32 bits: each keeps six digits, however large the others are."""
     return {"bits": 32, "text": _text(np.asarray(values, dtype=float).astype("<f4"))}
 
 
 def packed_whole(values: np.ndarray) -> Packed:
-    """Whole numbers (n,) from 0 to 65534, and MISSING in place of one that is not known."""
+    """Whole numbers (n,) from 0 to 65534; MISSING stands for one that is not known."""
     values = np.asarray(values)
     if len(values) and (values.min() < 0 or values.max() > MISSING):
         raise ValueError("expected whole numbers of 16 bits")
@@ -47,18 +46,18 @@ def packed_whole(values: np.ndarray) -> Packed:
 
 
 def packed_exact(values: np.ndarray | pd.Series) -> Packed:
-    """Numbers (n,) in 64 bits, as they are."""
+    """Numbers (n,) in 64 bits, exactly."""
     return {"bits": 64, "error": 0.0, "text": _text(np.asarray(values, dtype="<f8"))}
 
 
 def packed_words(words: Sequence[str], order: Sequence[str]) -> Packed:
-    """Words (n,) by their place among those of `order`, which must hold them all."""
+    """Words (n,) by their index in `order`, which must have all of them."""
     index_of = {word: index for index, word in enumerate(order)}
     return packed_whole(np.array([index_of[word] for word in words], dtype=int))
 
 
 def unpacked(packed: Packed) -> np.ndarray:
-    """The numbers (n,) again, as the page's script has them."""
+    """The numbers (n,) of a packed column, as the page's script has them."""
     raw = b64decode(packed["text"])
     if packed["bits"] == 64:
         return np.frombuffer(raw, dtype="<f8")

@@ -1,4 +1,4 @@
-"""Results as one page in which they are explored: no network, no other file."""
+"""Results as a page to explore them, in one file that needs no network."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ if TYPE_CHECKING:
 FOLDER = Path(__file__).parent
 LIBRARY = "bokeh"
 EXTRA = "explore"
-MOST_POINTS = 50_000
-# maps of Matplotlib for numbers that grow, and for those below zero; dark is far from zero
+MOST_POINTS = 50_000  # design points of a page
+# colour maps of Matplotlib for numbers above zero, below zero, and others; dark is far from zero
 ABOVE, BELOW, PLAIN = "YlOrBr", "Blues", "viridis"
-SHADES = 64
+SHADES = 64  # colours of a map
 
 Contents = Callable[["Results", pd.DataFrame], tuple[Content, list[Content]]]
 
 
 @dataclass(frozen=True)
 class KindPage:
-    """Parts of a page of one kind: its content, and the script that shows it."""
+    """What the page of one kind of study has: its content, and the script that shows it."""
 
     name: str
-    table: str  # whose rows a selection is of
+    table: str  # the table from which a selection takes rows
     content: Contents
     script: str
 
@@ -59,13 +59,13 @@ KINDS = {
 
 
 def explore(results: Results, where: str | None = None) -> Exploration:
-    """The page of results; `where` is a pandas query over `points`.
+    """The page of results; `where` is a query over `points` that selects design points.
 
     Raises
     ------
     ResultsError
-        Without Bokeh, of a kind that has no page, of too many design points or none, a query that
-        cannot be used.
+        Where Bokeh is missing, the kind has no page, a query cannot be used, or design points are
+        too many or none.
     """
     kind = KINDS.get(results.kind)
     if kind is None:
@@ -108,7 +108,7 @@ def explore(results: Results, where: str | None = None) -> Exploration:
 
 
 def _chosen(results: Results, where: str | None) -> pd.DataFrame:
-    """The design points of a query, indexed by their rows in `points`."""
+    """Design points that a query selects, indexed by their rows in `points`."""
     points = results.points.reset_index(drop=True)
     for condition in query(where, points.columns, ()):
         points = points[condition.holds(points)]
@@ -118,7 +118,7 @@ def _chosen(results: Results, where: str | None) -> pd.DataFrame:
 
 
 def _shades(name: str) -> list[str]:
-    """Colours of a map of Matplotlib, without its palest."""
+    """Colours of a map of Matplotlib, without the palest."""
     shades = mpl.colormaps[name](np.linspace(0.0 if name == PLAIN else 0.12, 1.0, SHADES))
     return [mpl.colors.to_hex(shade) for shade in shades]
 

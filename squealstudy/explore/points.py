@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 Content = dict[str, Any]  # what JSON can hold
 NOT_OK = "no result"
-LONG = 1e5  # from here on a prefix does not make a number short
-CLOSER = "_closer"  # ending of the name of a study for a closer look
-# markers beside colours, in the order of what matters most
+LONG = 1e5  # size from which a prefix does not make a number short
+CLOSER = "_closer"  # ending of the name of a study that looks closer at a part
+# markers, beside colours, of words in the order of their importance
 MARKERS = ("square", "diamond", "triangle", "circle_cross", "circle", "x")
 
 
 def points_content(results: Results, points: pd.DataFrame) -> Content:
-    """Ids, parameters and statuses of some design points of results."""
+    """Ids, parameters, statuses and notes of some design points of results."""
     status = points["status"].astype(str)
     said = points["message"].astype(str).where(status != "ok", "").tolist()
     broken = (
@@ -48,9 +48,9 @@ def points_content(results: Results, points: pd.DataFrame) -> Content:
 
 
 def _shown(results: Results, points: pd.DataFrame) -> list[str]:
-    """Parameters that are swept or vary, in the order of the sweeps; else the first one.
+    """Parameters that are swept or vary, in the order of the sweeps; the first one if none is.
 
-    A sweep of one value is among them: a study for a closer look must have that value.
+    A sweep of a single value is among them, as a study that looks closer must have that value.
     """
     names = [n for n in dict.fromkeys([*results.swept, *results.parameters]) if n in points]
     return [n for n in names if n in results.swept or len(points[n].unique()) > 1] or names[:1]
@@ -76,7 +76,7 @@ def _parameter(results: Results, points: pd.DataFrame, name: str) -> Content:
 
 
 def _by_factors(x: np.ndarray) -> bool:
-    """Whether ascending values over a decade or more are spaced evenly by their logarithms."""
+    """Whether ascending values over a decade or more are spaced by factors rather than by steps."""
     if len(x) < 3 or x[0] <= 0 or x[-1] < 10 * x[0]:
         return False
     steps, factors = np.diff(x), np.diff(np.log(x))
@@ -90,10 +90,10 @@ def _number(value: Any) -> float | None:
 def measure(
     name: str, unit: str, values: np.ndarray, unstable: pd.Series | None = None, **more: Any
 ) -> Content:
-    """A number of each design point that a map can show.
+    """A quantity of each design point that a map can show.
 
-    Where the number of its unstable modes is given a map tells those that have one from others: a
-    growth rate of round-off has a sign, too.
+    `unstable` is the number of unstable modes of each point. By it, if it is given, a map tells
+    unstable points from others: the sign of a growth rate may be that of round-off.
     """
     map_number = {"name": name, "unit": unit, "values": packed_single(values), **more}
     if unstable is not None:
@@ -104,7 +104,7 @@ def measure(
 def classes(
     name: str, words: Sequence[str], status: Sequence[str], fills: Mapping[str, str]
 ) -> Content:
-    """A word of each design point, with a colour and a marker; those that failed are one more."""
+    """A word of each design point, with a colour and a marker; failed points have a word, too."""
     shown_words = [
         w if s == "ok" and w in fills else NOT_OK for w, s in zip(words, status, strict=True)
     ]
@@ -119,7 +119,7 @@ def classes(
 
 
 def study_head(results: Results) -> str:
-    """The study file without its sweeps, for a closer look at a part; empty where none is known."""
+    """The study file without sweeps, to look closer at a part; empty if the file is not known."""
     try:
         tables = tomllib.loads(str(results.manifest.get("study", "")))
         tables["study"]["name"] += CLOSER
@@ -132,7 +132,7 @@ def study_head(results: Results) -> str:
 
 
 def question(results: Results) -> str:
-    """The study's description; empty where it has none."""
+    """The description in the study file; empty where it has none."""
     try:
         study = tomllib.loads(str(results.manifest.get("study", ""))).get("study")
     except (ValueError, RecursionError):

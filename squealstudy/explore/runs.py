@@ -1,4 +1,4 @@
-"""Runs in time on a page: levels, classes, and each history by its extremes."""
+"""Runs in time on a page: levels, classes, and the extremes of each history."""
 
 from __future__ import annotations
 
@@ -17,9 +17,8 @@ from squealstudy.wording import TORQUE
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST_ROWS = 3_000_000  # of all histories together: 6 MB
-LEAST_BINS = 500  # of a history that is shown at all
-MOST_BINS = 20_000
+MOST_ROWS = 3_000_000  # rows of all histories together: 12 MB, which base64 makes 16 MB
+LEAST_BINS, MOST_BINS = 500, 20_000  # parts of a history
 LEVELS = {"torque_rms": "RMS", "torque_peak_to_peak": "peak to peak", "torque_mean": "mean"}
 PREDICTED = "predicted_growth_rate"
 OTHERS = {
@@ -30,10 +29,10 @@ OTHERS = {
 
 
 def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
-    """Histories of some design points, and what a map can show of them.
+    """Histories of some design points, and quantities of runs that a map can show.
 
-    A history of more rows than its share of MOST_ROWS is cut into parts, and the least and the
-    largest value of each stand for it: no peak is lost.
+    A history that has more rows than its share of MOST_ROWS is cut into parts, and each part is
+    replaced by its least and its largest value: no peak is lost.
     """
     unit = results.units.get(TORQUE, "N m")
     with_history = results.store.kept_histories()
@@ -44,7 +43,7 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
     for row in rows[:max_histories]:
         try:
             history = results.history(str(points["point_id"].iloc[row]))
-        except ResultsError:  # of one that failed or is damaged: the page says that it has none
+        except ResultsError:  # a damaged file; the page says that the point has no history
             continue
         histories[str(row)] = _extremes(history, bins)
     content: Content = {
@@ -66,7 +65,7 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
 
 
 def _extremes(history: pd.DataFrame, bins: int) -> Content:
-    """A history (n,) as it is, or by the least and the largest value of each of `bins` parts."""
+    """A history (n,) as it is, or the least and the largest value in each of `bins` parts."""
     time, torque = history["time"].to_numpy(float), history["torque"].to_numpy(float)
     each = 1
     if len(time) > 2 * bins:

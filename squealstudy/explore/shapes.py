@@ -1,6 +1,6 @@
-"""Pictures and moving pages of modes that `squealstudy shape` has left beside the results.
+"""Pictures and moving pages of modes that `squealstudy shape` has written beside the results.
 
-What lies there may come from anybody: of a page the numbers alone are taken, never its script.
+These files may come from anybody: only the numbers of a page are taken, never its script.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
 FOLDER = "shapes"
-MOST_BYTES = 5_000_000  # of all of them
-MOST_FILES = 1000  # that are looked at
+MOST_BYTES = 5_000_000  # bytes of all these files together
+MOST_FILES = 1000  # files that are read
 PNG = b"\x89PNG\r\n\x1a\n"
 OF_A_MODE = re.compile(r"(T|mode_)(\d{1,6})(?:_[\d_e+-]+_hz)?_([0-9a-f]{16})\.(png|html)")
 
 
 def shapes_content(results: Results, points: pd.DataFrame) -> tuple[Content, int]:
-    """Pictures and pages by design point and mode, and how many found no room.
+    """Pictures and pages by design point and mode, and the number of files without room.
 
-    Keys are ``ROW T23``, of a mode without a track ``ROW 12``, ROW among `points`.
+    Keys are ``ROW T23``, or ``ROW 12`` for a mode without a track; ROW is an index in `points`.
     """
     shapes: Content = {}
     room, n_without_room = MOST_BYTES, 0
@@ -59,7 +59,7 @@ def _below(path: Path) -> str:
 
 
 def _picture(path: Path) -> str:
-    """A picture in base64; empty of a file that is none."""
+    """A picture in base64; empty if the file is no picture."""
     content = path.read_bytes()
     return b64encode(content).decode() if content.startswith(PNG) else ""
 

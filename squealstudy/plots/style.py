@@ -94,7 +94,7 @@ def quantity(name: str, values: pd.Series, units: Mapping[str, str]) -> Quantity
 
 
 def is_geometric(x: np.ndarray) -> bool:
-    """Whether three or more ascending values are spaced by factors, from 1 to 5 or more."""
+    """Whether ascending values are spaced by factors, the last being 5 times the first or more."""
     if len(x) < 3 or x[0] <= 0 or x[-1] < 5 * x[0]:
         return False
     steps, factors = np.diff(x), np.diff(np.log(x))

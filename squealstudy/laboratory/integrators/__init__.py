@@ -1,4 +1,4 @@
-"""Integrators that are compared with the product's own, on the same modal systems."""
+"""Integrators to compare with those that studies use, on the same modal systems."""
 
 from squealstudy.motion.integrator import read_integrators
 

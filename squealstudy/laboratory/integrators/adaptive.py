@@ -1,7 +1,7 @@
-"""Adaptive solvers of scipy on the modal equations, as their own authors would run them.
+"""Adaptive solvers of scipy for the modal equations, used as their authors would use them.
 
-Right-hand side and tangents are compiled; the implicit solvers get an analytic Jacobian. Saved
-times come from each solver's dense output.
+Right-hand side and tangents are compiled, and implicit solvers get an analytic Jacobian. Rows at
+saved times come from each solver's dense output.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun, OneByOne
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-ATOL_OVER_RTOL = 1e-3  # absolute over relative tolerance, in units of each coordinate's scale
+ATOL_OVER_RTOL = 1e-3  # absolute tolerance, over each coordinate's scale, over the relative one
 
 
 class Adaptive(OneByOne):
-    """A solver that chooses its steps; those of the settings name the times of the rows.
+    """A solver that chooses its own steps; the step of the settings decides on the times of rows.
 
-    A run's `steps` and `mean_iterations` are the solver's own steps and evaluations of the
-    right-hand side in one of them, `newton_steps` its Jacobians. Works and dissipations are NaN:
-    nothing integrates them.
+    Of a run, `steps` is the number of the solver's steps, `mean_iterations` that of evaluations of
+    the right-hand side in each, and `newton_steps` that of its Jacobians. Works and dissipations
+    are NaN, as nothing integrates them.
     """
 
     solver: ClassVar[Any]
-    implicit: ClassVar[bool] = True  # it asks for the Jacobian
+    implicit: ClassVar[bool] = True  # whether it takes a Jacobian
 
     rtol: float = Field(default=1e-6, ge=1e-14, le=1, description="relative tolerance")
     atol: float = Field(
@@ -45,7 +45,7 @@ class Adaptive(OneByOne):
         description="absolute tolerance over the scale of each coordinate; 0: rtol / 1000",
     )
     max_evaluations: int = Field(
-        default=0, ge=0, description="of the right-hand side before giving up; 0: any"
+        default=0, ge=0, description="evaluations of the right-hand side, at most; 0: no limit"
     )
 
     def run(self, system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> Motion:
@@ -61,7 +61,7 @@ class Adaptive(OneByOne):
         case.work.real[0, layout.STORED_START] = shown(case, y0, 0)
         course = SolverRun(case, y0)
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # what solvers warn of is in the outcome
+            warnings.simplefilter("ignore")  # the outcome says what solvers warn of
             try:
                 solver = self.solver(
                     equations.rate, 0.0, y0, end, rtol=self.rtol, atol=atol, **extra
@@ -110,7 +110,7 @@ class Lsoda(Adaptive):
 
 
 class Equations:
-    """f(t, y) and its Jacobian for one design, y = (q, v)."""
+    """Right-hand side f(t, y) and its Jacobian for one design, with y = (q, v)."""
 
     def __init__(self, case: KernelRun) -> None:
         system, U = case.system, case.system.shapes
@@ -123,13 +123,13 @@ class Equations:
         self.D = np.zeros((6, len(system.area)))
 
     def rate(self, _t: float, y: np.ndarray) -> np.ndarray:
-        """Time derivative of the state [q, v] (2 n,)."""
+        """Time derivative (2 n,) of the state y = [q, v]."""
         dy = np.empty(2 * self.n)
         modal_rate(np.ascontiguousarray(y), self.case.B, self.case.modal, self.case.work, dy)
         return dy
 
     def jacobian(self, _t: float, y: np.ndarray) -> np.ndarray:
-        """df/dy (2 n, 2 n)."""
+        """Jacobian df/dy (2 n, 2 n)."""
         n, D = self.n, self.D
         point_tangents(np.ascontiguousarray(y), self.case.B, self.case.modal, self.case.work, D)
         N, T1, T2 = self.case.system.N, self.case.system.T1, self.case.system.T2
@@ -145,10 +145,10 @@ class Equations:
 
 
 def scales(case: KernelRun) -> np.ndarray:
-    """Size (2 n,) that each coordinate may have: one velocity for all modes, over frequencies.
+    """Size (2 n,) that each coordinate may have: a velocity for all modes, and it over frequency.
 
-    The velocity is the largest of those of the initial state, of the load on a free mode, and of
-    1/1000 of the sliding speed in the mode that moves a point most.
+    The velocity is the largest of three: that of the initial state, that of the load on a free
+    mode, and that at which a mode moves a contact point at 1/1000 of the sliding speed.
     """
     system, design = case.system, case.designs[0]
     n = system.n
@@ -165,7 +165,7 @@ def scales(case: KernelRun) -> np.ndarray:
 
 
 def shown(case: KernelRun, y: np.ndarray, step: int) -> float:
-    """Keep y as the state after `step` steps of the settings; its stored energy, J."""
+    """Keep y as the state after `step` steps of the settings; return its stored energy, J."""
     every = case.settings.save_every
     case.work.counts[0, layout.STEP] = step
     keep = every > 0 and step % every == 0
@@ -173,16 +173,16 @@ def shown(case: KernelRun, y: np.ndarray, step: int) -> float:
 
 
 class SolverRun:
-    """How far a solver came."""
+    """The run of a solver: how far it is, and what it counted."""
 
     def __init__(self, case: KernelRun, y0: np.ndarray) -> None:
         self.case, self.y, self.t = case, y0, 0.0
         self.steps = self.evaluations = self.most = self.jacobians = 0
 
     def march(self, solver: Any, limit: int) -> tuple[str, str]:
-        """Step to the end, or to a failure; the outcome and its reason.
+        """Step to the end, or to a failure; return the outcome and its reason.
 
-        `limit` evaluations are made at most, 0 for any number.
+        The run fails after a step that reaches `limit` evaluations before the end; 0: no limit.
         """
         settings = self.case.settings
         every = settings.save_every or settings.n_steps
@@ -201,11 +201,11 @@ class SolverRun:
             if due * settings.step <= self.t or solver.status == "finished":
                 due = self.save(solver, due, every)
             if solver.status == "running" and 0 < limit <= solver.nfev:
-                return "solver_failed", f"more than {limit} evaluations"
+                return "solver_failed", f"the limit of {limit} evaluations is reached"
         return "ok", ""
 
     def save(self, solver: Any, due: int, every: int) -> int:
-        """Keep the rows from step `due` on that the solver has passed; the next one."""
+        """Keep the rows from step `due` on that the solver has passed; return the next one."""
         settings = self.case.settings
         dense = solver.dense_output()
         while due <= settings.n_steps:

@@ -1,4 +1,4 @@
-"""The generalised-alpha family: numerical damping of high frequencies, and conserved energy."""
+"""The generalised-alpha family: methods with numerical damping, and one that conserves energy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from squealstudy.motion.system import ModalSystem, MotionPoint
 
 
 class AlphaMethod(Iterated):
-    """A member of the family."""
+    """A method of the generalised-alpha family."""
 
     order = 2
 
@@ -51,7 +51,7 @@ class HhtAlpha(AlphaMethod):
 
 
 class GeneralisedAlpha(AlphaMethod):
-    """Chung & Hulbert's optimal member of a spectral radius."""
+    """Chung & Hulbert's optimal method for a given spectral radius."""
 
     name = "generalised_alpha"
     label = "generalised alpha"
@@ -89,7 +89,7 @@ class DiscreteGradient(AlphaMethod):
 
 
 def generalised(rho_inf: float, gradient: bool) -> Scheme:
-    """Chung & Hulbert's optimal member of a spectral radius; 1 is the midpoint rule."""
+    """Chung & Hulbert's optimal method for a spectral radius; that of 1 is the midpoint rule."""
     alpha_m = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0)
     alpha_f = rho_inf / (rho_inf + 1.0)
     gap = 1.0 - alpha_m + alpha_f
@@ -97,7 +97,7 @@ def generalised(rho_inf: float, gradient: bool) -> Scheme:
 
 
 def with_answers(modal: layout.ModalArrays, scheme: Scheme, h: float) -> layout.ModalArrays:
-    """Arrays with the answers of q_f and v_f to the pull, and the points' compliance to it."""
+    """Arrays with what a unit pull adds to q_f and v_f, and the contact points' compliance."""
     share = (1.0 - scheme.alpha_f) / (1.0 - scheme.alpha_m)
     steps = modal.steps.copy()
     for level, E in enumerate(steps[0]):

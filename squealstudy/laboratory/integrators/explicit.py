@@ -1,4 +1,4 @@
-"""Methods without iteration: central differences, and exponential steps of predictor, corrector."""
+"""Methods without iteration: central differences, and exponential predictor-corrector steps."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class ExponentialThird(OwnKernel):
 
 
 def _exponential(case: KernelRun, parts: int) -> None:
-    """Order 2 with parts = 0; else order 3 with a first step of so many parts."""
+    """Integrate with order 2 if `parts` is 0, else with order 3; its first step has these parts."""
     w2, c = case.modal.modes[0, layout.W2], case.modal.modes[0, layout.C]
     h = case.settings.step
     E = aligned_zeros(2, N_COEFFICIENT, len(w2))

@@ -1,4 +1,4 @@
-"""Common parts of the compared integrators of fixed step: kernel arrays of one design point."""
+"""Common parts of integrators of fixed step to compare with: kernel arrays of one design point."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from squealstudy.motion.system import ModalSystem, MotionPoint
 
 
 class OwnKernel(OneByOne):
-    """An integrator with a kernel of its own, on the arrays of the product's."""
+    """An integrator with its own kernel, on the arrays of the kernels that studies use."""
 
     @abstractmethod
     def advance(self, case: KernelRun) -> None:
@@ -36,14 +36,14 @@ class OwnKernel(OneByOne):
 
 
 class Iterated(OwnKernel):
-    """One that finds contact forces by Newmark's iteration."""
+    """An integrator that finds contact forces by Newmark's iteration."""
 
     aitken: bool = Field(default=True, description="relax the contact iteration after Aitken")
     extrapolate: bool = Field(
         default=True, description="predict the contact forces from two steps, else from one"
     )
     max_halvings: int = Field(
-        default=4, ge=0, le=20, description="times that a step which does not converge is halved"
+        default=4, ge=0, le=20, description="how often a step that does not converge is halved"
     )
     tangential_damping: Literal["auto", "never"] = Field(
         default="auto", description="solve for points that stick within the iteration"
@@ -60,12 +60,12 @@ class Iterated(OwnKernel):
 
 
 def own_arrays(system: ModalSystem, design: MotionPoint, settings: MotionSettings) -> KernelRun:
-    """Arrays of one design point, with the rows that kernels of other methods need as well.
+    """Arrays of one design point, with additional rows that these kernels need.
 
     Raises
     ------
     ModelError
-        A design that does not fit the system, or an initial state that is not finite.
+        Where the design does not fit the system, or the initial state is not finite.
     """
     case = KernelRun.of(system, [design], settings)
     work = case.work._replace(

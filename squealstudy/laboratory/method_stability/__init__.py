@@ -1,1 +1,1 @@
-"""Where each numerical method fails: predicted beside measured, on the smallest models."""
+"""Where each numerical method fails, predicted and measured, on the smallest models."""

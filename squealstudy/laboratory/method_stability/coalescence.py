@@ -4,9 +4,9 @@ Hulten's mass with equal dampers: the squares nu of its undamped frequencies are
 
     nu = a +- sqrt(b^2 - mu^2 w1^2 w2^2),    a, b = (w1^2 +- w2^2) / 2,
 
-which meet at mu_c = b / (w1 w2). From an anchor at mu_0 the root has the expansion of a square
-root about it, whose radius is the distance d = mu_c - mu_0; after a step r d the third term left
-out is S r^3 / 16 of the frequency, S = (nu_1 - nu_2) / (4 a) at the anchor.
+which meet at mu_c = b / (w1 w2). About an anchor at mu_0 the root has the expansion of a square
+root, which converges within the distance d = mu_c - mu_0. After a step r d the third term, the
+first that is left out, is S r^3 / 16 of the frequency; S = (nu_1 - nu_2) / (4 a) at the anchor.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 def flutter_matrices(damping_ratio: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """C, K and what friction multiplies (2, 2), for a mass of one."""
+    """C, K and the matrix that friction multiplies, each (2, 2), for a mass of 1 kg."""
     C = 2 * damping_ratio * np.sqrt((OMEGA_1**2 + OMEGA_2**2) / 2) * np.eye(2)
     K = np.diag([OMEGA_1**2, OMEGA_2**2])
     friction = np.array([[0.0, -(OMEGA_2**2)], [OMEGA_1**2, 0.0]])
@@ -91,14 +91,17 @@ def exact_roots(mu: float, damping_ratio: float) -> np.ndarray:
 
 
 def distance(lam: np.ndarray, exact: np.ndarray) -> float:
-    """Largest relative distance of an exact root to the nearest found; inf where one is missing."""
+    """Largest relative distance of an exact root to the nearest of lam; inf if lam has none."""
     if not len(lam) or not np.isfinite(lam).all():
         return float("inf")
     return float((np.abs(exact[:, None] - lam).min(axis=1) / np.abs(exact)).max())
 
 
 def predict(knobs: Mapping[str, float]) -> float:
-    """Step over distance, relative to the share of it at which the third term is the tolerance."""
+    """Step over the largest one that is predicted to keep the tolerance, by the third term.
+
+    The largest step is at most the distance to coalescence.
+    """
     a, b = (OMEGA_1**2 + OMEGA_2**2) / 2, (OMEGA_1**2 - OMEGA_2**2) / 2
     critical = b / (OMEGA_1 * OMEGA_2)
     away = abs(critical - knobs["anchor"])
@@ -109,14 +112,14 @@ def predict(knobs: Mapping[str, float]) -> float:
 
 
 class SmallProblem(DenseProblem):
-    """lambda^2 I + lambda C + K + theta F of a few modes as a problem of rungs.
+    """The problem lambda^2 I + lambda C + K + theta F of a few modes, as rungs take it.
 
     Parameters
     ----------
     C, K, coupling : ndarray (n, n)
         Damping, symmetric positive definite stiffness, and F, which theta (1,) multiplies.
     band : (low, high)
-        Of |lambda|, rad/s.
+        Band of ``|lambda|``, rad/s.
     """
 
     dimension = 1
@@ -139,13 +142,13 @@ class SmallProblem(DenseProblem):
         return ParametricSystem(len(self._parts[1]), terms)
 
     def weights(self, theta: np.ndarray) -> Weights:
-        """One of mass, damping and stiffness, and theta."""
+        """Weights of mass, damping, stiffness and coupling: 1, 1, 1 and theta."""
         return (1.0, 1.0, 1.0, float(theta[0]))
 
     def pairs(
         self, theta: np.ndarray, reach: float, below: bool = False
     ) -> tuple[Weights, Eigenpairs]:
-        """All pairs of imaginary part >= 0 in reach of the band, or below it too."""
+        """Eigenpairs of imaginary part >= 0 in reach of the band; with `below` also lower ones."""
         weights = self.weights(theta)
         _, C, K = self.system.matrices(weights)
         pairs = all_pairs(C, K)

@@ -1,8 +1,8 @@
-"""The small contact models on which Newmark's iteration is tried, and states of one step on them.
+"""Small contact models on which Newmark's iteration is tried, and states from which a step starts.
 
 Both are modal systems at a reference (mean pressure `REFERENCE_PRESSURE`, exponent
-`REFERENCE_LAMBDA`) whose tangent is in the fixed Jacobian; the design rests elsewhere, as in a
-sweep over pressures and laws on shared modes.
+`REFERENCE_LAMBDA`), whose contact tangent is in the fixed Jacobian. The design point has another
+pressure and law, as in a sweep on shared modes.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ REFERENCE_LAMBDA = 5e5  # 1/m
 DAMPING_RATIO = 0.01
 SEED = 3
 N_MODES, N_POINTS = 6, 8
-# points that carry next to nothing, and their share of pressure
+# points that carry almost no pressure, and their pressure over that of the reference
 NEARLY_OPEN, NEARLY_OPEN_PRESSURE_SHARE = (0, 5), 1e-3
-GAP_DISTURBANCE_RATIO = 1e-5  # disturbance over the gap in which the law changes by its size
-STUCK_POINTS = (2, 6)  # points that the kicked state holds
+GAP_DISTURBANCE_RATIO = 1e-5  # disturbance of the gap, over 1 / lambda
+STUCK_POINTS = (2, 6)  # points that stick in the initial state
 
 CONTACT_KNOBS = (
     Knob("step", "time step h", 1e-6, low=1e-8, high=1e-2, unit="s"),
@@ -43,7 +43,7 @@ CONTACT_KNOBS = (
 
 @dataclass(frozen=True)
 class ContactState:
-    """A model, and a design on it with the state from which it moves on."""
+    """A model, and a design point on it with its initial state."""
 
     system: ModalSystem
     design: MotionPoint
@@ -51,7 +51,7 @@ class ContactState:
 
 @cache
 def rough_model() -> tuple[ModalSystem, np.ndarray]:
-    """Six modes under eight points, drawn from a seed; reference pressures (nc,), Pa."""
+    """A random model of six modes and eight contact points; its reference pressures (nc,), Pa."""
     rng = np.random.default_rng(SEED)
     w2 = (2 * np.pi * np.sort(rng.uniform(800.0, 9e3, N_MODES))) ** 2
     area = rng.uniform(0.5, 1.5, N_POINTS) * 1e-2 / N_POINTS
@@ -64,7 +64,7 @@ def rough_model() -> tuple[ModalSystem, np.ndarray]:
 
 @cache
 def single_point() -> tuple[ModalSystem, np.ndarray]:
-    """One mass under one point: normal and tangential motion, both of 1 kHz; pressure (1,), Pa."""
+    """One mass with a contact point, at 1 kHz in both directions without it; pressure (1,), Pa."""
     area, p = np.array([1e-3]), np.array([REFERENCE_PRESSURE])
     k = float(area[0] * p[0] * REFERENCE_LAMBDA)
     mass = k / (2 * np.pi * 1e3) ** 2
@@ -81,7 +81,7 @@ def pressed(
     lam: float = REFERENCE_LAMBDA,
     **others: float,
 ) -> ModalSystem:
-    """Modes under contact points that an exponential law holds at pressures p (nc,) [Pa].
+    """Modal system whose contact points have an exponential law and pressures p (nc,) [Pa].
 
     `omega2` (n,) has the contact tangent, `rows` (3, nc, n) are gaps and displacements along and
     across the sliding direction, `area` (nc,) is in m2, `others` are the law's parameters beside
@@ -103,7 +103,7 @@ def pressed(
 
 
 def rough_state(values: Mapping[str, float]) -> ContactState:
-    """Six modes, eight points: two held, two nearly open, the others slide, all of it moving."""
+    """State of six modes and eight points: two stick, two are nearly open, the others slide."""
     system, p_ref = rough_model()
     share = np.ones(N_POINTS)
     share[list(NEARLY_OPEN)] = NEARLY_OPEN_PRESSURE_SHARE
@@ -115,7 +115,7 @@ def rough_state(values: Mapping[str, float]) -> ContactState:
 
 
 def sliding_state(values: Mapping[str, float]) -> ContactState:
-    """One point that slides, so little off its equilibrium that its tangents are those there."""
+    """State of one sliding point, so near to equilibrium that its tangents are those there."""
     system, p_ref = single_point()
     closer = -GAP_DISTURBANCE_RATIO / (values["lambda"] * system.N[0, 0])
     design = _design(system, p_ref, values)
@@ -123,7 +123,7 @@ def sliding_state(values: Mapping[str, float]) -> ContactState:
 
 
 def _design(system: ModalSystem, p_ref: np.ndarray, values: Mapping[str, float]) -> MotionPoint:
-    """Steady sliding at a multiple of the reference's pressures, under its own law."""
+    """Design point in steady sliding, with its own law and a multiple of reference pressures."""
     law = contact_law("exponential", lam=values["lambda"])
     p, mu = values["preload"] * p_ref, values["friction"]
     normal = system.area * p

@@ -1,4 +1,4 @@
-"""Method-stability cases: which there are, and what they share: knobs, cells, outcome classes."""
+"""The cases of method stability, and what they share: knobs, results, classes of outcome."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ class Knob:
     Attributes
     ----------
     name, description : str
+        Its name and meaning.
     default, low, high : float
-        Its value where it is not swept, and the bounds of what it may be.
+        Value where it is not swept, and bounds of its values [unit].
     unit : str
-        Empty where it has none.
+        Unit; empty for a pure number.
     """
 
     name: str
@@ -47,17 +48,17 @@ class CaseResult:
         ``converged``, ``slow``, ``recovered``, ``wrong`` (converged to a wrong answer) or
         ``failed`` (said so).
     predicted : float
-        Below 1 the method is predicted to work.
+        A number below 1 where the method is predicted to work; NaN without a prediction.
     measured : float
-        The measured number beside it, NaN where there is none.
+        Measured number that each case defines; NaN where there is none.
     error : float
-        Relative error of the answer against a reference, NaN where there is none.
+        Error of the result against a reference, as each case defines it; NaN where there is none.
     cost : float
-        Iterations or evaluations.
+        Number of iterations, evaluations or solved points, as each case defines it.
     by : str
-        What recovered it, or how it said so; empty otherwise.
+        The help that recovered the result, or the warning that it had; empty otherwise.
     flagged : bool
-        A status or an error estimate of the product told of what went wrong.
+        Whether a status or an error estimate warned of the result.
     """
 
     outcome: str
@@ -70,22 +71,22 @@ class CaseResult:
 
 
 def judged(wrong: bool, alarm: str, **numbers: float) -> CaseResult:
-    """A cell of a method that converged, to a wrong answer or not.
+    """Result of a method that converged, perhaps to a wrong result.
 
-    `alarm` is what its own estimates said of the answer, empty where they said nothing;
-    `numbers` are the other attributes of the cell by name.
+    `alarm` is the warning of its own error estimates, empty without one; `numbers` are other
+    attributes of the result by name.
     """
     outcome = WRONG if wrong else CONVERGED
     return CaseResult(outcome=outcome, by=alarm, flagged=bool(alarm), **numbers)
 
 
 def failed(by: str, **numbers: float) -> CaseResult:
-    """A cell of a method that said that it failed, and `by` what word."""
+    """Result of a method that said that it failed; `by` is the word with which it said so."""
     return CaseResult(outcome=FAILED, by=by, flagged=True, **numbers)
 
 
 def alarm(name: str, value: float, limit: float) -> str:
-    """Name and value of an estimate beyond its limit, else nothing."""
+    """Name and value of an estimate that is above its limit; else empty."""
     return "" if value <= limit else f"{name} {value:.1e}"
 
 
@@ -104,7 +105,7 @@ class StabilityCase:
     settings : tuple of Knob
         What can be swept.
     measure : callable
-        Makes the cell of values of all knobs, by name.
+        Returns the result for a mapping of all knobs' values.
     """
 
     name: str
@@ -115,11 +116,11 @@ class StabilityCase:
 
     @property
     def knobs(self) -> Mapping[str, Knob]:
-        """Parameters of the case, by name."""
+        """Knobs of the case, by name."""
         return {knob.name: knob for knob in self.settings}
 
     def evaluate(self, values: Mapping[str, float]) -> CaseResult:
-        """One cell; knobs that are not named keep their defaults.
+        """The result for some values; knobs that are not named keep their defaults.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The product's own chain of helps: which one a run needed, and whether it ends where it should."""
+"""The default chain of helps: which of them a run needed, and whether its final state is right."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from squealstudy.motion.system import (
 )
 
 N_STEPS = 20
-SLOW_PASSES = 10.0  # passes a step: five times those of a squealing brake
-# sub-steps of the reference of a run that halved: as many as its halvings allow
+SLOW_PASSES = 10.0  # passes in a step above which a run is slow: five times a squealing brake's
+# sub-steps in a step of the reference for runs that halved steps: as many as halvings allow
 REFERENCE_SUBSTEPS = 16
-MAX_REL_STATE_ERROR = 0.05  # relative distance from which on a final state is another one
+MAX_REL_STATE_ERROR = 0.05  # relative distance above which a final state is wrong
 ENERGY = "energy drift"
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the largest number of passes a step over what it has before it is halved.
+    """`measured` is the largest number of passes in a step, over that at which it is halved.
 
-    `error` is the distance to Newton's method at the same step; where a step had to be halved,
-    to Newton's method at the smallest of its sub-steps. `flagged` may be a false alarm: the
-    run is shorter than an impact, inside of which the energy balance is off.
+    `error` is the distance to the same steps solved to a tolerance of 1e-10; where a step had to be
+    halved, to steps of 1 / REFERENCE_SUBSTEPS of its length. `flagged` may be a false alarm: the
+    run is shorter than an impact, inside which the energy balance is off.
     """
     state = rough_state(knobs)
     settings = chain_settings(knobs["step"])
@@ -75,21 +75,21 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 def chain_settings(step: float, chain: ExactFreeMotion | None = None) -> MotionSettings:
-    """A few steps by the defaults of a study of many contact points, or with less help.
+    """A few steps with the defaults for many contact points, or with another `chain` of helps.
 
-    Such steps are not cut where a point meets a corner of its law.
+    Such steps are not cut where a contact point meets a corner of its law.
     """
     method = (chain or ExactFreeMotion()).model_copy(update={"corner_halvings": 0})
     return MotionSettings(N_STEPS * step, step, 1, method, tolerance=method.tolerance)
 
 
 def run(state: ContactState, settings: MotionSettings) -> Motion:
-    """Integrate the case from its initial state by the default integrator."""
+    """Integrate the case from its initial state."""
     return simulate(state.system, [state.design], settings)[0]
 
 
 def predict(state: ContactState, step: float) -> float:
-    """The larger of the stick and the closing number, each over its limit."""
+    """The larger of the stick number and the closing number, each over its limit."""
     system, design = state.system, state.design
     velocity = float(np.abs(system.N @ design.start(system.n)[1]).max())
     return max(
@@ -99,7 +99,7 @@ def predict(state: ContactState, step: float) -> float:
 
 
 def help_needed(state: ContactState, settings: MotionSettings, result: Motion) -> str:
-    """Last link of the chain that kept the run from failing, or nothing."""
+    """Last help of the chain that the run needed not to fail; empty if it needed none."""
     if result.newton_steps:
         return "newton"
     if result.halvings:
@@ -116,9 +116,9 @@ def _needs_no_help(result: Motion) -> bool:
 
 
 def deviation(state: ContactState, settings: MotionSettings, result: Motion) -> float:
-    """Relative distance of a run to where its steps lead if they are solved to the end.
+    """Relative distance of a run's final state to that of steps solved to a tolerance of 1e-10.
 
-    NaN where not even Newton's method solves them.
+    NaN where one of the runs fails.
     """
     sharp = replace(settings, tolerance=1e-10, max_iterations=400)
     reference = run(state, sharp)
@@ -130,7 +130,7 @@ def deviation(state: ContactState, settings: MotionSettings, result: Motion) -> 
 
 
 def distance(state: ContactState, a: Motion, b: Motion) -> float:
-    """Distance of two final states in the norm of energy, relative to b; NaN where one failed."""
+    """Distance of two final states in the energy norm, relative to b; NaN where one run failed."""
     if "ok" not in (a.outcome, b.outcome) or a.outcome != b.outcome:
         return float("nan")
     omega = state.system.frequencies

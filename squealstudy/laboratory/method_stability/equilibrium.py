@@ -1,12 +1,12 @@
-"""The working point of one contact point that friction presses on.
+"""The working point of a contact point that friction presses on.
 
 A mass on two coupled springs, x along the sliding and y away from the contact; friction mu A p
 pulls at x, and through the coupling at y. With k the stiffness of y where x is free
 
     k y = F + (1 - mu / mu_c) A p(y),    p = p0 exp(-lambda y),    mu_c = k_xx / |k_xy|,
 
-F the load, negative where it presses. Up to mu_c there is one equilibrium, tension or not. Beyond
-it friction pulls the mass into the contact: both sides still meet while
+where F is the load, negative if it presses. Up to mu_c there is one equilibrium, with or without
+tension. Beyond mu_c friction pulls the mass into the contact, and there is an equilibrium while
 
     (mu / mu_c - 1) lambda A p0 / k <= exp(lambda F / k - 1).
 """
@@ -42,9 +42,9 @@ K_XX, K_XY, K_YY = 1e7, -8e6, 1.64e7  # N/m: mu_c = 1.25, k = 1e7
 CONDENSED_STIFFNESS = K_YY - K_XY**2 / K_XX
 CRITICAL = K_XX / abs(K_XY)
 AREA_M2, P_0 = 1e-3, 1e5  # m2, Pa
-SLOW_FROM = 30  # Newton iterations
+SLOW_FROM = 30  # Newton iterations above which a solution is slow
 DIVERGES = "real positive root"
-MAX_GAP_ERROR = 1e-6  # distance of gaps, in 1/lambda, up to which two are one
+MAX_GAP_ERROR = 1e-6  # largest error of a gap that is right, in 1/lambda
 
 KNOBS = (
     Knob("friction", "friction coefficient", 0.5, low=0.0, high=5.0),
@@ -62,7 +62,7 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the number of Newton iterations over those allowed.
+    """`measured` is the number of Newton iterations over the allowed number.
 
     `error` is the distance to the gap of the closed form, in 1/lambda. Beyond mu_c there is a
     second equilibrium, pressed and unstable: it is flagged by the root of its linearisation.
@@ -96,7 +96,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 def one_point(tension: float) -> ContactSpace:
-    """The mass on its springs seen from its contact point."""
+    """The mass on its springs, condensed to its contact point."""
     K = np.array([[K_XX, K_XY], [K_XY, K_YY]])
     values, vectors = np.linalg.eigh(K)
     springs = SpringInterface("springs", sp.csr_matrix(vectors.T), values)
@@ -116,7 +116,7 @@ def one_point(tension: float) -> ContactSpace:
 
 
 def leaves(tangent: float, friction: float) -> bool:
-    """Whether complex modes at a contact tangent [Pa/m] have a real positive root: divergence."""
+    """Whether a complex mode at a contact tangent [Pa/m] has a real positive root: divergence."""
     k_n = AREA_M2 * tangent
     K = np.array([[K_XX, K_XY - friction * k_n], [K_XY, K_YY + k_n]])
     lam, _ = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
@@ -124,7 +124,7 @@ def leaves(tangent: float, friction: float) -> bool:
 
 
 def largest_friction(lam: float, load: float) -> float:
-    """Friction up to which there is an equilibrium under a load F [N]."""
+    """Largest friction coefficient at which there is an equilibrium under a load F [N]."""
     exponent = min(lam * load / CONDENSED_STIFFNESS - 1.0, 700.0)
     return float(CRITICAL * (1.0 + CONDENSED_STIFFNESS / (lam * AREA_M2 * P_0) * np.exp(exponent)))
 

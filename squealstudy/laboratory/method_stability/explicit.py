@@ -1,12 +1,12 @@
-"""Central differences on one mode that a stuck contact point damps: the limit of its step.
+"""Central differences on a mode that a stuck contact point damps: the largest stable step.
 
-Modal damping is implicit and costs nothing. Friction sees a velocity of the past: with c_s the
-rate k_t A T^2 of a stuck point, the sign-changing solution z = -1 of the recurrence stands at
+Modal damping is implicit and does not change that step. Friction sees an earlier velocity. With the
+rate c_s = k_t A T^2 of a stuck point, the recurrence has its sign-changing solution z = -1 at
 
     (h w)^2 + 2 h c_s = 4  for the velocity of half a step before,
     (h w)^2 + 4 h c_s = 4  for the extrapolated one,
 
-and beyond it the motion grows by a factor every step.
+and beyond that the motion grows by a factor in every step.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from squealstudy.motion.system import MotionPoint
 
 N_STEPS = 4000
 START_VELOCITY = 1e-6  # m/s
-FRICTION_BOUND_N = 1e6  # N, what friction holds
-LAMBDA = 1e12  # 1/m: the mode does not move the contact
-GROWN_ENERGY_RATIO = 1e8  # energy over that at the start: it has grown, and may soon slip
-MIN_GROWTH_PER_STEP = 1e-4  # growth a step: more than a beat of the energy
-N_PARTS = 4
+FRICTION_BOUND_N = 1e6  # N, largest friction force
+LAMBDA = 1e12  # 1/m; the mode does not move the contact in its normal direction
+GROWN_ENERGY_RATIO = 1e8  # energy over that at the start up to which growth is read: then it slips
+MIN_GROWTH_PER_STEP = 1e-4  # growth in a step that is more than the energy's beating
+N_PARTS = 4  # parts of a run, whose largest energies are compared
 
 KNOBS = (
     Knob("step", "time step h", 1e-5, low=1e-9, high=1.0, unit="s"),
@@ -51,7 +51,7 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the growth of the amplitude a step, 1 where it is bounded."""
+    """`measured` is the factor by which the amplitude grows in a step; 1 where it is bounded."""
     with np.errstate(all="ignore"):
         motion = swing(knobs)
         growth = rate(motion)
@@ -68,14 +68,14 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 def limit_number(knobs: Mapping[str, float]) -> float:
-    """1 at the limit of the step."""
+    """The step over the largest stable one."""
     h, omega = knobs["step"], 2 * np.pi * knobs["frequency"]
     weight = 2.0 if knobs["lagged"] >= 0.5 else 4.0
     return float(np.sqrt((h * omega) ** 2 + weight * h * knobs["stick_rate"]) / 2)
 
 
 def swing(knobs: Mapping[str, float]) -> Motion:
-    """The mode from a small velocity on, every step saved."""
+    """Motion of the mode from a small velocity, with every step saved."""
     omega = 2 * np.pi * knobs["frequency"]
     along, one = np.array([[[0.0]], [[1.0]], [[0.0]]]), np.ones(1)
     system = pressed(
@@ -91,16 +91,16 @@ def swing(knobs: Mapping[str, float]) -> Motion:
 
 
 def rate(result: Motion) -> float:
-    """Growth of the amplitude a step, 1 where it stays bounded."""
+    """Factor by which the amplitude grows in a step; 1 where it stays bounded."""
     energy = result.history["modal_energy"]
     beyond = np.flatnonzero(~(energy < GROWN_ENERGY_RATIO * energy[0]))
     if len(energy) < N_PARTS or (len(beyond) and beyond[0] <= 1):
-        return np.inf  # gone within a step or two
+        return np.inf  # too fast to be read
     if len(beyond):
-        last = beyond[0] - 1  # what is beyond may slip, or be no number
+        last = beyond[0] - 1  # later rows may slip, or not be finite
         middle = last // 2
         return float((energy[last] / energy[middle]) ** (0.5 / max(last - middle, 1)))
-    # the largest of a part: the energy of the scheme is not this one and beats with it
+    # the largest of each part: this energy is not the one that the scheme conserves, and beats
     *_, before, end = (part.max() for part in np.array_split(energy, N_PARTS))
     return max(1.0, float((end / before) ** (0.5 * N_PARTS / len(energy))))
 

@@ -1,4 +1,4 @@
-"""Plain fixed-Jacobian Newmark: does one step converge from its predictor, without any help.
+"""Newmark's method with a fixed Jacobian: whether a step converges without any help.
 
 The iteration g <- g - J^-1 R(g) contracts near its solution by the spectral radius of
 I - J^-1 J_true, J the fixed and J_true the consistent Jacobian there (THEORY.md eq. (69)).
@@ -33,15 +33,15 @@ from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun
 
-SLOW_FROM = 40  # iterations: what a run allows before it halves its step
-# relative distance of accelerations within which two ends of a step are one
+SLOW_FROM = 40  # iterations above which a step is slow: runs then halve it
+# largest relative error of accelerations at the end of a step that is right
 MAX_REL_ACCELERATION_ERROR = 1e-5
-MAX_ITERATIONS = 4000  # iterations: 2 % below the boundary a step takes 1,000
+MAX_ITERATIONS = 4000  # 2 % below the boundary a step takes 1,000 iterations
 CONVERGED_TOLERANCE = 1e-9  # tolerance of a step that counts as converged
 WATCHED_TOLERANCE = 1e-15  # tolerance of an iteration that is only watched
-# distance from the solution, in `scale`, at which the local iteration starts
+# distance from the solution, over `scale`, at which the local iteration starts
 START_REL_DISTANCE = 1e-8
-# times its first residual: between them rates are read
+# residuals over the first one between which the rate of an iteration is read
 GROWN_RESIDUAL_RATIO, SHRUNK_RESIDUAL_RATIO = 1e5, 1e-3
 NOT_CONVERGED = "not_converged"
 NO_REFERENCE = "newton found no end of the step"
@@ -82,7 +82,7 @@ class Trace:
 
 
 def plain_settings(step: float, contact_factor: float) -> MotionSettings:
-    """One step with every help switched off."""
+    """Settings of one step with every help switched off."""
     plain = Newmark(
         max_halvings=0, aitken=False, contact_factor=contact_factor, tangential_damping="never"
     )
@@ -93,7 +93,7 @@ def plain_settings(step: float, contact_factor: float) -> MotionSettings:
 
 @dataclass(frozen=True)
 class Solution:
-    """End of a step (n,) each: displacement, velocity, pull (forces beyond the free modes)."""
+    """End of a step: displacement, velocity and pull (all forces on the free modes), (n,) each."""
 
     q: np.ndarray
     v: np.ndarray
@@ -101,7 +101,7 @@ class Solution:
 
 
 def iterate(state: ContactState, settings: MotionSettings, first: np.ndarray) -> Trace:
-    """Run the kernel's iteration of one step from a pull (n,); (0,): the predictor's."""
+    """Run the kernel's iteration of one step from a pull `first` (n,); (0,): the predictor's."""
     run = KernelRun.of(state.system, [state.design], settings)
     work = run.work
     start = np.zeros(work.x.shape[2] if len(first) else 0)
@@ -113,7 +113,7 @@ def iterate(state: ContactState, settings: MotionSettings, first: np.ndarray) ->
 
 
 def solved(state: ContactState, step: float) -> Solution | None:
-    """The end of the step by Newton's method; None where that finds none."""
+    """The end of the step by Newton's method; None where that does not converge."""
     newton = NewmarkNewton(max_halvings=0)
     settings = MotionSettings(
         step, step, 0, newton, tolerance=CONVERGED_TOLERANCE**0.5, max_iterations=400
@@ -136,7 +136,7 @@ def radius(state: ContactState, solution: Solution, step: float, contact_factor:
 def jacobians(
     state: ContactState, q: np.ndarray, v: np.ndarray, step: float, contact_factor: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fixed and consistent Jacobian (n, n) of a step whose end is q, v; written for reading."""
+    """Fixed and consistent Jacobian (n, n) of a step that ends at q, v, written to be read."""
     system, design = state.system, state.design
     N, T1, T2, k_ref = system.N, system.T1, system.T2, system.k_ref
     hk, hc = step * step / 4, step / 2
@@ -158,9 +158,9 @@ def jacobians(
 
 
 def local_contraction(state: ContactState, settings: MotionSettings, solution: Solution) -> float:
-    """Factor a time by which the iteration changes a small error of the solution.
+    """Factor by which an iteration changes a small error of the solution.
 
-    Above 1 it leaves the solution; 0 where it is there at once.
+    Above 1 the iteration leaves the solution. It is 0 where the solution is reached at once.
     """
     pull = solution.pull
     direction = np.random.default_rng(1).normal(size=len(pull))
@@ -173,14 +173,15 @@ def local_contraction(state: ContactState, settings: MotionSettings, solution: S
 
 
 def scale(state: ContactState, pull: np.ndarray) -> float:
-    """Size of the forces of which a pull (n,) is the sum: it may vanish, they do not."""
+    """Size of the forces whose sum is the pull (n,): the pull may vanish, they do not."""
     return float(np.linalg.norm(pull) + np.linalg.norm(state.system.N.T @ state.system.force[:, 0]))
 
 
 def rate(e: np.ndarray) -> float:
-    """Mean factor a time in the later half of residuals (m > 1,) while they change geometrically.
+    """Mean factor between successive residuals e (m,), m > 1, in the later half of their range.
 
-    They no longer do where they have grown or shrunk too far: round-off, or other branches.
+    The range ends where residuals have grown or shrunk so far that round-off or other branches of
+    the law change their rate.
     """
     out_of_range = np.flatnonzero(
         (e >= GROWN_RESIDUAL_RATIO * e[0]) | (e <= SHRUNK_RESIDUAL_RATIO * e[0])

@@ -1,4 +1,4 @@
-"""An undamped mass that hits an exponential contact: energy from nowhere.
+"""An undamped mass that hits an exponential contact, and gains energy by the integrator.
 
 The trapezoidal rule integrates the work of the contact force over a step. Where the stiffness
 changes by its own size within a step, the energy that an impact stores differs from the energy that
@@ -35,9 +35,9 @@ from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import MotionPoint
 
 N_IMPACTS = 30
-# h omega_peak: below it 1 % of random cells gain more than MAX_REL_ENERGY_GAIN, above 2 all do
+# h omega_peak below which 1 % of random cells gain more than MAX_REL_ENERGY_GAIN; above 2 all do
 STEP_LIMIT = 1.26
-MAX_REL_ENERGY_GAIN = 1e-2  # relative energy gain from which a result is wrong
+MAX_REL_ENERGY_GAIN = 1e-2  # relative change of energy above which a result is wrong
 P_0 = 1e-2  # Pa, contact pressure at zero gap: far smaller than in an impact
 
 KNOBS = (
@@ -58,8 +58,8 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the largest energy of a free flight over that at the start."""
-    # the contact force of the discrete gradient is its potential's difference: exact
+    """`measured` is the largest energy in free flight over that at the start."""
+    # the discrete gradient's contact force is a difference quotient of its potential: exact
     predicted = 0.0 if knobs["gradient"] >= 0.5 else peak_number(knobs) / STEP_LIMIT
     with np.errstate(over="ignore", invalid="ignore"):
         motion = fly(knobs)
@@ -101,7 +101,7 @@ def fly(knobs: Mapping[str, float]) -> Motion:
     directions, ones, zeros = np.array([[[1.0]], [[0.0]], [[0.0]]]), np.ones(1), np.zeros(1)
     law = contact_law("exponential", p0=P_0, lam=knobs["lambda"])
     system = pressed(np.array([omega**2]), directions, ones, P_0 * ones, knobs["lambda"], p0=P_0)
-    free = replace(system, k_ref=zeros, force=np.zeros((1, 3)))  # all of the contact is in its law
+    free = replace(system, k_ref=zeros, force=np.zeros((1, 3)))  # the law has the whole contact
     v0 = np.array([knobs["velocity"]])
     design = MotionPoint(law, FrictionLaw(0.0, 1.0), 0.0, zeros, v0=v0)
     duration = max(N_IMPACTS * np.pi / omega, 2 * knobs["step"])

@@ -1,9 +1,9 @@
-"""The companion form of a quadratic eigenproblem beside roots in closed form.
+"""Roots by the companion form of a quadratic eigenproblem, compared with roots in closed form.
 
-Uncoupled modes, turned by a random rotation, are what `dense_roots` sees. LAPACK's roots are exact
-for matrices that differ by round-off of the largest entry: relative to the smallest root that is
-eps times the ratio of the stiffnesses, whatever the algorithm. A damping far beyond critical
-spreads the roots further.
+`dense_roots` gets uncoupled modes in coordinates that a random rotation turns. LAPACK's roots are
+exact for matrices that differ by round-off of the largest entry. Relative to the smallest root that
+is eps times the ratio of stiffnesses, whatever the algorithm. Damping far beyond critical spreads
+the roots further.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from squealstudy.modes.reanalysis.estimate import bounded, residuals
 
 N_MODES = 8
 LOWEST_OMEGA = 1e3  # rad/s
-MAX_REL_ERROR = 1e-6  # relative error of a root from which on it is wrong
+MAX_REL_ERROR = 1e-6  # relative error above which a root is wrong
 ESTIMATE_SAFETY_FACTOR = 10.0  # factor on the estimate
 
 KNOBS = (
@@ -37,10 +37,10 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the largest relative error of a root over 1e-6.
+    """`measured` is the largest relative error of a root over MAX_REL_ERROR.
 
-    The estimate is that of points that are solved exactly: how far their residuals may have
-    moved the roots.
+    The estimate is that of design points that are solved exactly: how far residuals may have moved
+    the roots.
     """
     C, K, exact = turned_modes(knobs["stiffness_ratio"], knobs["damping_ratio"])
     lam, psi = dense_roots(C, K, (0.0, np.inf))
@@ -59,7 +59,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 def turned_modes(ratio: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """C, K (n, n) of uncoupled modes in other coordinates, and all of their roots (2n,)."""
+    """C and K (n, n) of uncoupled modes in turned coordinates, and all their roots (2n,)."""
     omega = LOWEST_OMEGA * np.sqrt(np.geomspace(1.0, ratio, N_MODES))
     zeta = np.full(N_MODES, 0.01)
     zeta[-1] = damping
@@ -89,7 +89,7 @@ def predicted_error(C: np.ndarray, K: np.ndarray, exact: np.ndarray) -> float:
 
 
 def estimated(C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray) -> float:
-    """Largest estimated relative error of a root; matrices are symmetric: left vectors are psi*."""
+    """Largest estimated relative error of a root; left vectors of symmetric matrices are psi*."""
     slope = np.einsum("ij,ij->j", psi, 2 * lam * psi + C @ psi)
     Y = psi.conj() / np.where(slope == 0, 1e-300, slope.conj())
     problem = SmallProblem(C, K, np.zeros_like(K))

@@ -1,4 +1,4 @@
-"""Near-dependent trial vectors made M-orthonormal: which directions stay, and how well."""
+"""Nearly dependent vectors made M-orthonormal: which directions are kept, and how exactly."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ from squealstudy.laboratory.method_stability.contract import (
 from squealstudy.reduction.orthonormal import MODE_TOLERANCE, complete_basis
 
 N_ROWS, N_HELD, N_TRACES = 40, 5, 8
-MIN_GRAM_SINGULAR_VALUE = float(
-    np.sqrt(np.finfo(float).eps)
-)  # singular values below it drown in their squares
-MAX_ORTHONORMALITY_ERROR = 1e-10  # |M - I| beyond which a basis is wrong
+# relative singular value whose square, in the Gram matrix, is round-off
+MIN_GRAM_SINGULAR_VALUE = float(np.sqrt(np.finfo(float).eps))
+MAX_ORTHONORMALITY_ERROR = 1e-10  # largest entry of T^T M T - I of a basis that is right
 
 KNOBS = (
     Knob("dependence", "smallest singular value over the largest", 1e-3, low=1e-14, high=1.0),
@@ -35,8 +34,9 @@ KNOBS = (
 
 
 class Component(NamedTuple):
-    """Mass and stiffness (n, n), free modes (n, m), directions beyond them (n, t), all
-    M-orthonormal.
+    """Mass and stiffness (n, n), free modes phi (n, m) and other directions `rest` (n, t).
+
+    Modes and directions are M-orthonormal.
     """
 
     M: sp.csr_matrix
@@ -46,10 +46,10 @@ class Component(NamedTuple):
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the number of lost directions, or |M - I| over what is allowed of it.
+    """`measured` is the number of lost directions, or the error of orthonormality over its limit.
 
-    `error` is the largest part of a trace that the basis lacks, relative to the traces: up to
-    the tolerance it is what was asked for.
+    `error` is the largest part of a vector that the basis lacks, relative to the largest vector. Up
+    to the tolerance it is allowed.
     """
     M, K, phi, rest = chain()
     rng = np.random.default_rng(2)
@@ -84,7 +84,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 @cache
 def chain() -> Component:
-    """Forty unequal masses on springs, free at both ends."""
+    """Forty unequal masses in a chain of springs, free at both ends."""
     rng = np.random.default_rng(1)
     masses = rng.uniform(0.5, 2.0, N_ROWS)
     ends = np.zeros(N_ROWS)

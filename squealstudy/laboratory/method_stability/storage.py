@@ -1,10 +1,10 @@
-"""Contact forces from an observation matrix in single precision: round-off times cancellation.
+"""Contact forces from an observation matrix in single precision: round-off and cancellation.
 
-A mass moves along a surface that lies across its two modes: N q = n1 q1 + n2 q2 vanishes for
-q = a (n2, -n1) cos(w t), and what is left is the rounding of n1 and n2. Both lie nearly
-as far from numbers of single precision as they can, which is u = 2^-24, to either side: the gap
-errs by 2 u a n1 n2, and the pressure, p0 exp(-lambda g), by lambda times that. The contact is so
-light that it follows the motion and does not change it.
+A mass slides along a surface in a motion of two modes: N q = n1 q1 + n2 q2 vanishes for
+q = a (n2, -n1) cos(w t), so that only the round-off of n1 and n2 is left. Both are nearly as far
+as possible from numbers of single precision, u = 2^-24, on different sides. The gap then errs by
+2 u a n1 n2, and the pressure p0 exp(-lambda g) by lambda times that. The contact is so light that
+it does not change the motion.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from squealstudy.motion.system import ModalSystem, MotionPoint
 FLOAT32_ROUND_OFF = 2.0**-24  # round-off of single precision
 ROWS = 1.0 + FLOAT32_ROUND_OFF * np.array([0.9, 1.1])  # rounded down to 1 and up to 1 + 2 u
 OMEGA = 2 * np.pi * 500.0
-N_PERIODS, STEPS_PER_PERIOD = 1, 100  # and steps in each
-FORCE_N = 1e-6  # N, on 1 m2
+N_PERIODS, STEPS_PER_PERIOD = 1, 100
+FORCE_N = 1e-6  # contact force on 1 m2, N
 
 KNOBS = (
     Knob("amplitude", "motion along the surface", 1e-4, low=1e-12, high=1.0, unit="m"),
@@ -44,7 +44,7 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is what `storage_number` says, `error` the largest one of the force."""
+    """`measured` is `storage_number`, `error` the largest relative error of the contact force."""
     single = knobs["single"] >= 0.5
     system, design = light_touch(knobs["lambda"])
     step = 2 * np.pi / OMEGA / STEPS_PER_PERIOD
@@ -75,7 +75,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
-    """Two modes of one frequency under a contact point that they slide along."""
+    """Two modes of the same frequency, and a contact point that can slide in their motion."""
     rows = np.zeros((3, 1, 2))
     rows[0] = ROWS
     system = pressed(np.full(2, OMEGA**2), rows, np.ones(1), np.array([FORCE_N]), lam)
@@ -84,7 +84,7 @@ def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
 
 
 def predict(knobs: Mapping[str, float]) -> float:
-    """Bound of the error of the pressure by round-off, over the limit."""
+    """Bound of the pressure's relative error by round-off, over the limit."""
     return float(
         knobs["lambda"] * 2 * FLOAT32_ROUND_OFF * np.prod(ROWS) * knobs["amplitude"] / STORAGE_LIMIT
     )

@@ -1,10 +1,10 @@
-"""Labels of two modes across a veering: one step by the shapes, then refined.
+"""Labels of two modes across a veering: by shapes over one step, then refined.
 
-Two oscillators with squared frequencies w^2 (1 +- s x) and a coupling c w^2 never cross: the lower
-mode stays the lower. Their shapes turn within a width 2 c / s of x; over a longer step the shapes
-alone would exchange the labels. A veering so narrow that a mode keeps its shape
-(`MIN_FOLLOWED_MAC`) when it takes the other's place is a crossing to anyone who looks at both ends:
-either labelling is right.
+Frequencies of two oscillators with squared frequencies w^2 (1 +- s x) and a coupling c w^2 never
+cross: the lower mode stays the lower. Their shapes turn within a width 2 c / s of x. Over a longer
+step shapes alone exchange the labels. A veering may be so narrow that a mode keeps its shape
+(`MIN_FOLLOWED_MAC`) when it takes the other's place. From both ends that is a crossing, and either
+labelling is right.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from squealstudy.modes.tracking.pairing import Pairing, mac, pair_modes
 from squealstudy.modes.tracking.refinement import Modes, StepRefinement
 
 OMEGA = 2 * np.pi * 1000.0
-# MAC; refinement takes a sub-step above 0.99 for a crossing, its ends may show less
+# MAC above which a mode keeps its shape; refinement asks for 0.99 in a sub-step, ends may show less
 MIN_FOLLOWED_MAC = 0.95
 SLOPE = 0.1  # s, relative change of w^2 over x = 1
 
@@ -39,9 +39,10 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the best alternative of the direct pairing: 1 where it is as good.
+    """`measured` is the best alternative over the direct pairing: 1 where it is as good.
 
-    `error` is the share of modes with the other's label, `cost` the points solved between.
+    `error` is the share of modes with the other's label, and `cost` the number of points solved in
+    between.
     """
     predicted = knobs["step"] / knobs["width"]
     ends = [np.array([knobs["step"] * (knobs["middle"] + x)]) for x in (-0.5, 0.5)]
@@ -75,7 +76,7 @@ def veering(x: np.ndarray, knobs: Mapping[str, float]) -> Modes:
 
 
 def exchanged(pairing: Pairing, a: Modes, b: Modes) -> float:
-    """Share of the modes that got another's label, though the shapes do not say so clearly."""
+    """Share of the modes that got the other's label, unless their shapes clearly say so."""
     macs = mac(a.shapes, b.shapes)
     wrong = [
         partner != i and not (partner >= 0 and macs[i, partner] > MIN_FOLLOWED_MAC)

@@ -1,9 +1,9 @@
 """Accuracy of the windows rung beside an exceptional point.
 
-Hulten's mass at the friction mu_c (1 - d) or mu_c (1 + d). A patch follows the pair that meets as
-one block, which is smooth at mu_c where its two roots are not; what diverges is the condition of
-the roots. Round-off eps of the matrices changes the squared frequencies, a apart from each other by
-2 b sqrt(2 d), by a eps / sqrt(2 d), and at the point itself by a sqrt(eps):
+Hulten's mass has the friction mu_c (1 - d) or mu_c (1 + d). A patch follows the pair of roots that
+meets as one block, which is smooth at mu_c where the two roots are not. What diverges is the
+condition of the roots. The squared frequencies are near a and differ by 2 b sqrt(2 d). Round-off
+eps of the matrices changes them by a eps / sqrt(2 d), and at mu_c itself by a sqrt(eps):
 
     |d lam| / |lam| = eps / (2 sqrt(2 d)),  sqrt(eps) / 2 at most.
 """
@@ -41,11 +41,11 @@ from squealstudy.system.parametric import Weights
 CRITICAL_FRICTION = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
 BAND = (1.0, 1e4)  # rad/s
 BOX_SHARE = 0.9  # half-width of the box over the distance to mu_c
-N_NEIGHBOUR_POINTS = 40  # design points beside the two that are judged: enough to pay for patches
-ROUND_OFFS = 4.0  # in a root: of the matrices, the basis and the small eigenproblem
+N_NEIGHBOUR_POINTS = 40  # other design points than the two that are judged, to pay for patches
+ROUND_OFFS = 4.0  # round-offs in a root: of the matrices, the basis and the small eigenproblem
 # largest error over its estimate (THEORY.md eq. (39)), and over the tolerance
 ESTIMATE_SAFETY_FACTOR = 2.0
-BASIS_SHARE = 3.0  # tolerance over that of the basis, as studies have it
+BASIS_SHARE = 3.0  # tolerance over that of the basis, as in studies
 
 KNOBS = (
     Knob("distance", "of friction to coalescence, relative to mu_c", 1e-3, low=1e-16, high=0.5),
@@ -55,9 +55,9 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the largest estimate over the tolerance; `error` that of the roots.
+    """`measured` is the largest estimate over the tolerance, `error` the largest of a root.
 
-    `recovered` is a design point that the windows left to another rung.
+    The outcome is `recovered` if windows left a design point to another rung.
     """
     tolerance, away = knobs["tolerance"], knobs["distance"]
     problem, basis = problem_and_basis(knobs["damping_ratio"], tolerance)
@@ -97,19 +97,19 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
 
 
 class FrictionProblem(SmallProblem):
-    """Hulten's mass over its friction about mu_c; theta in [-1, 1] is the box."""
+    """Hulten's mass over friction about mu_c; the box is theta in [-1, 1]."""
 
     def __init__(self, damping_ratio: float) -> None:
         super().__init__(*flutter_matrices(damping_ratio), BAND)
 
     def weights(self, theta: np.ndarray) -> Weights:
-        """One of mass, damping and springs, and the friction."""
+        """Weights of mass, damping, springs and coupling: 1, 1, 1 and the friction coefficient."""
         return super().weights(CRITICAL_FRICTION * (1.0 + BOX_SHARE * np.asarray(theta)))
 
     def exact_roots(self, theta: np.ndarray) -> np.ndarray:
         """The two roots of imaginary part >= 0, rad/s.
 
-        The split is computed in fractions: its round-off would spoil the reference.
+        Their distance is computed in fractions, as round-off would spoil the reference.
         """
         C, K, coupling = self._parts
         mu = Fraction(self.weights(theta)[3])
