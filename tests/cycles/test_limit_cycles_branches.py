@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cycle_models as models
 import numpy as np
@@ -17,7 +18,8 @@ from squealstudy.cycles import families
 from squealstudy.cycles.onset import SUBCRITICAL, SUPERCRITICAL, criticality
 from squealstudy.errors import ResultsError, StudyFileError
 from squealstudy.kinds.limit_cycles import continued
-from squealstudy.kinds.limit_cycles.continuing import _is_same_row, _judge_again
+from squealstudy.kinds.limit_cycles.continuing import _family, _is_same_row
+from squealstudy.kinds.limit_cycles.judged_again import judge_again
 from squealstudy.kinds.limit_cycles.screen import SCREEN
 from squealstudy.screen import as_text
 from squealstudy.tables.cycle_comparison import compare_cycles
@@ -426,14 +428,14 @@ def test_level_and_share_of_the_threshold_are_of_one_cycle():
         row["unstable_outside"] = False
         loud = QUIET | {"torque_rms": 20.0, "contact_velocity": 5.0}
         row["cycles"] = [QUIET, loud]
-        _judge_again(row, mode, "a cycle continued from another", loud)
+        judge_again(row, mode, "a cycle continued from another", loud)
         assert row["torque_rms"] == 20.0
         assert row["threshold_share"] == pytest.approx(0.1)
         np.testing.assert_allclose([v["threshold_share"] for v in row["verdicts"]], shares)
         # an unstable one that is smaller than the threshold of the first family
         small = QUIET | {"stable": False, "torque_rms": 1.0, "energy": 0.5}
         row["cycles"].append(small)
-        _judge_again(row, mode, "another cycle", small)
+        judge_again(row, mode, "another cycle", small)
         first = row["verdicts"][0]
         assert np.isnan([first["threshold_velocity"], row["threshold_velocity"]]).all()
         assert first["threshold_cycle"] == ""
@@ -480,13 +482,29 @@ def test_a_cycle_of_which_it_is_not_known_whether_it_attracts_is_not_told_unstab
     }
     row["unstable_outside"] = False
     cycle = QUIET | {"stable": stable, "energy": 1.0, "contact_velocity": 5.0}
-    _judge_again(row, 1, "a cycle that came", cycle)
+    judge_again(row, 1, "a cycle that came", cycle)
     assert row["verdicts"][0]["reason"] == told
     assert row["verdicts"][0]["verdict"] == "undecided"
-    _judge_again(row, 1, "another", QUIET | {"energy": 1.0, "invalid_reason": pulls})
+    judge_again(row, 1, "another", QUIET | {"energy": 1.0, "invalid_reason": pulls})
     broken = f"; outside validity: {pulls}" * bool(pulls)
     new = "another is stable, and so is steady sliding; no threshold"
     assert row["verdicts"][0]["reason"] == new + broken
+    row["unstable_outside"] = True
+    row["verdicts"][0]["verdict"] = "undecided"
+    judge_again(row, 1, "another", QUIET | {"energy": 1.0})
+    assert "and steady sliding is not, by another mode" in row["verdicts"][0]["reason"]
+
+
+@pytest.mark.parametrize(("unstable_there", "mode"), [(True, 2), (False, 1)])
+def test_a_cycle_of_an_unstable_mode_goes_to_an_unstable_mode(unstable_there, mode):
+    """Two modes that lock in are nearly one frequency, and the stable one may be nearer."""
+    here = [
+        {"mode": 1, "frequency_hz": 317.43, "unstable": False},
+        {"mode": 2, "frequency_hz": 318.06, "unstable": True},
+    ]
+    origin = {"verdicts": [{"mode": 2, "frequency_hz": 317.57, "unstable": unstable_there}]}
+    continued = SimpleNamespace(origin=SimpleNamespace(mode=2, omega=2 * np.pi * 321.5))
+    assert _family({"verdicts": here}, origin, continued) == mode
 
 
 @pytest.mark.parametrize(

@@ -528,3 +528,33 @@ def test_bad_values(more, message):
         plan_of(BELT + more)
     assert str(caught.value).startswith("study.toml, line ")
     assert "\n" not in str(caught.value)
+
+
+def irregular(quiet_from: float) -> Motion:
+    """A run of 1 s whose amplitude varies at random, from `quiet_from` s on by a fifth of that."""
+    rng = np.random.default_rng(1)
+    noise = 0.3 * np.interp(np.arange(0, 1, 2e-5), np.linspace(0, 1, 1001), rng.normal(size=1001))
+
+    def size(time):
+        return 1.0 + np.where(time < quiet_from, noise, 0.2 * noise)[: len(time)]
+
+    return recorded(1.0, [250.0], size)
+
+
+@pytest.mark.parametrize("quiet_from", [0.6, 2.0])
+def test_an_irregular_run_that_stopped_has_bounds_that_its_stop_has_not_chosen(quiet_from):
+    """It stops when bounds are narrow, which they may be by chance: a longer window tells."""
+    run = irregular(quiet_from)
+    whole, stopped = (run_levels(replace(run, stopped=why))[0] for why in ("", "settled"))
+    widths = [r["torque_rms_high"] - r["torque_rms_low"] for r in (whole, stopped)]
+    assert stopped["torque_rms"] == whole["torque_rms"]
+    if quiet_from < 1.0:
+        assert widths[1] > 1.5 * widths[0]
+    else:
+        assert widths[0] <= widths[1] < 1.5 * widths[0]
+
+
+def test_a_limit_cycle_that_stopped_keeps_its_bounds():
+    run = recorded(0.1, [250.0], fast)
+    whole, stopped = (run_levels(replace(run, stopped=why))[0] for why in ("", "settled"))
+    assert whole == pytest.approx(stopped, nan_ok=True)

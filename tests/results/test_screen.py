@@ -168,6 +168,9 @@ def test_levels_and_kicks_are_told_in_words():
         " RMS of the torque in what was seen to last: 127.9 N m, at 219.9 Hz."
     )
     assert levels_in_words(points[:1], "N") == ""
+    # two motions that beat repeat together after 131 of the cycles that are heard
+    beating = points.assign(frequency_hz=[np.nan, 223.9, 4.954, 217.7], torque_line_hz=649.0)
+    assert "N, at 217.7 to 649.0 Hz." in levels_in_words(beating, "N")
 
 
 def test_a_number_has_two_digits_of_its_error():

@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from squealstudy.cycles.cycle import LEVELS, OK, are_one_cycle
-from squealstudy.cycles.verdicts import ONLY_UNSTABLE
+from squealstudy.cycles.cycle import LEVELS, are_one_cycle
 from squealstudy.engine.cycle_states import cycle_file, stored_cycles
 from squealstudy.engine.keys import content_hash
 from squealstudy.engine.plan import Plan
@@ -44,6 +43,7 @@ from squealstudy.kinds.limit_cycles.continued import (
     step_to_neighbour,
 )
 from squealstudy.kinds.limit_cycles.designs import request
+from squealstudy.kinds.limit_cycles.judged_again import judge_again
 from squealstudy.kinds.limit_cycles.observed import VELOCITY_FIELDS, Observers
 from squealstudy.kinds.limit_cycles.tables import (
     CURVE_FIELDS,
@@ -52,15 +52,9 @@ from squealstudy.kinds.limit_cycles.tables import (
     SUMMARY_FIELDS,
     VERDICT_FIELDS,
     cycle_row,
-    known_velocity,
-    summary,
-    with_validity,
 )
 from squealstudy.modes.tracking.tree import grid_places
-from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 
-THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
-SAME_OF_A_CYCLE = "torque_rms", "level_error", "torque_line_hz", "invalid_reason"
 N_NEAREST_DESIGNS = 3  # number of neighbours of a design that is on no grid
 BRANCH_FIELDS = (
     ("cycle_id", TEXT),
@@ -276,7 +270,7 @@ class Continuation:
             came = f"a cycle continued from {continued.origin.cycle_id}"
             if continued.cycle is None:
                 self.facts["lost"].append(f"{continued.origin.cycle_id}: at {continued.point_id}")
-                _judge_again(row, mode, f"{came} could not be confirmed")
+                judge_again(row, mode, f"{came} could not be confirmed")
                 continue
             number = 1 + sum(c["mode"] == mode for c in row["cycles"])
             name = f"{continued.point_id}-{mode}-{number}"
@@ -288,7 +282,7 @@ class Continuation:
             self._new[name] = (continued.cycle.motion.Q, continued.cycle.motion.omega)
             self._structure[name] = point.structure
             self.facts["found"] += 1
-            _judge_again(row, mode, came, new_row)
+            judge_again(row, mode, came, new_row)
 
     def keep(self) -> None:
         """Write the series of the new cycles."""
@@ -337,62 +331,12 @@ def _is_same_row(cycle_row: dict[str, Any], other_row: dict[str, Any]) -> bool:
 def _family(row: dict[str, Any], origin: dict[str, Any], continued: Continued) -> int:
     """Mode of a design to whose verdict a cycle from another design is added.
 
-    It is nearest in frequency to the mode of the cycle's family at the other design.
+    It is nearest in frequency to the mode of the cycle's family at the other design. If that is
+    unstable it is an unstable one, where there is any: two modes that lock in have one frequency.
     """
-    hz_of_mode = {v["mode"]: v["frequency_hz"] for v in origin["verdicts"]}
-    hz = hz_of_mode.get(continued.origin.mode, continued.origin.omega / (2 * np.pi))
-    nearest = min(row["verdicts"], key=lambda v: abs(v["frequency_hz"] - hz), default=None)
+    of_origin = {v["mode"]: v for v in origin["verdicts"]}.get(continued.origin.mode)
+    hz = continued.origin.omega / (2 * np.pi) if of_origin is None else of_origin["frequency_hz"]
+    unstable = [v for v in row["verdicts"] if v["unstable"]]
+    candidates = unstable if unstable and of_origin and of_origin["unstable"] else row["verdicts"]
+    nearest = min(candidates, key=lambda v: abs(v["frequency_hz"] - hz), default=None)
     return continued.origin.mode if nearest is None else int(nearest["mode"])
-
-
-def _judge_again(
-    row: dict[str, Any], mode: int, came: str, cycle: dict[str, Any] | None = None
-) -> None:
-    """Judge a design again after a cycle was continued to it (`came`), or was not confirmed.
-
-    A threshold with more energy than the cycle is removed: motion below it may grow.
-    """
-    for verdict in row["verdicts"]:
-        if cycle is not None and verdict["threshold_energy"] > cycle["energy"]:
-            verdict |= dict.fromkeys(THRESHOLD, np.nan) | {"threshold_cycle": ""}
-            verdict["reason"] += f"; no threshold: {came} is smaller"
-        if verdict["mode"] != mode:
-            continue
-        stable = cycle is not None and bool(cycle["stable"])
-        if cycle is not None:
-            verdict["n_cycles"] += 1
-            # the level may be that of the same motion from a run in time, which is less exact
-            lowest_level = verdict["torque_rms"] * (1.0 - verdict["level_error"])
-            if stable and not lowest_level >= cycle["torque_rms"]:
-                verdict |= {name: cycle[name] for name in SAME_OF_A_CYCLE}
-                verdict["regularisation_error"] = np.nan
-                verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
-                verdict["cycle_frequency_error"] = cycle["frequency_error"]
-                verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)
-        if verdict["verdict"] == SQUEALS:
-            if stable:
-                reason = f"unstable mode, with a stable cycle: {came}"
-                verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
-        elif stable:
-            if verdict["verdict"] != IF_KICKED:
-                reason = f"{came} is stable, and so is steady sliding; no threshold"
-                verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
-            verdict["verdict"] = IF_KICKED
-        elif verdict["verdict"] == NO_CYCLE:
-            verdict["verdict"], verdict["reason"] = UNDECIDED, came + _of_what_kind(cycle)
-        elif cycle is None or cycle["stable"] is None:
-            joined = ", and" if cycle is None else " but"
-            reason = f"{ONLY_UNSTABLE}{joined} {came}{_of_what_kind(cycle, ' that')}"
-            verdict["reason"] = verdict["reason"].replace(ONLY_UNSTABLE, reason)
-        elif not verdict["threshold_velocity"] > 0.0 and ONLY_UNSTABLE not in verdict["reason"]:
-            verdict["reason"] += f"; {came} is unstable, at {cycle['contact_velocity']:.3g} m/s"
-    row |= summary(row["verdicts"], row["cycles"], row["n_left_out"], bool(row["unstable_outside"]))
-
-
-def _of_what_kind(cycle: dict[str, Any] | None, that: str = "") -> str:
-    """End of a sentence on a cycle that is not surely stable; empty if it was not confirmed."""
-    if cycle is None:
-        return ""
-    if cycle["status"] != OK:
-        return f"{that} is inaccurate"
-    return f"{that} may be stable" if cycle["stable"] is None else f"{that} is unstable"

@@ -48,6 +48,9 @@ MAX_SHORT_REASON_CHARACTERS = 12
 MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MEASURED = re.compile(r"(?<![\w.])(?<!mode )(?<!modes )\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
+# loudest harmonic of a motion up to which the answer tells the frequency of its period: beyond it,
+# two motions that beat repeat together after many cycles, which nobody hears
+MOST_HARMONICS_TOLD = 12
 MOST_FOLLOWED = 3  # followed modes that are told
 SAME_FREQUENCY = 0.02  # relative distance up to which frequencies are told as one
 MOST_COLUMNS = 2  # parameters with a column of their own
@@ -234,7 +237,9 @@ def levels_in_words(points: pd.DataFrame, unit: str) -> str:
         return ""
     loud = points[(points["torque_rms"] > 0).fillna(False).to_numpy(bool)]
     what = "torque" if unit == "N m" else "force of friction"
-    hz = loud["frequency_hz"].fillna(loud.get("torque_line_hz", math.nan)).dropna()
+    line = loud.get("torque_line_hz", pd.Series(math.nan, loud.index))
+    is_slow = line > MOST_HARMONICS_TOLD * loud["frequency_hz"]
+    hz = loud["frequency_hz"].mask(is_slow).fillna(line).dropna()
     frequency_text = f", at {_ends(hz, 1)} Hz" if len(hz) else ""
     text = (
         f" RMS of the {what} in what was seen to last: {_ends(loud['torque_rms'], 1)} {unit}"

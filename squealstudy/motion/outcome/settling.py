@@ -211,6 +211,19 @@ def _has_settled(
     return expected_rise(run, window, duration) <= 2 * tolerance  # energy is a level squared
 
 
+def longer_window(run: Motion, window: slice) -> slice:
+    """Rows up to twice as long as a window at the end of a run, without the way to its levels.
+
+    They begin where the energy of the vibration first is as it is in the last 40 % at the earliest.
+    """
+    levels = windows(run.times, moving_energy(run))
+    level, judged = levels.level, levels.level[levels.judged :]
+    has_come = level >= judged.min() if level[0] < judged.min() else level <= judged.max()
+    start = float(levels.start[int(np.argmax(has_come))])
+    first = max(2 * window.start - window.stop, int(np.searchsorted(run.times, start)), 1)
+    return slice(min(first, window.start), window.stop)
+
+
 def level_drift(torque: np.ndarray) -> float:
     """Largest relative difference of RMS and of mean between thirds of a window (rows,).
 

@@ -24,13 +24,20 @@ from squealstudy.motion.outcome.growth import GrowthFit
 from squealstudy.motion.outcome.growth_rows import growth_columns, growth_rows, has_moved, mode_fits
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
 from squealstudy.motion.outcome.levels import (
+    TorqueLevels,
     TorqueSums,
     errors_by_rows,
     period_swings,
     swing_spread,
 )
-from squealstudy.motion.outcome.periods import judged_rows, judged_window, own_frequency
-from squealstudy.motion.outcome.settling import settled
+from squealstudy.motion.outcome.periods import (
+    EXACT_PERIOD_RESIDUAL,
+    Fundamental,
+    judged_rows,
+    judged_window,
+    own_frequency,
+)
+from squealstudy.motion.outcome.settling import SETTLED, longer_window, settled
 from squealstudy.motion.outcome.torque import find_levels, find_lines, levels_of
 from squealstudy.motion.outcome.verdict import run_verdict
 from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
@@ -165,7 +172,7 @@ def run_levels(
     rows = errors_by_rows(torque[rows_judged]) if sums is None else np.zeros(3)
     own_hz = own_frequency(run, window)
     width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else levels.frequency_hz)
-    half = 0.5 * np.array([levels.rms_high - levels.rms_low, levels.mean_high - levels.mean_low])
+    half = np.maximum(_half_widths(levels), _before_the_stop(run, rows_judged, own_hz))
     scatter = max(levels.peak_scatter, levels.peak_to_peak - _least_swing(all_sums, width))
     if passes and by_step.measured:
         half, scatter = np.zeros(2), 0.0
@@ -197,6 +204,27 @@ def run_levels(
         "harmonic_2_level": levels.harmonic_2,
         "harmonic_3_level": levels.harmonic_3,
     }, window
+
+
+def _half_widths(levels: TorqueLevels) -> np.ndarray:
+    """Half-widths (2,) of the 95 % bounds of RMS and mean by the length of a window."""
+    widths = np.array([levels.rms_high - levels.rms_low, levels.mean_high - levels.mean_low])
+    half: np.ndarray = 0.5 * widths
+    return half
+
+
+def _before_the_stop(run: Motion, rows: slice, own_hz: Fundamental) -> np.ndarray:
+    """Half-widths (2,) of the bounds of a window, by rows up to twice as many.
+
+    An irregular run ends early when bounds of its last window happen to be narrow. Those of a
+    longer window were not chosen so. 0 for other runs.
+    """
+    if run.stop_reason != SETTLED or own_hz.left <= EXACT_PERIOD_RESIDUAL:
+        return np.zeros(2)
+    longer = longer_window(run, rows)
+    more_rows = (longer.stop - longer.start) / (rows.stop - rows.start)
+    half: np.ndarray = np.sqrt(more_rows) * _half_widths(levels_of(run, longer))
+    return half
 
 
 def told_frequency(hz: float, error: float) -> tuple[float, float]:

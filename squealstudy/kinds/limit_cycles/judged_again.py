@@ -1,0 +1,75 @@
+"""A design judged again, once a cycle of another design was continued to it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from squealstudy.cycles.cycle import OK
+from squealstudy.cycles.verdicts import ONLY_UNSTABLE
+from squealstudy.kinds.limit_cycles.tables import known_velocity, summary, with_validity
+from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
+
+THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
+SAME_OF_A_CYCLE = "torque_rms", "level_error", "torque_line_hz", "invalid_reason"
+
+
+def judge_again(
+    row: dict[str, Any], mode: int, came: str, cycle: dict[str, Any] | None = None
+) -> None:
+    """Judge a design again after a cycle was continued to it (`came`), or was not confirmed.
+
+    A threshold with more energy than the cycle is removed: motion below it may grow.
+    """
+    for verdict in row["verdicts"]:
+        if cycle is not None and verdict["threshold_energy"] > cycle["energy"]:
+            verdict |= dict.fromkeys(THRESHOLD, np.nan) | {"threshold_cycle": ""}
+            verdict["reason"] += f"; no threshold: {came} is smaller"
+        if verdict["mode"] != mode:
+            continue
+        stable = cycle is not None and bool(cycle["stable"])
+        if cycle is not None:
+            verdict["n_cycles"] += 1
+            # the level may be that of the same motion from a run in time, which is less exact
+            lowest_level = verdict["torque_rms"] * (1.0 - verdict["level_error"])
+            if stable and not lowest_level >= cycle["torque_rms"]:
+                verdict |= {name: cycle[name] for name in SAME_OF_A_CYCLE}
+                verdict["regularisation_error"] = np.nan
+                verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
+                verdict["cycle_frequency_error"] = cycle["frequency_error"]
+                verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)
+        if verdict["verdict"] == SQUEALS:
+            if stable:
+                reason = f"unstable mode, with a stable cycle: {came}"
+                verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
+        elif stable:
+            if verdict["verdict"] != IF_KICKED:
+                reason = f"{came} is stable, and {_of_steady_sliding(row)}"
+                verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
+            verdict["verdict"] = IF_KICKED
+        elif verdict["verdict"] == NO_CYCLE:
+            verdict["verdict"], verdict["reason"] = UNDECIDED, came + _of_what_kind(cycle)
+        elif cycle is None or cycle["stable"] is None:
+            joined = ", and" if cycle is None else " but"
+            reason = f"{ONLY_UNSTABLE}{joined} {came}{_of_what_kind(cycle, ' that')}"
+            verdict["reason"] = verdict["reason"].replace(ONLY_UNSTABLE, reason)
+        elif not verdict["threshold_velocity"] > 0.0 and ONLY_UNSTABLE not in verdict["reason"]:
+            verdict["reason"] += f"; {came} is unstable, at {cycle['contact_velocity']:.3g} m/s"
+    row |= summary(row["verdicts"], row["cycles"], row["n_left_out"], bool(row["unstable_outside"]))
+
+
+def _of_steady_sliding(row: dict[str, Any]) -> str:
+    """Beside a stable cycle of a stable mode."""
+    if any(v["unstable"] for v in row["verdicts"]) or row["unstable_outside"]:
+        return "steady sliding is not, by another mode"
+    return "so is steady sliding; no threshold"
+
+
+def _of_what_kind(cycle: dict[str, Any] | None, that: str = "") -> str:
+    """End of a sentence on a cycle that is not surely stable; empty if it was not confirmed."""
+    if cycle is None:
+        return ""
+    if cycle["status"] != OK:
+        return f"{that} is inaccurate"
+    return f"{that} may be stable" if cycle["stable"] is None else f"{that} is unstable"
