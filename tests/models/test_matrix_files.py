@@ -15,7 +15,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
-from squealstudy.models.matrices.files import read_matrix
+from squealstudy.models.matrices.files import read_matrix, read_recovery
 
 BANNER = "%%MatrixMarket matrix {} {} {}\n"
 EXPECTED = np.array([[4.0, 0.0, -1.5], [0.0, 250.0, 0.0], [2.0, 0.0, 1.0]])
@@ -317,3 +317,23 @@ def test_an_archive_whose_header_is_damaged_is_no_smaller_matrix(tmp_path):
     data = archive(A=np.arange(36.0).reshape(6, 6))
     assert data.count(b"(6, 6)") == 1
     assert "'A.npy' is damaged" in said(tmp_path, "a.npz", data.replace(b"(6, 6)", b"(4, 4)"))
+
+
+@pytest.mark.parametrize("version", ["4", "5"])
+@pytest.mark.parametrize("kind", [np.asarray, sp.csc_matrix])
+def test_recovery_matrices_need_not_be_square(version, kind, tmp_path):
+    A = np.arange(12.0).reshape(6, 2)
+    scipy.io.savemat(tmp_path / "a.mat", {"R": kind(A)}, format=version)
+    np.savez(tmp_path / "a.npz", R=A)
+    sp.save_npz(tmp_path / "sparse.npz", sp.csr_matrix(A))
+    for name in ("a.mat", "a.npz", "sparse.npz"):
+        np.testing.assert_array_equal(read_recovery(tmp_path / name).toarray(), A)
+
+
+def test_what_is_no_recovery_matrix(tmp_path):
+    np.savez(tmp_path / "a.npz", R=np.arange(3.0))
+    with pytest.raises(ModelError, match="expected a matrix, found 3"):
+        read_recovery(tmp_path / "a.npz")
+    scipy.io.savemat(tmp_path / "a.mat", {"R": np.zeros((2, 0))})
+    with pytest.raises(ModelError, match="expected a matrix, found 2 x 0"):
+        read_recovery(tmp_path / "a.mat")

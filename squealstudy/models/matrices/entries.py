@@ -18,12 +18,13 @@ Symmetry = Literal["general", "symmetric", "skew-symmetric"]
 Refusal = Callable[[int, str], ModelError]  # position of an entry from 0, what is wrong -> error
 
 
-def check_size(rows: int, columns: int) -> None:
-    """ValueError where a matrix of this size is not square, is empty, or is absurdly large."""
-    if rows != columns or not rows:
-        raise ValueError(f"expected a square matrix, found {rows} x {columns}")
-    if rows > MOST_ROWS:
-        raise ValueError(f"expected at most {MOST_ROWS:,} rows, found {rows:,}")
+def check_size(rows: int, columns: int, square: bool = True) -> None:
+    """Raise ValueError where a matrix is empty or absurdly large, or not square if it must be."""
+    if (square and rows != columns) or not rows or not columns:
+        kind = "square matrix" if square else "matrix"
+        raise ValueError(f"expected a {kind}, found {rows} x {columns}")
+    if max(rows, columns) > MOST_ROWS:
+        raise ValueError(f"expected at most {MOST_ROWS:,} rows, found {max(rows, columns):,}")
 
 
 def matrix_of_entries(

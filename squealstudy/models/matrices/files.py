@@ -26,7 +26,6 @@ Reader = Callable[[Path, str | None], Any]
 ResultT = TypeVar("ResultT")
 ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
 INDEX_ARRAYS = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
-RECTANGULAR = (".npz", ".mat")
 MOST_ROWS_OP2 = 20_000  # 3.2 GB with all zeros, as its reader keeps them
 MAX_LISTED_VARIABLES = 12  # variables of a file that a message names
 
@@ -93,9 +92,10 @@ def read_term_matrix(path: Path, name: str | None = None) -> sp.csr_matrix | Lab
 
 def read_recovery(path: Path, name: str | None = None) -> sp.csr_matrix:
     """A real matrix of any shape from a ``.npz`` or ``.mat``; errors as of `read_matrix`."""
-    if path.suffix.lower() not in RECTANGULAR:
+    reader = RECTANGULAR.get(path.suffix.lower())
+    if reader is None:
         raise ModelError(f"{path}: expected a file {' or '.join(RECTANGULAR)}")
-    return _guarded(path, lambda: _checked(_reader(path)(path, name), square=False))
+    return _guarded(path, lambda: _checked(reader(path, name, square=False), square=False))
 
 
 def _is_matrix_market(path: Path) -> bool:
@@ -150,7 +150,7 @@ def _calculix(path: Path, variable: str | None) -> Any:
     return read_calculix(path)
 
 
-def _matlab(path: Path, variable: str | None) -> Any:
+def _matlab(path: Path, variable: str | None, square: bool = True) -> Any:
     content_bytes = read_whole(path)
     version = version_of(content_bytes)
     if version is None:  # before 5
@@ -168,10 +168,10 @@ def _matlab(path: Path, variable: str | None) -> Any:
         if matlab_variable.name in variable_of:
             raise ModelError(f"{path} has two variables '{matlab_variable.name}'")
         variable_of[matlab_variable.name] = matlab_variable
-    return _chosen(variable_of, path, variable).matrix()
+    return _chosen(variable_of, path, variable).matrix(square)
 
 
-def _npz(path: Path, variable: str | None) -> Any:
+def _npz(path: Path, variable: str | None, square: bool = True) -> Any:
     expect_room(path)
     with zipfile.ZipFile(path) as archive:
         if damaged := archive.testzip():  # NumPy reads no further than a damaged header says
@@ -181,7 +181,7 @@ def _npz(path: Path, variable: str | None) -> Any:
             return _chosen(content, path, variable)
         _only_one(path, variable)
         if "shape" in content:
-            check_size(*content["shape"].tolist())  # before SciPy makes room for it
+            check_size(*content["shape"].tolist(), square)  # before SciPy makes room for it
         for name in INDEX_ARRAYS:
             if name in content and content[name].dtype.kind not in "iu":
                 raise ValueError(f"expected whole numbers in '{name}'")
@@ -238,6 +238,10 @@ READERS: dict[tuple[str, ...], Reader] = {
 }
 
 
+# readers of matrices that need not be square
+RECTANGULAR: dict[str, Callable[..., Any]] = {".npz": _npz, ".mat": _matlab}
+
+
 def _only_one(path: Path, variable: str | None) -> None:
     if variable is not None:
         raise ModelError(f"{path} holds one matrix without a name: leave out the variable")
@@ -262,9 +266,9 @@ def _checked(A: Any, square: bool = True) -> sp.csr_matrix:
     if not (sp.issparse(A) or isinstance(A, np.ndarray)) or A.dtype.kind not in "biufc":
         raise ValueError(f"expected a matrix of numbers, found {type(A).__name__}")
     if A.ndim != 2:
-        raise ValueError(f"expected a square matrix, found {' x '.join(map(str, A.shape))}")
-    if square:
-        check_size(*A.shape)
+        kind = "square matrix" if square else "matrix"
+        raise ValueError(f"expected a {kind}, found {' x '.join(map(str, A.shape))}")
+    check_size(*A.shape, square)
     if np.iscomplexobj(A):
         raise ValueError("expected real values, found complex ones")
     if hasattr(A, "check_format"):  # indices that SciPy would follow out of its arrays

@@ -40,16 +40,20 @@ class Variable:
     shape: tuple[int, ...]
     parts: Elements
 
-    def matrix(self) -> Any:
-        """An ndarray or csc_matrix; ValueError where it is none of real numbers, or is damaged."""
+    def matrix(self, square: bool = True) -> Any:
+        """An ndarray or csc_matrix; ValueError where it is no real matrix, or is damaged.
+
+        `square` says whether it must be square.
+        """
         if self.kind != SPARSE and self.kind not in NUMERIC:
             class_name = OTHER_CLASSES.get(self.kind, "something else")
             raise ValueError(f"expected a matrix of numbers, found {class_name}")
         if self.complex:
             raise ValueError("expected real values, found complex ones")
         if len(self.shape) != 2:
-            raise ValueError(f"expected a square matrix, found {' x '.join(map(str, self.shape))}")
-        check_size(*self.shape)
+            kind = "square matrix" if square else "matrix"
+            raise ValueError(f"expected a {kind}, found {' x '.join(map(str, self.shape))}")
+        check_size(*self.shape, square)
         return self._sparse() if self.kind == SPARSE else self._full()
 
     def _full(self) -> np.ndarray:
