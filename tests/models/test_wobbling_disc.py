@@ -246,5 +246,5 @@ def test_a_mass_that_spins(axis, tmp_path):
         for lam in (one.lam, batch.lam[i]):
             assert np.abs(by_frequency(lam) - expected).max() < 1e-9 * np.abs(expected).max()
     path.write_text(text.replace('["rx", "ry", "rz"]', '["rx"]'))
-    with pytest.raises(StudyFileError, match="two directions of turns across spin_axis"):
+    with pytest.raises(StudyFileError, match="two rotations across spin_axis"):
         sq.model(str(path))

@@ -1,4 +1,4 @@
-"""The models a study can name: a file or folder each here, and what extensions register."""
+"""The models that a study can name: those of this folder, and those of extensions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def register_model(model: ModelDefinition) -> None:
     Raises
     ------
     ValueError
-        Where another one has its name.
+        Another model has its name.
     """
     if model.name in (MATRICES, OF_FILE, LUMPED) or MODELS.get(model.name, model) != model:
         raise ValueError(f"there is a model '{model.name}' already")
@@ -33,7 +33,7 @@ def register_model(model: ModelDefinition) -> None:
 
 
 def model_names() -> tuple[str, ...]:
-    """Names of all models; three are what a study file or a model file makes of them."""
+    """Names of all models; the last three are models that files describe."""
     return (*MODELS, MATRICES, OF_FILE, LUMPED)
 
 

@@ -1,10 +1,10 @@
-"""Mass on a belt by a spring: stick-slip from friction that falls with the sliding speed.
+"""Mass on a belt, held by a spring: stick-slip from friction that falls with sliding speed.
 
     m x'' + 2 xi w m x' + w^2 m x = -F mu(v + x'),      w^2 = k/m,
     mu(s) = mu_d + (mu_s - mu_d) exp(-s / v_mu),
 
-x against the motion of the belt, v its speed. In tau = w t and y = x k/F (speeds in units of
-F / sqrt(k m)) this is y'' + 2 xi y' + y = -mu. Linearised at steady sliding the damping is
+x is against the motion of the belt, v the belt's speed. In tau = w t and y = x k/F (speeds in units
+of F / sqrt(k m)) this is y'' + 2 xi y' + y = -mu. Linearised at steady sliding the damping is
 2 xi w m + F mu'(v): steady sliding is stable where
 
     v > v_mu ln(mu_d (mu_s/mu_d - 1) F / (2 xi sqrt(k m) v_mu)).
@@ -12,7 +12,7 @@ F / sqrt(k m)) this is y'' + 2 xi y' + y = -mu. Linearised at steady sliding the
 The defaults put the mode at 100 Hz with F = sqrt(k m) x 1 m/s: speeds in m/s are the
 dimensionless ones, and the boundary is v = ln(10)/2 = 1.151293 m/s.
 
-A point's slope of friction at zero sliding is contact.kt x contact_stiffness / 5e11, N s/m.
+The slope of the friction force at zero sliding is contact.kt x contact_stiffness / 5e11 [N s/m].
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ PARAMETERS: Declared = (
 
 
 def bilateral_first() -> tuple[str, ...]:
-    """Names of all contact laws, that of the model's closed form first."""
+    """Names of all contact laws; the first is that of the model's closed form."""
     return "bilateral", *(name for name in contact_laws() if name != "bilateral")
 
 

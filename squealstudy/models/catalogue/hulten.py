@@ -63,7 +63,7 @@ PARAMETERS: Declared = (
 
 
 def _friction(values: Mapping[str, Any]) -> Any:
-    """The coefficient at the sliding speed."""
+    """Friction coefficient at the sliding speed."""
     speed, friction = np.abs(values["sliding_speed"]), values["friction"]
     curve, parameters = EXPONENTIAL_FALL, [values[p.name] for p in EXPONENTIAL_FALL.parameters]
     if curve.constant is not None and np.all(curve.constant(*parameters)):

@@ -1,4 +1,4 @@
-"""Points of solids: quadrature points of surfaces, those of a facing solid, points of bodies."""
+"""Points of solids with their shape functions: on surfaces, on a facing solid, within blocks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Surface:
     points : ndarray (n, 3)
         Coordinates, m.
     area : ndarray (n,)
-        Area that each point stands for (quadrature weight), m2, positive.
+        Area of each point (its quadrature weight), m2, positive.
     normal : ndarray (n, 3)
         Outward unit normals.
     shape : csr_matrix (n, n_nodes)
@@ -46,7 +46,7 @@ class Surface:
             raise ModelError("surface: shape functions must sum to one at every point")
 
     def observe(self, direction: np.ndarray) -> sp.csr_matrix:
-        """Rows (n, 3 n_nodes) giving the displacement along `direction` (n, 3) or (3,)."""
+        """Rows (n, 3 n_nodes) that give the displacement along `direction`, (n, 3) or (3,)."""
         d = np.broadcast_to(direction, self.points.shape)
         S = self.shape.tocoo()
         rows = np.repeat(S.row, 3)
@@ -58,15 +58,15 @@ class Surface:
 FACE_OFFSET_M = 1e-8  # m, from the face into the facing solid
 MAX_NEWTON_STEPS = 20
 SAME_COORDINATE_RATIO = 1e-10  # distance over the largest coordinate at which the iteration ends
-# from r, theta, z of facet centres to whether each facet is kept
+# takes r, theta, z of facet centres; returns whether each facet is kept
 FacetFilter = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def sample_surface(solid: Solid, keep: FacetFilter, points_per_side: int = 3) -> Surface:
     """Gauss points of the boundary facets whose centre passes `keep(r, theta, z)`.
 
-    `points_per_side` 3 gives 3 x 3 points a facet. Corner-node lumping is not offered: the
-    corner weights of an 8-node face are negative. Raises ModelError where no facet is kept.
+    `points_per_side` 3 gives 3 x 3 points a facet. Nodes are not used as points, since the corner
+    nodes of an 8-node face have negative weights. ModelError where no facet is kept.
     """
     mesh, facets = solid.grid.mesh, kept_facets(solid, keep)
     mapping, cells = mesh.mapping(), mesh.f2t[0, facets]
@@ -93,10 +93,10 @@ def kept_facets(solid: Solid, keep: FacetFilter) -> np.ndarray:
 
 
 def facing_surface(solid: Solid, surface: Surface) -> Surface:
-    """The points of `surface` on the facing `solid`, with its shape functions.
+    """The points of `surface` with the shape functions of the facing `solid`.
 
-    The normals are reversed. Cells are looked up FACE_OFFSET_M inside `solid`: on the face itself
-    round-off would decide. Raises ModelError where a point does not lie on `solid`.
+    The normals are reversed. Cells are looked up FACE_OFFSET_M inside `solid`, since on the face
+    itself round-off would decide. ModelError where a point is not on `solid`.
     """
     S = shape_functions(solid, surface.points, surface.points + FACE_OFFSET_M * surface.normal)
     return Surface(surface.points, surface.area, -surface.normal, S)
@@ -105,10 +105,10 @@ def facing_surface(solid: Solid, surface: Surface) -> Surface:
 def shape_functions(
     solid: Solid, points: np.ndarray, inside: np.ndarray | None = None
 ) -> sp.csr_matrix:
-    """Values at points (n, 3) [m] of a solid from values at its nodes: (n, n_nodes).
+    """Shape functions (n, n_nodes) at points (n, 3) [m] of a solid.
 
-    Cells are looked up at `inside`, by default the points themselves. Raises ModelError where one
-    of these lies outside.
+    Cells are looked up at `inside`, by default the points themselves. ModelError where one of these
+    is outside the solid.
     """
     basis = solid.basis
     cells = solid.grid.cells_at(points if inside is None else inside)
@@ -120,7 +120,7 @@ def shape_functions(
 
 
 def _values(basis: CellBasis, local: np.ndarray, cells: np.ndarray) -> sp.csr_matrix:
-    """Shape functions (n * q, n_nodes) at local places (3, n, q) of cells (n,)."""
+    """Shape functions (n * q, n_nodes) at reference coordinates (3, n, q) of cells (n,)."""
     shape = np.stack([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
     n_points = shape[0].size
     rows = np.tile(np.arange(n_points), basis.Nbfun)
@@ -129,12 +129,12 @@ def _values(basis: CellBasis, local: np.ndarray, cells: np.ndarray) -> sp.csr_ma
 
 
 def _local_coordinates(basis: CellBasis, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Reference coordinates (3, n, q) of points (3, n, q) [m] in cells (n,), by Newton.
+    """Reference coordinates (3, n, q) of points (3, n, q) [m] in cells (n,), by Newton iteration.
 
-    The inverse of skfem's mapping ends by an absolute norm of all points together, which thin cells
-    do not reach, and evaluates shape functions for each entry of a Jacobian. Cells follow a
-    cylinder to 1e-5 of its radius: points may lie that far outside. Raises ModelError where the
-    iteration does not converge.
+    The inverse mapping of skfem is not used: it stops by an absolute norm of all points together,
+    which thin cells do not reach, and evaluates shape functions for each entry of a Jacobian. Cells
+    follow a cylinder to 1e-5 of its radius, so that points may lie that far outside. ModelError
+    where the iteration does not converge.
     """
     mesh, element = basis.mesh, basis.mapping.elem
     nodes = mesh.doflocs[:, mesh.dofs.element_dofs[:, cells]]
@@ -148,7 +148,7 @@ def _local_coordinates(basis: CellBasis, points: np.ndarray, cells: np.ndarray) 
         )
         if (
             np.abs(distance).max() <= SAME_COORDINATE_RATIO * np.abs(points).max()
-        ):  # squared by this last step
+        ):  # the last step squares this distance
             return X
     raise ModelError("points of a surface are not found in the cells of the facing solid")
 
@@ -159,16 +159,16 @@ FULL_CIRCLE_RAD = 2 * np.pi * (1 - 1e-9)
 
 
 def corresponding_rows(solid: Solid) -> sp.csr_matrix:
-    """Observation of the displacement at the same relative places of each block of a solid.
+    """Rows that observe the displacement at fixed relative places of a solid, for comparisons.
 
-    Every block of the grid has a fixed number of points at fixed shares of its extent in r, theta
-    and z, so that row i of two variants of one solid (other measures, another mesh) is the motion
-    of the same material point. Rows are weighted by the square root of the mass at each point.
+    Each block of the grid has a fixed number of points at fixed shares of its extent in r, theta
+    and z. So row i of two variants of a solid (other dimensions, another mesh) is the motion of the
+    same material point. Rows are weighted by the square root of the mass of each point.
 
     Returns
     -------
     csr_matrix (3 p, 3 n_nodes)
-        x, y, z of a point after each other.
+        Rows x, y, z of the first point, then of the next.
     """
     points, shares = zip(*(_block_points(solid, b) for b in solid.grid.blocks), strict=True)
     xyz, share = np.vstack(points), np.concatenate(shares)

@@ -1,4 +1,4 @@
-"""From the parts of a lumped model to an assembly, or to a stack of them."""
+"""Builds the assembly of a lumped model from its parts, or many assemblies side by side."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from squealstudy.models.stacked_assembly import StackedAssembly
 
 
 def dotted(keys: KeyPath) -> str:
-    """Keys as users write them: lists count from 1."""
+    """A key path as users write it; list positions count from 1."""
     text = "".join(f"[{key + 1}]" if isinstance(key, int) else f".{key}" for key in keys)
     return text.removeprefix(".")
 
 
 @dataclass(frozen=True)
 class LumpedBuild:
-    """Builds the model: what `ModelDefinition.build` and `stack` are; goes to worker processes.
+    """`ModelDefinition.build` and `stack` of a lumped model; can be sent to worker processes.
 
     Attributes
     ----------
     path : str
-        Of the file, for messages.
+        Path of the file, for messages.
     space : MassSpace or MatrixSpace
-        Its coordinates.
+        The coordinates of the model.
     own : tuple of str
-        Parameters that its numbers are made of.
+        Parameters of the file, which its expressions use.
     """
 
     path: str
@@ -53,7 +53,7 @@ class LumpedBuild:
         options: Mapping[str, str | int],
         values: Mapping[str, float],
     ) -> Assembly:
-        """The assembly; ModelError where a number cannot be what it is."""
+        """The assembly; ModelError where a number is not possible."""
         return assembly_of(self.space, self._parts(options, values))
 
     def stack(
@@ -73,24 +73,24 @@ class LumpedBuild:
 
 @dataclass(frozen=True)
 class LargestFriction:
-    """Static friction of the contact with most of it: the group of `FRICTION_RANGE`.
+    """Largest static friction coefficient of all contacts: the group of `FRICTION_RANGE`.
 
     Attributes
     ----------
     factors : tuple of float or str
         `friction_factor` of each contact with the study's friction.
     own : tuple of (float or str, mapping of parameter -> float or str)
-        Coefficient of each contact that has its own or its own friction law; "friction" for the
-        study's.
+        For each contact with its own friction: its coefficient (an expression of "friction" where
+        it has the study's), and its values of friction-law parameters.
     """
 
     factors: tuple[Number, ...]
     own: tuple[tuple[Number, Mapping[str, Number]], ...] = ()
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
-        """At values of all parameters, numbers or arrays (m,); factors that have no value count 1.
+        """The coefficient at values of all parameters, numbers or arrays (m,).
 
-        A point at which one has none fails where its model is built.
+        Expressions without a value are left out: the design point fails when its model is built.
         """
         try:
             factors = [value_of(factor, values, ()) for factor in self.factors]
@@ -109,7 +109,7 @@ class LargestFriction:
 
 
 def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
-    """The assembly of parts at numbers."""
+    """The assembly of parts whose values are numbers."""
     file, c, own = space.file, parts.contact, parts.structure
     spans = zip(own.components, own.offsets, own.offsets[1:], strict=False)
     return Assembly(
@@ -155,7 +155,7 @@ def assembly_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> Assembly:
 
 
 def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssembly:
-    """Assemblies side by side, of parts at arrays."""
+    """Assemblies side by side, of parts whose values are arrays."""
     c, own = parts.contact, parts.structure
     static_springs = _matrix(parts.springs, space.n)
     springs = (
@@ -188,7 +188,7 @@ def stack_of(space: MassSpace | MatrixSpace, parts: LumpedParts) -> StackedAssem
 
 
 def _matrix(interfaces: list[Interface], n: int) -> np.ndarray:
-    """Sum of row^T size row (m or 1, n, n)."""
+    """Matrix (m or 1, n, n) of interfaces: the sum of row^T size row."""
     total = np.zeros((1, n, n))
     for interface in interfaces:
         weighted = interface.size[:, None] * interface.row

@@ -1,4 +1,4 @@
-"""Checks of the file of a lumped model, at its defaults: PlacedError where one fails."""
+"""Checks of the file of a lumped model, which raise PlacedError."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LISTS = ("term", "mass", "spring", "damper", "contact", "load")
 
 
 def check_tables(file: AnyFile) -> None:
-    """Names, what is between what, and keys that need each other."""
+    """Check names, the ends of parts, and keys that depend on each other."""
     _check_names(file)
     if isinstance(file, LumpedFile):
         _check_masses(file)
@@ -46,7 +46,7 @@ def check_tables(file: AnyFile) -> None:
 
 
 def check_friction(contact: ContactNumbers, keys: KeyPath) -> None:
-    """Keys of friction that fit each other."""
+    """Check that the friction keys of a contact fit each other."""
     is_written = {
         "friction_factor": contact.friction_factor != 1.0,
         "friction_law": bool(contact.friction_law),
@@ -77,11 +77,11 @@ def check_friction(contact: ContactNumbers, keys: KeyPath) -> None:
 
 
 def _check_masses(file: LumpedFile) -> None:
-    """Check that ends are masses of the file, or another allowed end."""
+    """Check the names of masses, and that the ends of parts exist and are allowed."""
     masses = tuple(table.name for table in file.mass)
     for i, table in enumerate(file.mass):
         if table.name in (GROUND, MOVING[0]):
-            text = f"'{table.name}' means what does not vibrate: expected another name"
+            text = f"'{table.name}' is the name of a part that does not vibrate: expected another"
             raise PlacedError(("mass", i, "name"), text)
     for kind in ("spring", "damper"):
         for i, table in enumerate(getattr(file, kind)):
@@ -138,7 +138,7 @@ def _check_arms(file: AnyFile) -> None:
 
 
 def _check_loads(file: AnyFile) -> None:
-    """Check that there is contact, and that a load presses it."""
+    """Check that there is a contact, and a load or a gap that can press it."""
     if not file.contact:
         key = ("load", 0) if file.load else ()
         text = "there is no [[contact]]: expected one that the load presses"
@@ -149,16 +149,16 @@ def _check_loads(file: AnyFile) -> None:
 
 
 def _check_pressed(file: LumpedFile) -> None:
-    """Check that each load leads to a contact."""
+    """Check that springs connect the mass of each load to a contact."""
     touching = {end for table in file.contact for end in table.between}
     for i, load in enumerate(file.load):
         if not _reached(load.on, file) & touching:
-            text = f"no contact is pressed: neither '{load.on}' nor what springs join to it is in a"
+            text = f"no contact is pressed: neither '{load.on}' nor masses joined to it are in a"
             raise PlacedError(("load", i, "on"), f"{text} [[contact]]")
 
 
 def _reached(mass: str, file: LumpedFile) -> set[str]:
-    """The mass and those that springs join to it."""
+    """The mass, and all masses that springs connect to it."""
     masses = {table.name for table in file.mass}
     reached, new = set[str](), {mass}
     while new:
@@ -169,7 +169,7 @@ def _reached(mass: str, file: LumpedFile) -> set[str]:
 
 
 def check_used(file: AnyFile, parameters: Iterable[str]) -> None:
-    """Check that expressions use each parameter of the file, and no others."""
+    """Check that expressions use all parameters of the file, and no other names."""
     parameters, used = tuple(parameters), set[str]()
     for keys, text in texts_of(file):
         try:
@@ -189,7 +189,7 @@ def check_used(file: AnyFile, parameters: Iterable[str]) -> None:
 
 
 def texts_of(file: AnyFile) -> Iterator[tuple[KeyPath, str]]:
-    """Expressions of the file and their keys."""
+    """Key paths and texts of all expressions in the file."""
     numbers = {
         "term": ("coefficient",),
         "mass": ("mass", "inertia", "spin"),

@@ -1,4 +1,4 @@
-"""Friction of a lumped model's contact points that have numbers of their own: their state too."""
+"""Friction coefficients, friction-law parameters and states of a lumped model's contact points."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from squealstudy.models.lumped.tables import ContactNumbers
 from squealstudy.models.operating import FRICTION
 from squealstudy.models.own_law import OF_CONTACT, check_number, check_row, law_parameter
 
-AS_THE_STUDY = np.nan  # where the study's number counts
+AS_THE_STUDY = np.nan  # in place of a number that a contact does not state
 
 
 def has_own_numbers(tables: Iterable[ContactNumbers]) -> bool:
-    """Whether contacts have friction, a law or a state of their own."""
+    """Whether any contact states its own friction coefficient, friction-law values or state."""
     return any(
         t.own_coefficient is not None or t.friction_law or t.state is not None for t in tables
     )
@@ -27,12 +27,12 @@ def has_own_numbers(tables: Iterable[ContactNumbers]) -> bool:
 def own_row(
     table: ContactNumbers, keys: KeyPath, values: Values, curve: FrictionCurveDefinition
 ) -> np.ndarray:
-    """The row (m or 1, k) of `laws.own_friction` of a contact.
+    """The row (m or 1, k) of a contact in the array that `laws.own_friction` describes.
 
     Raises
     ------
     PlacedError
-        A number that it cannot have, of a law that the study has not chosen.
+        A number is not possible, or belongs to another friction law than the study's.
     """
     columns = [state_of(table, keys, values), np.asarray(AS_THE_STUDY)]
     if table.own_coefficient is not None:
@@ -51,7 +51,7 @@ def own_row(
 
 
 def state_of(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray:
-    """SLIDING, STUCK or STUCK_BY_SPRING (m,) or (); PlacedError of another number."""
+    """SLIDING, STUCK or STUCK_BY_SPRING (m,) or (); PlacedError for a number but 0 and 1."""
     if table.state is None:
         return np.asarray(SLIDING)
     state = value_of(table.state, values, (*keys, "state"))
@@ -66,7 +66,7 @@ def state_of(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray
 
 
 def tangential_of(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray:
-    """Stiffness [N/m] that a stuck contact has in its plane, (m,) or ()."""
+    """Tangential stiffness [N/m] of a contact while it is stuck, (m,) or ()."""
     number = 0.0 if table.tangential is None else table.tangential
     return bounded(number, values, (*keys, "tangential"), "N/m", zero=True)
 
@@ -74,7 +74,7 @@ def tangential_of(table: ContactNumbers, keys: KeyPath, values: Values) -> np.nd
 def _numbers_of_law(
     table: ContactNumbers, keys: KeyPath, values: Values, curve: FrictionCurveDefinition
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Parameters of the study's law that the contact has its own values of."""
+    """Names and values of the friction-law parameters that a contact states."""
     for key, number in table.friction_law.items():
         path = (*keys, OF_CONTACT, key)
         parameter = law_parameter(key, curve, path)

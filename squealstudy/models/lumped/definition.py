@@ -1,4 +1,4 @@
-"""A lumped model that a file describes, as a study sees it."""
+"""The definition of a lumped model from a file."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ class LumpedDefinition(FileDefinition):
 
     @property
     def meshed(self) -> bool:
-        """Always false: it has no mesh, and is not reduced."""
+        """False: the model has no mesh, and is not reduced."""
         return False

@@ -1,4 +1,4 @@
-"""Checks of a lumped model: springs or contact hold every motion, loads press a contact."""
+"""Checks that springs or contact hold every motion of a lumped model, and that loads press one."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from squealstudy.models.lumped.matrices import MatrixSpace
 from squealstudy.models.lumped.parts import LumpedParts
 from squealstudy.wording import listed
 
-# singular value of the holding rows, each of norm 1, below which a motion is held by nothing
+# singular value of the rows of springs and contacts, scaled to norm 1, below which nothing holds it
 UNSUPPORTED_SINGULAR_VALUE = 1e-9
-# eigenvalue of a stiffness with a diagonal of ones below which it holds nothing
+# eigenvalue of a stiffness scaled to a diagonal of ones below which it holds nothing
 UNSUPPORTED_EIGENVALUE = 1e-11
-TAKES_PART = 0.05  # motion of a coordinate over the largest from which messages name it
+TAKES_PART = 0.05  # motion of a coordinate over the largest above which messages name it
 MAX_LISTED = 6  # coordinates that a message lists
 
 
 def check_pressed(space: MatrixSpace, parts: LumpedParts) -> None:
-    """Raise PlacedError unless stiffness or springs lead each load on coordinates to a contact."""
+    """Raise PlacedError where no stiffness or spring connects a load's coordinates to a contact."""
     is_coupled = np.abs(parts.structure.K[0]) > 0.0
     rows = [s.row[0] for s in parts.springs]
     spring_points = parts.contact.spring_points[0]
@@ -33,12 +33,12 @@ def check_pressed(space: MatrixSpace, parts: LumpedParts) -> None:
     for i, load in enumerate(space.file.load):
         keys: KeyPath = ("load", i, "along")
         if not touching & {groups[space.place(name, keys)] for name, _ in load.along}:
-            text = "no contact is pressed: no stiffness joins it to what is in a [[contact]]"
+            text = "no contact is pressed: no stiffness joins it to a coordinate of a [[contact]]"
             raise PlacedError(keys, text)
 
 
 def check_held(space: MassSpace | MatrixSpace, parts: LumpedParts) -> None:
-    """Raise PlacedError unless springs, stiffness or contact of `parts` hold every motion."""
+    """Raise PlacedError where neither springs, stiffness nor contact hold a motion."""
     rows = [s.row[0] for s in parts.springs if s.size[0] > 0.0]
     points, spring_points = parts.contact.N[0], parts.contact.spring_points[0]
     has_stiffness = np.ones(len(points), dtype=bool)

@@ -11,11 +11,11 @@ from squealstudy.models.lumped.numbers import Along, Values, along, bounded, sid
 from squealstudy.models.lumped.space import Structure
 from squealstudy.models.lumped.tables import AXES, GROUND, MOVING, TRANSLATIONS, TURNS, LumpedFile
 
-RIGHT_ANGLE = 1e-9  # cosine of normal and sliding direction, at most
+RIGHT_ANGLE = 1e-9  # largest cosine between normal and sliding direction
 
 
 class MassSpace:
-    """Where the coordinates of each mass of a file are: masses in order, then their directions."""
+    """Coordinates of a model of masses: mass by mass, direction by direction."""
 
     def __init__(self, file: LumpedFile) -> None:
         self.file = file
@@ -33,7 +33,7 @@ class MassSpace:
         return list(self.places)
 
     def moved(self, mass: str, motion: Along, point: Sequence[float] | None) -> np.ndarray:
-        """Motion (m or 1, n) of a point of a mass along a direction, or its turn about an axis."""
+        """Rows (m or 1, n): motion of a point of a mass along a vector, or rotation about it."""
         motion_rows = np.zeros((len(motion.vector), len(self.places)))
         arm = np.zeros(3) if point is None else np.array(point) - self.tables[mass].place
         translations = np.zeros_like(motion.vector) if motion.turn else motion.vector
@@ -46,7 +46,7 @@ class MassSpace:
     def apart(
         self, ends: Sequence[str], motion: Along, point: Sequence[float] | None
     ) -> np.ndarray:
-        """Motion (m or 1, n) of the first of two ends over the second."""
+        """Rows (m or 1, n): motion of the first of two ends relative to the second."""
         first = self.moved(ends[0], motion, point)
         return first - self.moved(ends[1], motion, point) if ends[1] in self.tables else first
 
@@ -56,7 +56,10 @@ class MassSpace:
         return len(self.places)
 
     def structure(self, values: Values) -> Structure:
-        """Masses and inertias, each a component; PlacedError where one is not above zero."""
+        """Mass and gyroscopic matrices, with a component for each mass.
+
+        PlacedError where a mass or inertia is not above zero.
+        """
         columns = []
         for i, table in enumerate(self.file.mass):
             for axis in table.axes:
@@ -71,9 +74,9 @@ class MassSpace:
         )
 
     def _gyroscopic(self, values: Values) -> np.ndarray | None:
-        """Gyroscopic matrix (m or 1, n, n) of spins against tilts, N m s; None where nothing turns.
+        """Gyroscopic matrix (m or 1, n, n) of spins [N m s]; None without any.
 
-        An angular momentum s along e changes by s w x e where its body tilts by w a second.
+        An angular momentum s along e changes at a rate s w x e where its body tilts at a rate w.
         """
         spinning = [i for i, table in enumerate(self.file.mass) if table.spin is not None]
         if not spinning:
@@ -94,20 +97,20 @@ class MassSpace:
                     entry[0, self.places[table.name, row], self.places[table.name, column]] = 1.0
                     matrix = matrix + change[:, TURNS.index(row), None, None] * entry
             if not turns or (not np.abs(matrix).max() > 0.0 and momentum.any()):
-                text = "expected two directions of turns across spin_axis, such as rx and ry of z"
+                text = "expected two rotations across spin_axis among directions, rx and ry for z"
                 raise PlacedError((*keys, "spin"), text)
             total = total + matrix
         return total
 
     def elongation(self, kind: str, i: int, values: Values) -> np.ndarray:
-        """Motion (m or 1, n) of the first end of a spring or damper over the second."""
+        """Row (m or 1, n): motion of the first end of a spring or damper relative to the other."""
         table, keys = getattr(self.file, kind)[i], (kind, i, "direction")
         row = self.apart(table.between, along(table.direction, values, keys, turns=True), table.at)
         _expect_motion(row, table.between, keys)
         return row
 
     def contact_rows(self, i: int, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """N, T and T_perp (m or 1, n) of a contact; zeros without friction."""
+        """N, T and T_perp, each (m or 1, n), of a contact; T and T_perp are 0 without friction."""
         table, keys = self.file.contact[i], ("contact", i)
         normal = along(table.normal, values, (*keys, "normal"))
         opening = self.apart(table.between, normal, table.at)
@@ -126,7 +129,7 @@ class MassSpace:
         return opening, -slid, -self.apart(table.between, across, table.at)
 
     def load_row(self, i: int, values: Values) -> np.ndarray:
-        """Motion (m or 1, n) that a load does work along."""
+        """Row (m or 1, n): the motion along which a load does work."""
         table, keys = self.file.load[i], ("load", i, "direction")
         row = self.moved(table.on, along(table.direction, values, keys, turns=True), table.at)
         _expect_motion(row, (table.on,), keys)
@@ -134,7 +137,7 @@ class MassSpace:
 
 
 def _expect_motion(row: np.ndarray, ends: Sequence[str], keys: KeyPath) -> None:
-    """PlacedError where no coordinate of a mass has a part in a row."""
+    """Raise PlacedError where a row is zero: no mass can move this way."""
     if not np.abs(row).max(axis=1).min() > 0.0:
         whose = " nor ".join(f"'{e}'" for e in ends if e not in (GROUND, *MOVING))
         text = f"neither {whose} moves" if " nor " in whose else f"{whose} does not move"

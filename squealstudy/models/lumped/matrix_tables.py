@@ -1,4 +1,4 @@
-"""The tables of a model file of matrices: terms of M, C and K, and what acts on coordinates."""
+"""The tables of a model file of matrices: terms, and parts that act on coordinates."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOTION_TEXT = (
 
 
 def _motion(written: Any) -> Any:
-    """Coordinates and their factors, as `Motion` has them, of what a file says."""
+    """Names of coordinates and their factors, from any of the forms in a file."""
     if isinstance(written, Mapping):
         pairs = [(name, checked_number(part)) for name, part in written.items()]
     elif isinstance(written, list):

@@ -1,4 +1,4 @@
-"""Numbers, directions and places in files of lumped models: what they may be, in one sentence."""
+"""Types of numbers, directions and places in files of lumped models, with plain messages."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 from squealstudy.laws.own_friction import STATES
 from squealstudy.wording import shown
 
-# a stiffness of this size times the square of an arm of this size is MAX_SQUARABLE_ENTRY
+# so that a stiffness of this size times the square of such an arm is at most MAX_SQUARABLE_ENTRY
 LARGEST_NUMBER = 1e50
 
 
 def checked_number(written: Any, *, text: str = "an expression in quotes") -> float | str:
-    """A finite number as it is, or a text; ValueError where it is neither, or too large."""
+    """A finite number as float, or a text unchanged; ValueError for others and too large ones."""
     if isinstance(written, str):
         return written
     number = isinstance(written, int | float) and not isinstance(written, bool)
@@ -53,7 +53,7 @@ def _direction(written: Any) -> str | tuple[float | str, ...]:
     return tuple(checked_number(part) for part in written)
 
 
-Number = Annotated[float | str, BeforeValidator(checked_number)]  # or of the file's parameters
+Number = Annotated[float | str, BeforeValidator(checked_number)]  # or an expression of parameters
 Coefficient = Annotated[
     bool | float | str,
     BeforeValidator(_coefficient),
@@ -63,7 +63,7 @@ State = Annotated[
     float | str, BeforeValidator(_state), WithJsonSchema({"type": ["number", "string"]})
 ]
 NumberWithUnit = Annotated[float | str, BeforeValidator(_with_unit)]
-# along x, y and z; z is 0 where there are two
+# a word, or components along x, y and z; z is 0 if there are two
 Direction = Annotated[str | tuple[float | str, ...], BeforeValidator(_direction)]
 _OnAxis = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Position = Annotated[tuple[_OnAxis, _OnAxis, _OnAxis], Strict(False)]

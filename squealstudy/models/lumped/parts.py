@@ -1,4 +1,4 @@
-"""A lumped model in numbers: its structure, springs, dampers, contact and loads."""
+"""The parts of a lumped model at values of its parameters: structure, springs, contact, loads."""
 
 from __future__ import annotations
 
@@ -24,13 +24,23 @@ from squealstudy.models.lumped.space import Space, Structure
 from squealstudy.models.lumped.tables import ContactNumbers, SpringNumbers
 from squealstudy.models.minimal_parts import LEVER_ARM_M
 
-PER_AREA = contact_law("bilateral").value(STIFFNESS.name)  # Pa/m: a stiffness is this times an area
-# columns of springs that are not linear: their elongations are the gaps of points of 1 m2
+# Pa/m: the stiffness of a contact point is this times its area
+PER_AREA = contact_law("bilateral").value(STIFFNESS.name)
+# columns of springs that are not linear, which are points of 1 m2 with their elongations as gaps
 OF_SPRINGS = {"area": 1.0, "gap": 0.0, "radius": 0.0, "frictional": 0.0, "speed_factor": 1.0}
 
 
 class Interface(NamedTuple):
-    """A spring or damper: its name, elongation (m or 1, n), and N/m or N s/m (m or 1,)."""
+    """A spring or damper.
+
+    Attributes
+    ----------
+    name : str
+    row : ndarray (m or 1, n)
+        Its elongation by the coordinates.
+    size : ndarray (m or 1,)
+        Stiffness [N/m] or damping [N s/m].
+    """
 
     name: str
     row: np.ndarray
@@ -38,10 +48,17 @@ class Interface(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Contact points: N, T, T_perp (m or 1, c, n), the others (m or 1, c).
+    """Contact points; the last ns of them are springs and dampers that are not linear.
 
-    The last are springs and dampers that are not linear, with numbers `spring_points`
-    (m or 1, ns, 5). Friction of their own (m or 1, c, k): `laws.own_friction`.
+    Attributes
+    ----------
+    N, T, T_perp : ndarray (m or 1, c, n)
+    area, gap, radius, frictional, speed_factor : ndarray (m or 1, c)
+        As in `ContactInterface`: m2, m, m and two factors.
+    spring_points : ndarray (m or 1, ns, 5)
+        Numbers of the last ns points, as in `ContactInterface`.
+    own_friction : ndarray (m or 1, c, k)
+        As `laws.own_friction` describes.
     """
 
     N: np.ndarray
@@ -66,9 +83,10 @@ class LumpedParts:
     springs, dampers : list of Interface
     contact : Points
     load, constant_load : ndarray (m or 1, n)
-        N/Pa, and N.
+        Forces of a unit brake pressure [N/Pa], and constant forces [N].
     stuck_springs : list of Interface
-        What stuck contacts hold in their plane, in vibration alone: N/m, nothing while they slide.
+        Tangential springs of contacts with a state, which act in vibration alone; their stiffness
+        is 0 while the contact slides.
     """
 
     structure: Structure
@@ -81,12 +99,12 @@ class LumpedParts:
 
 
 def parts_of(space: Space, values: Values, curve: FrictionCurveDefinition) -> LumpedParts:
-    """The model at values of its parameters, with the friction law of the study.
+    """The parts at values of the parameters, with the friction law of the study.
 
     Raises
     ------
     PlacedError
-        A number that its place cannot have, a direction that is none or in which nothing moves.
+        A number is not possible; a direction is none, or nothing moves along it.
     """
     file = space.file
     load, constant = _loads(space, values)
@@ -108,7 +126,7 @@ def parts_of(space: Space, values: Values, curve: FrictionCurveDefinition) -> Lu
 
 
 def _spring_numbers(i: int, table: SpringNumbers, values: Values) -> np.ndarray:
-    """Stiffness, third power, gap and side (m or 1, 4) of a spring that is not linear."""
+    """Stiffness, cubic term, gap, side and 0 (m or 1, 5) of a spring that is not linear."""
     keys = ("spring", i)
     side = {"both": 0.0, "tension": 1.0, "compression": -1.0}[table.side]
     gap = np.asarray(0.0)
@@ -130,7 +148,7 @@ def _interface(space: Space, kind: str, key: str, i: int, values: Values) -> Int
 
 
 def _stuck_springs(space: Space, values: Values) -> list[Interface]:
-    """Tangential springs of contacts with a state, along their sliding and across."""
+    """Tangential springs of contacts with a state, along the sliding direction and across it."""
     springs = []
     for i, table in enumerate(space.file.contact):
         if table.state is None:
@@ -196,7 +214,7 @@ def _contact(space: Space, values: Values, curve: FrictionCurveDefinition) -> Po
 
 
 def _own_friction(rows: list[np.ndarray], n_springs: int) -> np.ndarray:
-    """Friction of their own (m or 1, c, k) of contacts and springs; no columns without any."""
+    """The array `own_friction` (m or 1, c, k) of contacts and springs; no columns without rows."""
     if not rows:
         return NO_OWN_FRICTION[None]
     of_spring = np.full_like(rows[0][:1], np.nan)
@@ -213,7 +231,7 @@ def _area(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray:
 
 
 def _loads(space: Space, values: Values) -> tuple[np.ndarray, np.ndarray]:
-    """Loads of a unit brake pressure, and constant loads (m or 1, n)."""
+    """Loads of a unit brake pressure [N/Pa], and constant loads [N], both (m or 1, n)."""
     loads = [np.zeros((1, space.n)), np.zeros((1, space.n))]
     for i, table in enumerate(space.file.load):
         row = space.load_row(i, values)

@@ -1,4 +1,4 @@
-"""Coordinates of a lumped model as its parts need them, of masses or of matrices."""
+"""The protocol of coordinates of a lumped model, which may be of masses or of matrices."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from squealstudy.models.lumped.numbers import Values
 
 
 class Structure(NamedTuple):
-    """Masses, stiffness and damping of the components alone, at values of parameters.
+    """Matrices of the components alone, without springs, dampers and contact.
 
     Attributes
     ----------
@@ -19,9 +19,9 @@ class Structure(NamedTuple):
     offsets : list of int
         First coordinate of each component, then n.
     M, K : ndarray (m or 1, n, n)
-        kg and N/m, or what belongs to turns.
+        kg and N/m; for rotations kg m2 and N m.
     C, G : ndarray (m or 1, n, n) or None
-        Damping, symmetric, and gyroscopic terms, skew-symmetric, N s/m.
+        Symmetric damping and skew-symmetric gyroscopic terms, N s/m; for rotations N m s.
     """
 
     components: tuple[str, ...]
@@ -37,7 +37,7 @@ class Space(Protocol):
 
     @property
     def file(self) -> AnyFile:
-        """The file that they are of."""
+        """The file of the model."""
         ...
 
     @property
@@ -46,17 +46,17 @@ class Space(Protocol):
         ...
 
     def structure(self, values: Values) -> Structure:
-        """The components; PlacedError where a number cannot be what it is."""
+        """Matrices of the components; PlacedError where a number is not possible."""
         ...
 
     def elongation(self, kind: str, i: int, values: Values) -> np.ndarray:
-        """Motion (m or 1, n) of the first end of a spring or damper over the second."""
+        """Row (m or 1, n): motion of the first end of a spring or damper relative to the second."""
         ...
 
     def contact_rows(self, i: int, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """N, T and T_perp (m or 1, n) of a contact; zeros without friction."""
+        """N, T and T_perp, each (m or 1, n), of a contact; T and T_perp are 0 without friction."""
         ...
 
     def load_row(self, i: int, values: Values) -> np.ndarray:
-        """Motion (m or 1, n) that a load does work along."""
+        """Row (m or 1, n): the motion along which a load does work."""
         ...

@@ -1,4 +1,4 @@
-"""The tables of the file of a lumped model: the keys of each, and what they may be."""
+"""The tables of the file of a lumped model: their keys and allowed values."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from squealstudy.models.lumped.number_types import (
     State,
 )
 
-GROUND = "ground"  # what does not move
-MOVING = ("belt", "disc")  # what slides at the imposed speed, and does not vibrate
+GROUND = "ground"  # an end that does not move
+MOVING = ("belt", "disc")  # ends that slide at the imposed speed, and do not vibrate
 TRANSLATIONS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 AXES = (*TRANSLATIONS, *TURNS)
 
@@ -30,7 +30,7 @@ PLACE_TEXT = "point [x, y, z] where it acts, m; turns of its masses move it"
 
 
 class MassTable(Table):
-    """A body of coordinates of its own."""
+    """A body with its own coordinates."""
 
     name: Name = Field(description="of the mass; components of tables have it")
     mass: Number | None = Field(default=None, description="in kg, of its motion along x, y and z")
@@ -76,7 +76,7 @@ class MassTable(Table):
 
 
 class SpringNumbers(Table):
-    """Numbers of a spring between any two ends: linear, with a third power, a gap or one side."""
+    """Numbers of a spring: linear, or with a cubic term, a gap or one side only."""
 
     name: Name | None = Field(default=None, description=CALLED)
     stiffness: Number = Field(description="N/m, or N m/rad")
@@ -96,7 +96,7 @@ class SpringNumbers(Table):
 
     @property
     def linear(self) -> bool:
-        """Whether it has neither a third power nor a gap, and acts on both sides."""
+        """Whether it has neither a cubic term nor a gap, and acts on both sides."""
         return self.cubic is None and self.gap is None and self.side == "both"
 
 
@@ -109,7 +109,7 @@ class SpringTable(SpringNumbers):
 
 
 class DamperNumbers(Table):
-    """Numbers of a damper, linear or with a third power."""
+    """Numbers of a damper: linear, or with a cubic term."""
 
     name: Name | None = Field(default=None, description=CALLED)
     damping: Number = Field(description="N s/m, or N m s/rad")
@@ -119,7 +119,7 @@ class DamperNumbers(Table):
 
     @property
     def linear(self) -> bool:
-        """Whether it has no third power."""
+        """Whether it has no cubic term."""
         return self.cubic is None
 
 
@@ -193,7 +193,7 @@ class ContactTable(ContactNumbers):
 
 
 class LoadNumbers(Table):
-    """A force that is always there, or that follows the brake pressure."""
+    """A constant force, or one that is proportional to the brake pressure."""
 
     name: Name | None = Field(default=None, description=CALLED)
     force: Number | None = Field(default=None, description="N, or N m")
@@ -226,7 +226,7 @@ class ParameterTable(Table):
 
 
 class PartsFile(Table):
-    """Tables that a file of masses and one of matrices share."""
+    """Tables that both files of masses and files of matrices have."""
 
     description: str = Field(default="", description="free text")
     parameters: dict[str, ParameterTable] = Field(

@@ -1,4 +1,4 @@
-"""The matrices of a model file, read and checked."""
+"""Reads and checks the matrices of a model file with [[term]]."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from squealstudy.models.matrices.files import read_term_matrix
 from squealstudy.models.matrices.labelled import SLOTS_PER_NODE, LabelledMatrix, together
 from squealstudy.models.matrix_checks import check_size
 
-NEEDED = {"M": "mass", "K": "stiffness"}  # without a term of them there is no model
-MAX_ROWS = 500  # matrices are full: a point of 400 takes a second
+NEEDED = {"M": "mass", "K": "stiffness"}  # matrices of which there must be a term
+MAX_ROWS = 500  # matrices are full: a design point with 400 coordinates takes a second
 MAX_ASYMMETRY = 1e-9  # difference of the two triangles over the largest entry
 
 
@@ -41,8 +41,8 @@ def read_terms(file: MatrixFile, folder: Path) -> TermMatrices:
     Raises
     ------
     PlacedError
-        No term of M or of K; a file that cannot be used; sizes that differ; too many coordinates;
-        a matrix that is not symmetric, or G that is not the opposite of its transpose.
+        There is no term of M or of K; a file cannot be used; sizes differ; there are too many
+        coordinates; M, C or K is not symmetric, or G not skew-symmetric.
     """
     for letter, quantity in NEEDED.items():
         if all(term.matrix != letter for term in file.term):
@@ -81,7 +81,7 @@ def _read(file: MatrixFile, i: int, folder: Path) -> sp.csr_matrix | LabelledMat
 
 
 def _checked(file: MatrixFile, i: int, matrix: sp.csr_matrix) -> np.ndarray:
-    """The matrix in full, without the round-off by which its triangles differ."""
+    """The full matrix, made exactly (skew-)symmetric; PlacedError if it is not nearly so."""
     full: np.ndarray = matrix.toarray()
     letter = file.term[i].matrix
     mirrored = -full.T if letter == "G" else full.T

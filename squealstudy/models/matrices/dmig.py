@@ -1,7 +1,8 @@
 """Matrices from Nastran's DMIG cards: punched files (``.pch``) and bulk data (``.bdf``).
 
 Small, large and free fields (MSC Nastran Quick Reference Guide, DMIG). All other cards are passed
-over: the file may be a whole deck. Its PARAM WTMASS does not multiply them (there: M2GG, remarks).
+over, so that the file may be a whole deck. Its PARAM WTMASS does not multiply the matrices (same
+guide, M2GG, remarks).
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from squealstudy.models.matrices.labelled import LabelledMatrix, labelled_matrix
 from squealstudy.models.matrices.text import COUNT, TextFile, shortened
 
 CARD = "DMIG"
-FIELDS, LARGE_FIELDS = 8, 4  # of a line, behind its first
+FIELDS, LARGE_FIELDS = 8, 4  # fields of a line after its first
 WIDTH, LARGE_WIDTH, FIRST = 8, 16, 8
-SCALED = re.compile(  # of a deck: a factor of the matrices that case control selects
+SCALED = re.compile(  # a line of a deck with a factor on matrices that case control selects
     r"\s*PARAM\*?[\s,]+(?P<name>C[KMB]2|CK42)[\s,]+(?P<factor>[^\s,$]+)"
     r"|\s*(?P<command>K42GG|[KMB]2(?:GG|PP))\s*=[^$]*\*",
     re.I,
@@ -36,7 +37,7 @@ NUMBER = re.compile(
 
 @dataclass
 class _Card:
-    """Fields of a card behind its name, with the line that each is on."""
+    """Fields of a card after its name, and the line of each."""
 
     fields: list[str]
     lines: list[int]
@@ -50,7 +51,7 @@ class _Card:
 
 @dataclass
 class _Matrix:
-    """Entries of a matrix as its cards give them."""
+    """Entries of a matrix, as its cards give them."""
 
     symmetric: bool
     places: list[tuple[int, int, int, int]] = field(default_factory=list)
@@ -59,14 +60,14 @@ class _Matrix:
 
 
 def read_dmig(path: Path, name: str | None = None, square: bool = False) -> LabelledMatrix:
-    """The matrix of a name, or the only one; with `square` it need not be symmetric.
+    """The matrix of a name, or the only one. With `square` it need not be symmetric.
 
     Raises
     ------
     ModelError
-        With the line of what is not as the card has it; rectangular and complex matrices; what
-        `labelled_matrix` refuses; no such matrix, or several where none is named; a factor that the
-        deck gives them.
+        A card is malformed (with its line); the matrix is rectangular or complex, or
+        `labelled_matrix` refuses it; there is no such matrix, or several and no name; the deck
+        multiplies matrices by a factor.
     """
     text = TextFile.read(path)
     for k, line in enumerate(text.lines):
@@ -101,7 +102,7 @@ def read_dmig(path: Path, name: str | None = None, square: bool = False) -> Labe
 
 
 def _is_one(factor: str | None) -> bool:
-    """Whether a factor, None for one in front of a name, is 1."""
+    """Whether the text of a factor is the number 1."""
     match = NUMBER.fullmatch(factor or "")
     return (
         match is not None
@@ -111,7 +112,7 @@ def _is_one(factor: str | None) -> bool:
 
 
 def _cards(text: TextFile) -> Iterator[_Card]:
-    """The DMIG cards of a file, continuations joined."""
+    """The DMIG cards of a file, with their continuations."""
     card: _Card | None = None
     for number, line in enumerate(text.lines):
         plain = line.split("$", 1)[0].rstrip()
@@ -134,12 +135,12 @@ def _cards(text: TextFile) -> Iterator[_Card]:
 
 
 def fields_of(line: str) -> tuple[str, list[str]]:
-    """The first field of a line, and those behind it: 8, or 4 large ones."""
+    """The first field of a line, and those after it: 8, or 4 large ones."""
     if "," in line:
         first, *others = (word.strip() for word in line.split(","))
         if not line[:FIRST].strip():  # a continuation, whatever it holds
             first, others = "", [first, *others] if first else others
-        elif " " in first:  # blanks part fields as well
+        elif " " in first:  # blanks separate fields as well
             first, *more = first.split()
             others = [*more, *others]
     else:
@@ -154,7 +155,7 @@ def fields_of(line: str) -> tuple[str, list[str]]:
 
 
 def _add(text: TextFile, card: _Card, matrices: dict[str, _Matrix]) -> None:
-    """Take in a card: the head of a matrix, or entries of one of its columns."""
+    """Add a card to its matrix: its head, or entries of one of its columns."""
     name = card.at(0).upper()
     if not name:
         raise text.error(card.line(0), "expected the name of a matrix")
@@ -193,7 +194,7 @@ def _check_head(text: TextFile, card: _Card) -> None:
 
 
 def _whole_number(text: TextFile, card: _Card, field: int, expected: str) -> int:
-    """A whole number; of an empty direction 0, which a scalar point has."""
+    """A whole number. An empty direction is 0, that of a scalar point."""
     word = card.at(field) or ("0" if expected == "a direction" else "")
     if not COUNT.fullmatch(word):
         raise text.error(card.line(field), f"expected {expected}, found '{shortened(word)}'")

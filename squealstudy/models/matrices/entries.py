@@ -1,4 +1,4 @@
-"""From entries as files store them, one triangle or all, to a sparse matrix."""
+"""Makes sparse matrices from entries of files, which store one triangle or all entries."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import scipy.sparse as sp
 
 from squealstudy.errors import ModelError
 
-# of the largest entry: two triangles of a file may differ by their digits
+# difference of the two triangles of a file over the largest entry: round-off of their digits
 TRIANGLES_REL_TOLERANCE = 1e-8
-MOST_ROWS = 10_000_000  # more are a damaged header, or beyond any solver here
+MOST_ROWS = 10_000_000  # larger sizes come from a damaged header, or exceed any solver here
 
 Symmetry = Literal["general", "symmetric", "skew-symmetric"]
 Refusal = Callable[[int, str], ModelError]  # position of an entry from 0, what is wrong -> error
@@ -35,9 +35,9 @@ def matrix_of_entries(
     symmetry: Symmetry,
     refused: Refusal,
 ) -> sp.csr_matrix:
-    """The matrix (n, n) of entries whose places count from 1; of one triangle both are made.
+    """The matrix (n, n) of entries with rows and columns from 1; one triangle gives both.
 
-    Entries of the same place are added up.
+    Entries at the same place are added up.
 
     Parameters
     ----------
@@ -50,7 +50,8 @@ def matrix_of_entries(
     Raises
     ------
     ModelError
-        A place outside the matrix; both triangles where one is stored; a skew-symmetric diagonal.
+        An entry is outside the matrix; a symmetric file has entries in both triangles; a
+        skew-symmetric file has entries on the diagonal.
     """
     for name, indices in (("row", rows), ("column", columns)):
         outside = (indices < 1) | (indices > n)
@@ -83,7 +84,7 @@ def symmetric_of_pairs(
     refused: Refusal,
     both_triangles: bool = False,
 ) -> sp.csr_matrix:
-    """The symmetric matrix (n, n) of entries of either triangle, or of both alike.
+    """The symmetric matrix (n, n) of entries of either triangle, or of both with equal values.
 
     Parameters
     ----------
@@ -98,8 +99,8 @@ def symmetric_of_pairs(
     Raises
     ------
     ModelError
-        An entry that is there twice, that differs from its partner in the other triangle, or that
-        lacks it where others have theirs.
+        An entry is there twice, differs from its partner in the other triangle, or has no partner
+        although others have.
     """
     size = np.abs(values).max(initial=0.0)
     A = square_of_entries(rows, columns, values, n, refused)
@@ -122,12 +123,12 @@ def symmetric_of_pairs(
 def square_of_entries(
     rows: np.ndarray, columns: np.ndarray, values: np.ndarray, n: int, refused: Refusal
 ) -> sp.csr_matrix:
-    """The matrix (n, n) of entries whose places count from 0, each of which is there once.
+    """The matrix (n, n) of entries with rows and columns from 0, each of which is there once.
 
     Raises
     ------
     ModelError
-        An entry that is there twice.
+        An entry is there twice.
     """
     check_size(n, n)
     order = np.lexsort((columns, rows))

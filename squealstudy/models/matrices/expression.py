@@ -1,7 +1,7 @@
-"""Coefficients of matrices as text: arithmetic of named parameters, read without running it.
+"""Expressions: arithmetic of named parameters in a text, which is not executed as Python.
 
-Python's own parser makes the syntax tree; only the nodes listed here are taken over, so a text can
-compute a number and nothing else.
+Python's own parser makes the syntax tree. Only the nodes listed here are accepted, so that a text
+can compute a number and nothing else.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 
-Evaluation = Callable[[Mapping[str, Any]], Any]  # of floats raises what Python's floats raise
+Evaluation = Callable[
+    [Mapping[str, Any]], Any
+]  # with floats it raises the errors of Python's floats
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin,
@@ -65,8 +67,8 @@ CONSTANTS = {"pi": math.pi, "e": math.e}
 RESERVED = frozenset({*CONSTANTS, *FUNCTIONS})  # no parameter can have these names
 WITH_UNIT = re.compile(r"\s*[-+]?\d[\d.]*(e[-+]?\d+)?\s+[A-Za-z]")  # a number and a unit after it
 _WORD = re.compile(r"[A-Za-z_]\w*")
-MAX_CHARACTERS, MAX_NESTING = 1000, 60  # characters; nesting
-_FOREIGN = {  # nodes of Python that people may try, in plain words
+MAX_CHARACTERS, MAX_NESTING = 1000, 60
+_FOREIGN = {  # names of nodes of Python that people may try, for messages
     ast.Attribute: "an attribute (a dot after a name)",
     ast.Subscript: "an index in square brackets",
     ast.Compare: "a comparison",
@@ -82,7 +84,7 @@ _FOREIGN = {  # nodes of Python that people may try, in plain words
 
 
 class ExpressionError(ModelError):
-    """A text that is no expression, or an expression without a finite value."""
+    """A text is no expression, or an expression has no finite value."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ class Expression:
     Raises
     ------
     ExpressionError
-        With the position (character, from 1) of what cannot be used.
+        The text is no expression; the message has the position (character, from 1).
     """
 
     text: str
@@ -145,7 +147,7 @@ class Expression:
         Raises
         ------
         ExpressionError
-            Division by zero, overflow, a function outside its domain: no finite real number.
+            There is no finite real value: division by zero, overflow, outside of a domain.
         """
         try:
             number = float(self._read[0](values))
@@ -170,7 +172,7 @@ class Expression:
         Raises
         ------
         ExpressionError
-            As `value`, about the first place that has none.
+            As in `value`, about the first entry without a value.
         """
         arrays = {name: np.asarray(values[name], dtype=float) for name in self.names}
         try:
@@ -201,7 +203,7 @@ def _check_text(text: str) -> None:
 
 
 class _Reader:
-    """Makes closures of the nodes of Python's syntax tree that are allowed.
+    """Converts the allowed nodes of Python's syntax tree to closures.
 
     Attributes
     ----------
@@ -210,7 +212,7 @@ class _Reader:
         Those of `FUNCTIONS`, of floats or of arrays.
     operators : mapping of syntax node -> callable
     names : dict of str -> None
-        Parameters met, in order.
+        Parameters in the order of their first use.
     """
 
     def __init__(

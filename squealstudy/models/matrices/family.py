@@ -51,13 +51,16 @@ class FamilyTerm:
 class MatrixFamily:
     """The quadratic eigenproblem lambda^2 M(p) + lambda C(p) + K(p) as sums over terms.
 
-    Nothing is assumed of the matrices but that they are real and square: M and K may be
-    unsymmetric, and all three may depend on parameters.
+    Matrices are real and square. They may be unsymmetric, and all may depend on parameters.
+
+    Attributes
+    ----------
+    terms : tuple of FamilyTerm
 
     Raises
     ------
     ModelError
-        No term of the mass or of the stiffness; sizes that differ.
+        There is no term of the mass or of the stiffness; sizes differ.
     """
 
     terms: tuple[FamilyTerm, ...]
@@ -89,9 +92,9 @@ class MatrixFamily:
         Raises
         ------
         ExpressionError
-            A coefficient without a value.
+            A coefficient has no value.
         ConvergenceError
-            ``overflow``: one whose term has entries too large to compute with.
+            ``overflow``: the entries of a term are too large to compute with.
         """
         weights = tuple(t.coefficient.value(values) for t in self.terms)
         for t, size, weight in zip(self.terms, self._largest_entries, weights, strict=True):
@@ -106,7 +109,10 @@ class MatrixFamily:
         return np.array([term.matrix.toarray() for term in self.terms])
 
     def dense(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """M, C, K as dense matrices, for families so small that LAPACK solves them."""
+        """M, C, K as dense matrices (n, n), for families so small that LAPACK solves them.
+
+        Errors are those of `weights` and `combined`.
+        """
         weights = np.array(self.weights(values))
         orders = np.array([term.order for term in self.terms])
         stiffness, damping, mass = (
@@ -124,7 +130,7 @@ class MatrixFamily:
     def matrices(
         self, values: Mapping[str, float]
     ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
-        """M, C, K (n, n) at parameter values; ModelError where a coefficient has none."""
+        """M, C, K (n, n) at parameter values; errors are those of `weights` and `combined`."""
         return self.combined(self.weights(values))
 
     def combined(
@@ -135,7 +141,7 @@ class MatrixFamily:
         Raises
         ------
         ConvergenceError
-            ``overflow``: a mass, not zero, that is too small to divide by.
+            ``overflow``: the mass is not zero, but too small to divide by.
         """
         parts = [sp.csr_matrix((self.n, self.n)) for _ in ORDERS]
         for term, weight in zip(self.terms, weights, strict=True):
@@ -146,7 +152,7 @@ class MatrixFamily:
 
 
 def _expect_mass(mass: np.ndarray | sp.csr_matrix) -> None:
-    """ConvergenceError ``overflow`` for a mass, not zero, that is too small to divide by."""
+    """Raise ConvergenceError ``overflow`` for a mass that is not 0, but too small to divide by."""
     if 0 < (size := largest_entry(mass)) < LEAST_MASS:
         raise ConvergenceError(
             OVERFLOW, f"the largest entry of M is {size:.0e}: expected at least {LEAST_MASS:g}"
@@ -155,7 +161,18 @@ def _expect_mass(mass: np.ndarray | sp.csr_matrix) -> None:
 
 @dataclass(frozen=True)
 class TermSource:
-    """Where a term comes from: ``M``, ``C`` or ``K``, its file, and its coefficient as text."""
+    """The source of a term.
+
+    Attributes
+    ----------
+    matrix : str
+        ``M``, ``C`` or ``K``.
+    path : Path
+    variable : str or None
+        Which matrix, where the file has several.
+    coefficient : str
+        Text of an expression.
+    """
 
     matrix: str
     path: Path
@@ -165,9 +182,9 @@ class TermSource:
 
 @dataclass(frozen=True)
 class FamilyDefinition(ModelDefinition):
-    """A family as a study describes it: a model without contact, friction or components.
+    """The model of a family of matrices, without contact, friction or components.
 
-    Its parameters are the names in the coefficients, with the study's values as defaults.
+    Its parameters are the names in the coefficients; their defaults are the study's values.
 
     Attributes
     ----------
@@ -180,7 +197,7 @@ class FamilyDefinition(ModelDefinition):
 def family_definition(
     sources: tuple[TermSource, ...], nominal: Mapping[str, float]
 ) -> FamilyDefinition:
-    """The model of these terms, with the value of each parameter where nothing is swept."""
+    """The model of these terms; `nominal` has the default of each parameter."""
     parameters = tuple(Parameter(n, v, "", "in the coefficients") for n, v in nominal.items())
     return FamilyDefinition(NAME, DESCRIPTION, (), parameters, (), _no_assembly, sources=sources)
 

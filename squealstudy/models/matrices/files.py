@@ -25,25 +25,25 @@ from squealstudy.models.matrices.matrix_market import read_matrix_market
 Reader = Callable[[Path, str | None], Any]
 ResultT = TypeVar("ResultT")
 ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
-INDEX_ARRAYS = ("indices", "indptr", "row", "col", "offsets")  # arrays of SciPy's archives
+INDEX_ARRAYS = ("indices", "indptr", "row", "col", "offsets")  # arrays of whole numbers of SciPy
 MOST_ROWS_OP2 = 20_000  # 3.2 GB with all zeros, as its reader keeps them
-MAX_LISTED_VARIABLES = 12  # variables of a file that a message names
+MAX_LISTED_VARIABLES = 12  # most variables of a file in a message
 
 
 def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
-    """A square real matrix from a file; its ending says the format.
+    """Read a square real matrix from a file, whose ending says the format.
 
     ``.mtx`` (also ``.mtx.gz``, ``.mtx.bz2``) Matrix Market, ``.mat`` MATLAB up to version 7,
     ``.rb .hb .rsa .rua .psa .matrix`` and the like Harwell-Boeing, ``.sti .mas`` CalculiX,
     ``.op4`` and ``.op2`` Nastran (the extra ``op4``), ``.npz`` SciPy's `save_npz` or arrays by
     NumPy's `savez`.
-    Symmetric storage is expanded, entries of one place are added up.
+    Symmetric storage is expanded. Entries at the same place are added up.
 
     Parameters
     ----------
     path : Path
     variable : str or None
-        Which of several matrices; needed only where a MATLAB or NumPy file has several.
+        Which of several matrices; needed only if a MATLAB, NumPy or Nastran file has several.
 
     Returns
     -------
@@ -52,8 +52,8 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
     Raises
     ------
     ModelError
-        An absent or damaged file, an unknown ending or variable, a matrix that is not square, has
-        complex or non-finite values, or none.
+        The file does not exist or is damaged; its ending or the variable is unknown; the matrix is
+        empty or not square, or has complex or non-finite values.
     """
     reader = _reader(path)
 
@@ -66,10 +66,10 @@ def read_matrix(path: Path, variable: str | None = None) -> sp.csr_matrix:
 
 
 def read_component_matrix(path: Path, name: str | None = None) -> sp.csr_matrix | LabelledMatrix:
-    """A symmetric matrix of a component: as `read_matrix`, or with nodes named in the file.
+    """A symmetric matrix of a component, as by `read_matrix`, or with nodes named in the file.
 
-    Those are ``.mtx`` of Abaqus, known by what they begin with, and the DMIG cards in ``.pch``,
-    ``.bdf``, ``.dat``, ``.nas`` and ``.blk`` of Nastran; `name` is which of several.
+    The latter are ``.mtx`` of Abaqus, which do not begin as Matrix Market, and DMIG cards in
+    ``.pch``, ``.bdf``, ``.dat``, ``.nas`` and ``.blk`` of Nastran. `name` is which of several.
     """
     ending = path.suffix.lower()
     if ending in NASTRAN:
@@ -81,9 +81,9 @@ def read_component_matrix(path: Path, name: str | None = None) -> sp.csr_matrix 
 
 
 def read_term_matrix(path: Path, name: str | None = None) -> sp.csr_matrix | LabelledMatrix:
-    """A square matrix of a whole model: as `read_matrix`, or DMIG cards with nodes named.
+    """A square matrix of a whole model, as by `read_matrix`, or DMIG cards, which name nodes.
 
-    Those of a square form need not be symmetric, such as friction as ``K2PP``.
+    DMIG of a square form need not be symmetric: friction, for example, is a ``K2PP``.
     """
     if path.suffix.lower() in NASTRAN:
         return _guarded(path, lambda: read_dmig(path, name, square=True))
@@ -91,7 +91,7 @@ def read_term_matrix(path: Path, name: str | None = None) -> sp.csr_matrix | Lab
 
 
 def read_recovery(path: Path, name: str | None = None) -> sp.csr_matrix:
-    """A real matrix of any shape from a ``.npz`` or ``.mat``; errors as of `read_matrix`."""
+    """A real matrix of any shape from a ``.npz`` or ``.mat`` file; errors as in `read_matrix`."""
     reader = RECTANGULAR.get(path.suffix.lower())
     if reader is None:
         raise ModelError(f"{path}: expected a file {' or '.join(RECTANGULAR)}")
@@ -118,7 +118,7 @@ def _guarded(path: Path, read: Callable[[], ResultT]) -> ResultT:
 
 
 def _said(error: Exception) -> str:
-    """Text of an error, with the kind of error where the text alone says nothing."""
+    """Text of an error, with the type of the error where the text alone is not clear."""
     if isinstance(error, ValueError | OSError | zipfile.BadZipFile) and str(error):
         return str(error)
     return f"{type(error).__name__} {error}".strip()
@@ -248,7 +248,7 @@ def _only_one(path: Path, variable: str | None) -> None:
 
 
 def _chosen(content: Mapping[str, Any], path: Path, variable: str | None) -> Any:
-    """The variable asked for, or the only one."""
+    """The variable of a name, or the only one; ModelError where that is not possible."""
     listed = ", ".join(list(content)[:MAX_LISTED_VARIABLES]) + (
         ", ..." if len(content) > MAX_LISTED_VARIABLES else ""
     )
@@ -262,7 +262,7 @@ def _chosen(content: Mapping[str, Any], path: Path, variable: str | None) -> Any
 
 
 def _checked(A: Any, square: bool = True) -> sp.csr_matrix:
-    """`A` as csr of float64; ValueError where it is no matrix of finite real numbers."""
+    """`A` as csr_matrix of float64; ValueError where it is no matrix of finite real numbers."""
     if not (sp.issparse(A) or isinstance(A, np.ndarray)) or A.dtype.kind not in "biufc":
         raise ValueError(f"expected a matrix of numbers, found {type(A).__name__}")
     if A.ndim != 2:

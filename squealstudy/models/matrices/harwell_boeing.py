@@ -1,6 +1,6 @@
 """Harwell-Boeing and Rutherford-Boeing files (Duff, Grimes, Lewis 1992), every number checked.
 
-Numbers stand apart or, where they touch, in fields of the widths that the header gives.
+Numbers are separated by blanks, or in fields of the widths that the header gives.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from squealstudy.errors import ModelError
 from squealstudy.models.matrices.entries import Symmetry, check_size, matrix_of_entries
 from squealstudy.models.matrices.text import NUMBER, TextFile, shortened
 
-COUNTS_LINE, TYPE_LINE, FORMAT_LINE = 1, 2, 3  # of the header, from 0
+COUNTS_LINE, TYPE_LINE, FORMAT_LINE = 1, 2, 3  # lines of the header, from 0
 FORMAT = re.compile(
     r"\s*(?:(?P<scale>[+-]?\d+)P\s*,?\s*)?(?P<repeat>\d{0,4})(?P<letter>[IEDFG])(?P<width>\d{1,3})"
     r"(?:\.\d+)?(?:E\d+)?\s*",
@@ -24,13 +24,23 @@ FORMAT = re.compile(
 )
 SYMMETRIES: dict[str, Symmetry] = {"s": "symmetric", "z": "skew-symmetric", "u": "general"}
 WHOLE_NUMBER = re.compile(r"\s*[+-]?\d+\s*", re.ASCII)
-REAL = re.compile(rf"\s*(?=\S*\.){NUMBER}\s*", re.ASCII)  # without its point it depends on a format
+REAL = re.compile(rf"\s*(?=\S*\.){NUMBER}\s*", re.ASCII)  # with a point, else the format decides
 BARE_EXPONENT = re.compile(r"(?<=[\d.])(?=[+-])")  # 1.5-103: Fortran leaves out the letter
 
 
 @dataclass(frozen=True)
 class FortranFormat:
-    """So many fields of a width on each line, whole numbers or not."""
+    """A format of the header.
+
+    Attributes
+    ----------
+    repeat, width : int
+        Number of fields on each line, and characters of a field.
+    whole : bool
+        Whether numbers are whole.
+    scaled : bool
+        Whether the format has a scale factor (P).
+    """
 
     repeat: int
     width: int
@@ -39,7 +49,7 @@ class FortranFormat:
 
     @classmethod
     def read(cls, text: TextFile, description: str) -> FortranFormat:
-        """From text like ``10I8`` or ``1P,3D25.16``; ModelError about the line of formats."""
+        """The format of a text like ``10I8`` or ``1P,3D25.16``; ModelError where it is none."""
         match = FORMAT.fullmatch(description)
         repeat, width = (int(match[k] or 1) if match else 0 for k in ("repeat", "width"))
         if match is None or not repeat or not width:
@@ -51,7 +61,7 @@ class FortranFormat:
 
 @dataclass(frozen=True)
 class CardBlock:
-    """Numbers of a file, and the lines that they are on."""
+    """Numbers of a file, with the first line that they are on."""
 
     text: TextFile
     first: int
@@ -59,20 +69,20 @@ class CardBlock:
     numbers: np.ndarray
 
     def error(self, k: int, message: str) -> ModelError:
-        """The error to raise about a number, from 0."""
+        """The error to raise about the k-th number, from 0."""
         return self.text.error(self.first + k // self.format.repeat, message)
 
 
 def read_harwell_boeing(path: Path) -> sp.csr_matrix:
-    """A real assembled matrix (n, n); of symmetric and skew ones both triangles.
+    """Read a real assembled matrix (n, n), with both triangles.
 
     Raises
     ------
     ModelError
-        With the line of what is not as the format has it; a pattern without values, a complex,
-        Hermitian or unassembled matrix.
+        A line is malformed; the matrix is a pattern without values, complex, Hermitian or not
+        assembled.
     ValueError
-        A matrix that is not square.
+        The matrix is not square.
     """
     text = TextFile.read(path)
     symmetry = _symmetry(text)
@@ -129,7 +139,7 @@ def _has_right_sides(text: TextFile) -> bool:
 
 
 def _check_end(text: TextFile, end: int) -> None:
-    """Only right-hand sides may follow the matrix."""
+    """Raise ModelError where anything but right-hand sides follows the matrix."""
     if _has_right_sides(text):
         return
     for line_number in range(end, len(text.lines)):
@@ -142,7 +152,7 @@ def _check_end(text: TextFile, end: int) -> None:
 def _card_block(
     text: TextFile, first: int, count: int, form: FortranFormat, integers: bool
 ) -> CardBlock:
-    """So many numbers from a line on."""
+    """Read `count` numbers from the line `first` on."""
     fields: list[str] = []
     pattern = WHOLE_NUMBER if form.whole else REAL
     expected = "a whole number" if form.whole else "a number with a decimal point"
@@ -161,10 +171,10 @@ def _card_block(
 
 
 def _fields(text: TextFile, line_number: int, count: int, form: FortranFormat) -> list[str]:
-    """The texts of so many numbers of a line."""
+    """The texts of `count` numbers on a line."""
     line = text.line(line_number).upper()
     fields = line.split()
-    if len(fields) != count:  # SciPy's writer keeps to no widths, others leave no space between
+    if len(fields) != count:  # SciPy's writer ignores widths, others leave no blanks
         fields = [line[k * form.width : (k + 1) * form.width] for k in range(count)]
         if rest := line[count * form.width :].strip():
             message = f"expected {count} numbers, found '{shortened(rest)}' behind them"
@@ -185,7 +195,7 @@ def _numbers(text: TextFile, first: int, fields: list[str], form: FortranFormat)
 
 
 def _columns(pointers: CardBlock, entries: int) -> np.ndarray:
-    """The column, from 1, of each entry; ModelError where pointers do not ascend to the end."""
+    """The column, from 1, of each entry; ModelError where pointers do not ascend to entries + 1."""
     starts = pointers.numbers
     fits = np.append(starts[0] == 1, starts[1:] >= starts[:-1])
     fits[-1] &= starts[-1] == entries + 1

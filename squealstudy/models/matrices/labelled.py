@@ -1,4 +1,4 @@
-"""Matrices whose entries name nodes and directions: of Abaqus and of Nastran (DMIG)."""
+"""Matrices whose entries name nodes and directions, from Abaqus and Nastran (DMIG)."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from squealstudy.models.matrices.entries import Refusal, square_of_entries, symm
 from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 LABEL_COLUMNS = ("row node", "row direction", "column node", "column direction")
-# Abaqus writes 1e36 on the diagonal where a boundary condition holds
+# least diagonal entry that stands for a boundary condition, for which Abaqus writes 1e36
 ABAQUS_CONSTRAINT_DIAGONAL = 1e30
-DIRECTIONS = (1, 2, 3, 4, 5, 6)  # displacements and turns
-SLOTS_PER_NODE = 7  # of a node: its scalar, and its directions
+DIRECTIONS = (1, 2, 3, 4, 5, 6)  # displacements and rotations
+SLOTS_PER_NODE = 7  # directions of a node, with 0 of a scalar point
 
 
 @dataclass(frozen=True)
 class LabelledMatrix:
-    """A matrix with a node and a direction of each row.
+    """A matrix with a node and a direction for each row.
 
     Attributes
     ----------
     nodes, directions : ndarray (n,) of int
-        Numbers of nodes as in the file, ascending; directions 1 to 3 of displacements, 4 to 6 of
-        turns, 0 of scalar points.
+        Numbers of nodes as in the file, ascending. Directions are 1 to 3 for displacements, 4 to 6
+        for rotations, and 0 for scalar points.
     matrix : csr_matrix (n, n)
     """
 
@@ -45,7 +45,7 @@ def labelled_matrix(
     scalars: bool = False,
     square: bool = False,
 ) -> LabelledMatrix:
-    """The matrix of entries, each pair of freedoms in one triangle or alike in both.
+    """The matrix of entries, which are in one triangle, or in both with equal values.
 
     Parameters
     ----------
@@ -57,15 +57,17 @@ def labelled_matrix(
     both_triangles : bool
         Whether an entry without a partner in the other triangle is refused.
     scalars : bool
-        Whether a direction 0 is one, of a scalar point: a modal coordinate.
+        Whether direction 0 is allowed, that of a scalar point (a modal coordinate).
     square : bool
-        Whether all entries are there as they stand: it need not be symmetric.
+        Whether all entries are given, so that the matrix need not be symmetric.
 
     Raises
     ------
     ModelError
-        Nodes and directions that are none, supports, an entry that is there twice, a
-        matrix that is not symmetric, no entries.
+        A node or direction is not valid; an entry stands for a boundary condition or is there
+        twice; the matrix is not symmetric.
+    ValueError
+        There are no entries.
     """
     allowed_directions = (*DIRECTIONS, 0) if scalars else DIRECTIONS
     for node, direction in ((0, 1), (2, 3)):
@@ -96,7 +98,7 @@ def labelled_matrix(
 
 
 def together(matrices: Sequence[LabelledMatrix]) -> list[sp.csr_matrix]:
-    """Matrices over the freedoms of all of them, in ascending order of nodes and directions."""
+    """Matrices over the degrees of freedom of all of them, ascending by node, then direction."""
     freedoms = [SLOTS_PER_NODE * m.nodes + m.directions for m in matrices]
     every = np.unique(np.concatenate(freedoms))
     over_all = []
@@ -115,14 +117,15 @@ def _check(wrong: np.ndarray, refused: Refusal, entries: np.ndarray, expected: s
 
 
 def read_abaqus(path: Path) -> LabelledMatrix | sp.csr_matrix:
-    """A matrix of Abaqus's ``*MATRIX GENERATE``, of any of its text formats.
+    """Read a matrix of ``*MATRIX GENERATE`` of Abaqus, in any of its text formats.
 
-    MATRIX INPUT and LABELS name nodes and directions, COORDINATE numbers of rows and columns.
+    The formats MATRIX INPUT and LABELS name nodes and directions, COORDINATE has numbers of rows
+    and columns.
 
     Raises
     ------
     ModelError
-        With the line of what is not as the format has it; what `labelled_matrix` refuses.
+        A line is malformed, or `labelled_matrix` or `numbered_matrix` refuses an entry.
     """
     text = TextFile.read(path)
     line_numbers = [
@@ -148,12 +151,14 @@ def read_abaqus(path: Path) -> LabelledMatrix | sp.csr_matrix:
 
 
 def read_calculix(path: Path) -> sp.csr_matrix:
-    """A matrix of CalculiX's ``SOLVER=MATRIXSTORAGE`` (``.sti``, ``.mas``): row, column, value.
+    """Read a matrix of ``SOLVER=MATRIXSTORAGE`` of CalculiX (``.sti``, ``.mas``).
+
+    Each line has a row, a column and a value.
 
     Raises
     ------
     ModelError
-        With the line of what is not as the format has it.
+        A line is malformed, or `numbered_matrix` refuses an entry.
     """
     text = TextFile.read(path)
     line_numbers = [i for i, line in enumerate(text.lines) if line.strip()]
@@ -169,14 +174,15 @@ def read_calculix(path: Path) -> sp.csr_matrix:
 
 
 def numbered_matrix(labels: np.ndarray, values: np.ndarray, refused: Refusal) -> sp.csr_matrix:
-    """The symmetric matrix of entries (m, 2) of rows and columns, from 1 to the largest.
+    """The symmetric matrix of entries with rows and columns `labels` (m, 2), from 1.
 
     Raises
     ------
     ModelError
-        A number below 1, more rows than entries, an entry that is there twice, no symmetry.
+        A row or column is below 1 or larger than the number of entries; an entry is there twice;
+        the matrix is not symmetric.
     """
-    most = len(labels)  # every row has an entry of its own: the diagonal
+    most = len(labels)  # each row has at least its diagonal entry
     for wrong, expected in (
         (labels < 1, "at least 1"),
         (labels > most, f"at most {most}, for there are {most} entries"),

@@ -1,6 +1,6 @@
-"""Matrices of MATLAB's files of version 5 to 7, level by level, with every size checked.
+"""Reads matrices of MATLAB files of version 5 to 7, and checks every size in them.
 
-SciPy's reader ends the process on some damaged files; that for version 4 does not.
+SciPy's reader ends the process on some damaged files of these versions, but not of version 4.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from squealstudy.array_files import expect_memory
 from squealstudy.models.matrices.entries import check_size
 
-HEADER, TAG, SMALL_ELEMENT_BYTES = 128, 8, 4  # bytes; of a small element's data
+HEADER, TAG, SMALL_ELEMENT_BYTES = 128, 8, 4  # bytes of header, tag and data of a small element
 Order = Literal["<", ">"]
 ORDERS: dict[bytes, Order] = {b"IM": "<", b"MI": ">"}  # byte orders, by what the header ends with
 MATLAB_5, HDF5 = 1, 2  # major versions in the header: of 5 to 7, of 7.3
@@ -32,7 +32,18 @@ MORE_THAN_SIZES = "more is in a variable or a compressed part than its sizes say
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a file, its numbers not yet read."""
+    """A variable of a file, whose numbers are not read yet.
+
+    Attributes
+    ----------
+    name : str
+    kind : int
+        Class of MATLAB, such as `SPARSE`.
+    complex : bool
+    shape : tuple of int
+    parts : Elements
+        Its data.
+    """
 
     name: str
     kind: int
@@ -103,7 +114,7 @@ class Elements:
             raise ValueError(MORE_THAN_SIZES)
 
     def next(self) -> tuple[int, memoryview]:
-        """Type and content of the next element; ValueError where the file ends before its end."""
+        """Type and content of the next element; ValueError where the data end within it."""
         if self._at + TAG > len(self._data):
             raise ValueError("the file ends within an element")
         first, size = np.frombuffer(self._data, f"{self._order}u4", 2, self._at).tolist()
@@ -130,7 +141,7 @@ class Elements:
 
 
 def version_of(data: bytes) -> int | None:
-    """Major version that a header of version 5 and later has; None for another file."""
+    """Major version in the header of a file of version 5 or later; None for other files."""
     order = ORDERS.get(data[HEADER - 2 : HEADER])
     if order is None or 0 in data[:4]:  # version 4 begins with a zero
         return None
@@ -154,7 +165,7 @@ def variables(data: bytes) -> Iterator[Variable]:
 
 
 def _inflated(content: bytes | memoryview, order: Order) -> bytes:
-    """An element that is compressed; ValueError where it is not as long as its own tag says."""
+    """The decompressed element; ValueError where its length is not that in its own tag."""
     stream = zlib.decompressobj()
     tag = stream.decompress(content, TAG)
     size = int(np.frombuffer(tag, f"{order}u4", 1, 4)[0])
@@ -166,7 +177,7 @@ def _inflated(content: bytes | memoryview, order: Order) -> bytes:
 
 
 def _variable(parts: Elements) -> Variable | None:
-    """The variable that an element holds; None without a name, as of MATLAB's own."""
+    """The variable in an element; None if it has no name or is an object of a newer class."""
     flags = parts.numbers()
     kind = int(flags[0]) & 0xFF if len(flags) == 2 else 0
     if not kind:

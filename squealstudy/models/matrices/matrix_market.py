@@ -1,6 +1,6 @@
-"""Matrix Market files (Boisvert, Pozo, Remington 1996), read to the letter.
+"""Reads Matrix Market files (Boisvert, Pozo, Remington 1996) strictly.
 
-SciPy's own reader takes "1,5" and "1.5D2" for 1 and 1.5 without a word.
+SciPy's own reader reads "1,5" and "1.5D2" as 1 and 1.5 without an error.
 """
 
 from __future__ import annotations
@@ -17,19 +17,21 @@ from squealstudy.models.matrices.entries import Symmetry, check_size, matrix_of_
 from squealstudy.models.matrices.text import TextFile, read_table, shortened
 
 BANNER = re.compile(r"%%?matrixmarket\s+matrix\s+(\S+)\s+(\S+)\s+(\S+)\s*", re.IGNORECASE)
-INDEX_COLUMNS = {"coordinate": ("row", "column"), "array": ()}  # on each line, before its value
+INDEX_COLUMNS = {"coordinate": ("row", "column"), "array": ()}  # numbers before the value of a line
 TYPES = ("real", "double", "integer", "unsigned-integer")
 
 
 def read_matrix_market(path: Path) -> sp.csr_matrix:
-    """A real matrix (n, n) from a file of coordinates or of all values; both triangles.
+    """Read a real matrix (n, n), with both triangles, from a file of coordinates or of all values.
 
     Raises
     ------
     ModelError
-        With the line of what is not as the format has it; a pattern without values, complex ones.
-    OSError, EOFError, ValueError
-        A damaged compressed file; a matrix that is not square.
+        A line is malformed; the matrix is a pattern without values, or complex.
+    OSError, EOFError
+        A compressed file is damaged.
+    ValueError
+        The matrix is not square.
     """
     text = TextFile.read(path)
     layout, kind, symmetry = _banner(text)
@@ -60,7 +62,7 @@ def read_matrix_market(path: Path) -> sp.csr_matrix:
 
 
 def _banner(text: TextFile) -> tuple[str, str, Symmetry]:
-    """Layout, type of the values and symmetry, as the first line says."""
+    """Layout, type of the values and symmetry, from the first line; ModelError where wrong."""
     first = text.line(0)
     match = BANNER.fullmatch(first)
     if match is None:
@@ -82,7 +84,7 @@ def _banner(text: TextFile) -> tuple[str, str, Symmetry]:
 
 
 def _stored(n: int, symmetry: Symmetry) -> int:
-    """How many values of an (n, n) matrix a file of all values has."""
+    """Number of values that a file in the layout `array` has of an (n, n) matrix."""
     return {
         "general": n * n,
         "symmetric": n * (n + 1) // 2,
@@ -91,7 +93,10 @@ def _stored(n: int, symmetry: Symmetry) -> int:
 
 
 def _packed(n: int, symmetry: Symmetry) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns, from 1, of the values of such a file: by columns, from the diagonal."""
+    """Rows and columns, from 1, of the values in the layout `array`.
+
+    Values are column by column. Symmetric matrices have them from the diagonal down.
+    """
     if symmetry == "general":
         j, i = np.divmod(np.arange(n * n), n)
     else:

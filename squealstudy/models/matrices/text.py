@@ -1,4 +1,4 @@
-"""Lines of a text file with numbers, compressed or not, and errors that name a line."""
+"""Lines of text files with numbers, which may be compressed, and errors that name a line."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?"
 COUNT = re.compile(r"[0-9]{1,18}", re.ASCII)
 LONGEST_SHOWN = 40
-LETTERS_PER_PART = 2**26  # letters that are decompressed at once
-LINE_BYTES = 70  # of memory for a line beside its letters
-MAX_LETTERS = 2 * 10**9  # letters of a file, decompressed: a deck of 20 million elements
+LETTERS_PER_PART = 2**26  # characters that are decompressed at once
+LINE_BYTES = 70  # memory of a line besides its characters
+MAX_LETTERS = 2 * 10**9  # characters of a decompressed file: a deck of 20 million elements
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,10 @@ class TextFile:
 
     @classmethod
     def read(cls, path: Path) -> TextFile:
-        """The lines of a file; OSError, EOFError where it cannot be read or decompressed.
+        """Read the lines of a file; OSError, EOFError where it cannot be read or decompressed.
 
-        Devices and pipes might never end, and a short file may be a very long one compressed.
+        Devices and pipes, which might never end, are refused, and so are files that are too long
+        when they are decompressed.
         """
         if path.exists() and not path.is_file():
             raise OSError("it is no file")
@@ -47,7 +48,7 @@ class TextFile:
             with opener(path, "rt", encoding="utf-8-sig", errors="replace") as handle:
                 text = _unpacked(handle)
         if len(text) > MAX_LETTERS:
-            raise OSError(f"it is longer than {MAX_LETTERS:.0e} letters")
+            raise OSError(f"it is longer than {MAX_LETTERS:.0e} characters")
         text = text.replace("\r\n", "\n").replace("\r", "\n")
         expect_room(len(text) + LINE_BYTES * text.count("\n"))
         return cls(path, text.split("\n"))
@@ -63,14 +64,14 @@ class TextFile:
         return ModelError(f"{self.path}, line {index + 1}: {message}")
 
     def counts(self, index: int, words: list[str], expected: str) -> list[int]:
-        """Whole numbers, not negative, of a line of the header; ModelError for others."""
+        """Words of a line as whole numbers from 0; ModelError about that line for others."""
         if not all(COUNT.fullmatch(word) for word in words):
             raise self.error(index, f"expected {expected}, found '{shortened(self.line(index))}'")
         return [int(word) for word in words]
 
 
 def _unpacked(handle: IO[str]) -> str:
-    """The text of a compressed file, as long as there is room for it."""
+    """The text of a compressed file; an error where there is not enough memory for it."""
     pieces, letters = [], 0
     while letters <= MAX_LETTERS and (part := handle.read(LETTERS_PER_PART)):
         pieces.append(part)
@@ -98,7 +99,7 @@ def read_table(
     whole: bool = False,
     commas: bool = False,
 ) -> np.ndarray:
-    """The numbers of the lines at `line_numbers`: an array of fields, the last of them ``value``.
+    """The numbers on lines, as a structured array with the fields `before` and ``value``.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def read_table(
     Raises
     ------
     ModelError
-        About the first line that has something else.
+        About the first line with anything else.
     """
     fields = [*((name, np.int64) for name in before), ("value", np.int64 if whole else np.float64)]
     if not line_numbers:

@@ -55,7 +55,7 @@ DISC_BRAKE = ModelDefinition(
         ),
     ),
     absent={"rotor_angle": SYMMETRIC, "rotation.angle": SYMMETRIC},
-    start={  # what answers in minutes
+    start={  # settings with which a study takes minutes
         "model": {"mesh": "coarse", "contact_points": 2},
         "sweep": {"parameter": "friction", "start": 0.1, "stop": 0.7, "num": 7},
         "limit_cycles": {"families": "screened"},

@@ -1,4 +1,4 @@
-"""The generated brake as a model file: its solids as meshes with faces, what is between them."""
+"""The generated brake as a model file: meshes of its solids with faces, and their interfaces."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PADS = ("inner_pad", "outer_pad")
 def brake_meshes(
     options: Mapping[str, str | int], values: Mapping[str, float]
 ) -> dict[str, SolidMesh]:
-    """The four meshes of 20-node hexahedra, m, kg, s, with surfaces named in capitals."""
+    """The four meshes of 20-node hexahedra in SI units, by component, with named surfaces."""
     mesher = BrakeMesher(values, DENSITIES[str(options["mesh"])])
     faces, meshes = brake_faces(mesher), {}
     for name in COMPONENTS:
@@ -47,9 +47,9 @@ def _faces_passing(mesh: SolidMesh, keep: FacetFilter) -> np.ndarray:
 def brake_tables(
     options: Mapping[str, str | int], values: Mapping[str, float], files: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Tables of the model file, SI units; `files` are those of the meshes, by component.
+    """Tables of the model file, in SI units; `files` are the files of the meshes, by component.
 
-    Contact points are Gauss points, so that the brake is the same as the generated one.
+    Contact points are Gauss points, as in the generated brake, so that both brakes are the same.
     """
     v = values
     radius = effective_radius(options, values)

@@ -1,4 +1,4 @@
-"""The generated disc brake from its parameters: meshes, interfaces, load."""
+"""Assembles the generated disc brake from its parameters: meshes, interfaces, load."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _around(points: np.ndarray) -> np.ndarray:
 
 
 class BrakeInterfaces:
-    """Observation rows over the whole brake, made from its four solids."""
+    """Contact, springs and load of the brake, as rows over the whole brake."""
 
     def __init__(
         self, mesher: BrakeMesher, solids: Mapping[str, Solid], components: tuple[Component, ...]
@@ -57,7 +57,7 @@ class BrakeInterfaces:
         return expand_rows(parts, self._spans, self._n_dof)
 
     def _face(self, component: str, face: str, side: int = LAYER_POINTS) -> Surface:
-        """Sampled points of a named face."""
+        """Gauss points of a named face."""
         return sample_surface(self._solids[component], self._faces[component][face], side)
 
     def _facing(
@@ -77,8 +77,8 @@ class BrakeInterfaces:
     ) -> ContactInterface:
         """Contact of both pad faces with the disc, which turns about +z.
 
-        `mean_radius` is the one that the imposed speed is of; None: all points have that speed.
-        `friction_factors` are those of each pad.
+        The imposed speed is that at `mean_radius` [m]; None: all points have this speed.
+        `friction_factors` has the factor of each pad.
         """
         pads = ("inner_pad", "outer_pad")
         sides = [self._contact_side(pad, points_per_side) for pad in pads]
@@ -119,7 +119,7 @@ class BrakeInterfaces:
 
     # -- linear layers and springs ---------------------------------------------------------------
     def springs(self) -> tuple[SpringInterface, ...]:
-        """Hub, fingers, piston, abutments and guides."""
+        """Springs of hub, fingers, piston, abutments and guides."""
         v = self._m.v
         hub = self._face("disc", "HUB")
         fingers = self._facing("caliper", "FINGERS", "outer_pad")
@@ -148,7 +148,10 @@ class BrakeInterfaces:
         stiffness: float,
         in_static: bool = True,
     ) -> SpringInterface:
-        """Normal and tangential springs per area between two surfaces, or to ground."""
+        """A layer of normal and tangential springs between two surfaces, or to ground.
+
+        `stiffness` is the normal one per area [N/m3].
+        """
         ratio = self._m.v("layers.tangential_ratio")
         points, area = sides[0][1].points, sides[0][1].area
         signs = (1.0, -1.0)
@@ -162,12 +165,12 @@ class BrakeInterfaces:
         return SpringInterface(name, sp.vstack(rows).tocsr(), np.concatenate(k), in_static)
 
     def _abutment(self, pad: str) -> SpringInterface:
-        """The two end faces of the back plate's ears to ground; stiffness is that of one ear."""
+        """Springs from the end faces of both ears to ground; parameters are those of one ear."""
         k = [2 * self._m.v(f"abutment.{d}_stiffness") for d in ("tangential", "radial", "axial")]
         return self._to_ground(f"{pad}_abutment", pad, self._face(pad, "EARS"), k)
 
     def _guides(self) -> SpringInterface:
-        """The end faces of the caliper's bridge, over the disc and the pads, to ground."""
+        """Springs from the end faces of the caliper's bridge, between both plates, to ground."""
         k, k_axial = self._m.v("guides.stiffness"), self._m.v("guides.axial_stiffness")
         return self._to_ground(
             "guides", "caliper", self._face("caliper", "GUIDES"), [k, k, k_axial]
@@ -176,7 +179,7 @@ class BrakeInterfaces:
     def _to_ground(
         self, name: str, component: str, surface: Surface, stiffness: list[float]
     ) -> SpringInterface:
-        """Springs spread over a surface: around, radial and axial, in all [N/m]."""
+        """Springs spread over a surface; total tangential, radial and axial stiffness [N/m]."""
         share = surface.area / surface.area.sum()
         directions = (_around(surface.points), _radial(surface.points), AXIAL)
         rows = [self._rows((component, surface.observe(d))) for d in directions]
@@ -186,14 +189,14 @@ class BrakeInterfaces:
 
     # -- load ------------------------------------------------------------------------------------
     def brake_load(self) -> np.ndarray:
-        """Forces of a unit pressure: the piston pushes the inner pad, the fluid the caliper."""
+        """Forces (n_dof,) of a unit pressure [N/Pa], on the inner pad and the caliper."""
         pad, caliper = self._facing("inner_pad", "PISTON", "caliper")
         per_area = self._m.v("piston.area") * pad.area / pad.area.sum()
         rows = self._rows(("inner_pad", pad.observe(AXIAL)), ("caliper", -caliper.observe(AXIAL)))
         return np.asarray(rows.T @ per_area)
 
 
-ON_PLANE_TOLERANCE_M_OR_RAD = 1e-6  # m or rad: a facet centre on a plane is found within this
+ON_PLANE_TOLERANCE_M_OR_RAD = 1e-6  # distance, m or rad, within which a facet centre is on a plane
 
 
 def brake_faces(mesher: BrakeMesher) -> dict[str, dict[str, FacetFilter]]:
@@ -248,7 +251,7 @@ def _on(x: np.ndarray, plane: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Face:
-    """Points of a named face, sampled when they are asked for."""
+    """A named face, whose points are sampled when it is called."""
 
     mesher: BrakeMesher
     solid: Solid

@@ -1,4 +1,4 @@
-"""Gaps that a hot disc and hot pads open, as in model files (THEORY.md eq. (118))."""
+"""Change of gaps by a hot disc and hot pads, as in model files (THEORY.md eq. (118))."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from squealstudy.models.fem.solid import Solid
 
 
 def hot_gaps(mesher: BrakeMesher, solids: Mapping[str, Solid], cold: Assembly) -> np.ndarray:
-    """Change by heat of the gaps (nc,) of an assembly of the brake, m."""
+    """Change of the gaps (nc,) [m] of the cold assembly by heat."""
     load = np.zeros(cold.n_dof)
     for name, solid in solids.items():
         rise = temperature_rise(mesher, name, solid.coordinates[:, 2])
@@ -30,7 +30,7 @@ def hot_gaps(mesher: BrakeMesher, solids: Mapping[str, Solid], cold: Assembly) -
 
 
 def temperature_rise(mesher: BrakeMesher, name: str, z: np.ndarray) -> np.ndarray:
-    """Kelvins (n,) of a component at heights (n,) [m] above those of the brake's shape."""
+    """Temperature rise (n,) [K] of a component at heights z (n,) [m]."""
     v, band = mesher.v, mesher.v("disc.thickness")
     if name == "caliper":
         return np.zeros_like(z)

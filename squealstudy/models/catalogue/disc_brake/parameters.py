@@ -1,4 +1,4 @@
-"""Parameters of the disc brake with their defaults, those of a brake that squeals."""
+"""Parameters of the disc brake; with the defaults it squeals."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from squealstudy.models.parameter import Assumption, Declared, ModelOption, stru
 from squealstudy.parameter import Parameter
 
 COMPONENTS = ("disc", "inner_pad", "outer_pad", "caliper")
-SETS = {  # the named faces of each, as the exported brake has them
+SETS = {  # named faces of each component, also in the exported brake
     "disc": ("HUB", "INNER", "OUTER"),
     "inner_pad": ("LINING", "EARS", "PISTON"),
     "outer_pad": ("LINING", "EARS", "BACK"),
@@ -53,27 +53,27 @@ OPTIONS = (
 
 
 def in_place(parameter: Parameter) -> bool:
-    """Whether it leaves nodes and contact points where they are: lengths and angles do not."""
+    """Whether a parameter does not move nodes and contact points: all but lengths and angles."""
     return parameter.unit not in ("m", "deg")
 
 
 def effective_radius(options: Mapping[str, str | int], values: Mapping[str, float]) -> float | None:
-    """Radius that `sliding_speed` is of where the disc turns: the mean over the pads' faces, m.
+    """Radius [m] at which points slide at `sliding_speed`: the mean of the pads' faces.
 
-    None where all points slide at one speed.
+    None where all points slide at this speed.
     """
     return None if options[KINEMATICS] == UNIFORM else mean_radius(values)
 
 
 def mean_radius(values: Mapping[str, float]) -> float:
-    """Mean radius of the pads' faces, m: the disc turns at `sliding_speed` over it."""
+    """Mean radius [m] of the pads' faces, by area; the disc turns at `sliding_speed` over it."""
     inner, outer = values["pad.inner_radius"], values["pad.outer_radius"]
     return 2.0 / 3.0 * (outer**3 - inner**3) / (outer**2 - inner**2)
 
 
-# m or rad: breaks of a mesh nearer than this leave no room for a cell
+# least distance of breaks of a mesh, m or rad, between which there are cells
 MIN_BREAK_DISTANCE_M_OR_RAD = 1e-6
-# Each must be smaller than the next, or a part of the brake vanishes.
+# Each must be smaller than the next one, else a part of the brake vanishes.
 ASCENDING = (
     ("disc.inner_radius", "hub.radius", "disc.bell_inner_radius", "disc.bell_outer_radius"),
     ("disc.bell_outer_radius", "disc.outer_radius"),
@@ -90,7 +90,7 @@ LARGEST_STRAIN = 0.02  # strain up to which elasticity is linear
 
 
 def vanishing(values: Mapping[str, float]) -> tuple[str, str] | None:
-    """The first two lengths or angles, (smaller, larger), between which no room is left."""
+    """The first pair of ASCENDING whose distance is too small; None without one."""
     for names in ASCENDING:
         for pair in pairwise(names):
             gap = values[pair[1]] - values[pair[0]]
@@ -102,10 +102,10 @@ def vanishing(values: Mapping[str, float]) -> tuple[str, str] | None:
 
 
 def _bounded(parameter: Parameter) -> Parameter:
-    """Poisson ratios of stable materials, angles short of a half turn on each side."""
-    if parameter.name == "pad.lining_poisson_ratio":  # isotropic in its plane alone
+    """The parameter with the bounds of Poisson's ratios or angles."""
+    if parameter.name == "pad.lining_poisson_ratio":  # the lining is isotropic in its plane only
         return replace(parameter, positive=False, above=-1.0, below=1.0)
-    if parameter.name == "pad.lining_poisson_ratio_z":  # with the moduli: fem.solid says
+    if parameter.name == "pad.lining_poisson_ratio_z":  # bounds depend on moduli, see fem.solid
         return replace(parameter, positive=False)
     if parameter.name.endswith("poisson_ratio"):
         return replace(parameter, positive=False, above=-1.0, below=0.5)
@@ -122,7 +122,7 @@ def _lining_strain(values: Mapping[str, Any]) -> Any:
 
 
 def _largest_friction(values: Mapping[str, Any]) -> Any:
-    """Static friction of the pad with more of it."""
+    """Static friction coefficient of the pad where it is larger."""
     pads = values["inner_pad.friction_factor"], values["outer_pad.friction_factor"]
     return FRICTION_RANGE.group(values) * np.maximum(*pads)
 
@@ -198,7 +198,7 @@ STRUCTURE = structural(
     )
 )
 
-# that open gaps, linear through the thickness; by default nothing is hot
+# temperatures, linear through the thickness, which change gaps; by default nothing is hot
 HEAT = tuple(
     Parameter(f"{part}.temperature_{kind}", 0.0, "K", text, structural=True, difference=True)
     for part, kind, text in (
@@ -216,11 +216,11 @@ EXPANSION = structural(
 
 
 def is_hot(values: Mapping[str, float]) -> bool:
-    """Whether anything has another temperature than where all fits together."""
+    """Whether any part has another temperature than that of its mesh."""
     return any(values[p.name] for p in HEAT)
 
 
-# of the first version; at 4 kHz the two of today make a damping ratio of .7 %
+# defaults of the first version; those of today give a damping ratio of 0.7 % at 4 kHz
 UNDAMPED = {DAMPING.name: 0.0, STIFFNESS_DAMPING.name: 0.0}
 PARAMETERS: Declared = (
     FRICTION,

@@ -20,15 +20,15 @@ def mesh_of_grid(
     materials: Mapping[str, Material],
     formulation: str = "C3D20",
 ) -> SolidMesh:
-    """A generated solid as a mesh of 20-node hexahedra, m, kg, s.
+    """A generated solid as a mesh of 20-node hexahedra in SI units.
 
-    Nodes have the order of `Solid.coordinates`, so that matrices compare as they are. There is an
-    element set for each material.
+    Nodes have the order of `Solid.coordinates`, so that matrices have the same rows. Each material
+    has an element set.
 
     Parameters
     ----------
     name : str
-        Of the component, for messages.
+        Name of the component, for messages.
     grid : CylindricalMesh
     materials : dict of str -> Isotropic or TransverselyIsotropic
     formulation : str

@@ -1,7 +1,7 @@
 """The four meshed solids of the disc brake, and the densities of their meshes.
 
-A density is the cells between the geometric breaks of the solids. They do not follow the values of
-the parameters, so that a sweep of a length or an angle keeps its mesh. Errors of these densities:
+A density states the numbers of cells between geometric breaks of the solids. These do not depend on
+parameter values, so that a sweep of a length or an angle keeps its mesh. Errors of these densities:
 `studies/benchmarks/mesh_convergence.py`.
 """
 
@@ -28,8 +28,8 @@ from squealstudy.models.fem.solid import (
     assemble_solid,
 )
 
-# Thin parts, which bend, have two cells through their thickness; graded layers lie on the longer
-# side of a re-entrant corner. With cells of one part alone refined, errors cancel and mislead.
+# Thin parts, which bend, have two cells through their thickness. Graded layers lie on the longer
+# side of a re-entrant corner. Refining one part alone misleads, since errors of parts cancel.
 GRADING_1 = (0.15,)
 GRADING_2 = (0.04, 0.15)
 GRADING_2_WIDE = (0.06, 0.25)
@@ -43,13 +43,13 @@ class Density:
     Attributes
     ----------
     around : int
-        Cells of the disc in the circumference.
+        Number of cells of the disc in the circumference.
     disc_r, disc_z, pad_r, pad_theta, pad_z, caliper_r, caliper_z : tuple of Interval
     caliper_middle, caliper_angles : Interval
-        Between the fingers, from the plane of symmetry; beyond, between neighbouring angles of
-        the body, the fingers and the bridge. The outermost has no layer at its free end.
+        From the plane of symmetry to a finger; beyond it, between neighbouring angles of body,
+        fingers and bridge. The outermost has no graded layer at its free end.
     split : tuple of int
-        Parts into which every cell is divided in r, theta and z.
+        Numbers of parts into which every cell is divided in r, theta and z.
     """
 
     around: int
@@ -113,10 +113,20 @@ FULL_TURN = (0.0, 2 * np.pi)
 
 @dataclass(frozen=True)
 class BrakeMesher:
-    """Parameter values (SI, angles in degrees) and mesh density; builds the four solids.
+    """Builder of the four solids.
 
-    `stiffness_order` is that of `assemble_solid`. Raises ParameterError where a part of the
-    brake vanishes.
+    Attributes
+    ----------
+    values : mapping of str -> float
+        Values of the parameters, in SI units, angles in degrees.
+    density : Density
+    stiffness_order : int
+        Order of integration, as in `assemble_solid`.
+
+    Raises
+    ------
+    ParameterError
+        A part of the brake vanishes.
     """
 
     values: Mapping[str, float]
@@ -131,7 +141,7 @@ class BrakeMesher:
             )
 
     def v(self, name: str) -> float:
-        """Value of a parameter of the brake, by name."""
+        """Value of a parameter."""
         return self.values[name]
 
     def angle(self, name: str) -> float:
@@ -156,7 +166,7 @@ class BrakeMesher:
         }
 
     def _isotropic(self, prefix: str) -> Isotropic:
-        """Material of the parameters that begin with `prefix`."""
+        """Material from the parameters whose names begin with `prefix`."""
         return Isotropic(
             *(self.v(prefix + p) for p in ("young_modulus", "poisson_ratio", "density"))
         )
@@ -247,8 +257,8 @@ class BrakeMesher:
     def _caliper_theta(self, near: float, angles: list[float]) -> np.ndarray:
         """Lines on both sides of the plane of symmetry, through `near` and `angles` [rad].
 
-        Angles may coincide, as those of the fingers and of the bridge do by default: the number
-        of cells changes where a sweep makes them meet or part, for the shape does.
+        Angles may coincide, as those of fingers and bridge do by default. The number of cells
+        changes where a sweep makes angles meet or part.
         """
         beyond = [near, *sorted(angles)]
         distinct = [
