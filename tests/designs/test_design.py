@@ -26,7 +26,7 @@ from squealstudy.engine.results import Results
 from squealstudy.engine.rows import failed_row
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import StudyFileError
-from squealstudy.kinds.design import in_time, rows
+from squealstudy.kinds.design import in_time, proof, rows
 from squealstudy.kinds.design.design_search import DesignSearch
 from squealstudy.kinds.design.in_time import carried
 from squealstudy.kinds.design.kind import request
@@ -779,6 +779,65 @@ def test_scatter_is_proven_by_samples(tmp_path: Path) -> None:
     met = own["min_damping_ratio"] >= 0.001
     share = met.groupby(own["damping_ratio"].to_numpy()).all().mean()
     assert share == pytest.approx(last["value"])
+
+
+SCATTERED = """
+[study]
+name = "scattered"
+kind = "design"
+[model]
+name = "hulten"
+[parameters]
+frequency_2 = {frequency}
+damping_ratio = 0.01
+[[sweep]]
+parameter = "friction"
+values = [0.4]
+[[variable]]
+parameter = "frequency_2"
+bounds = {bounds}
+[goal]
+margin = {{damping_ratio = 0.002, probability = 0.95}}
+in_time = 0
+cycles = 0
+samples = {samples}
+[modes]
+band = [10.0, 500.0]
+[[uncertain]]
+parameter = "damping_ratio"
+distribution = "lognormal"
+median = 0.01
+sigma = {sigma}
+"""
+
+
+def test_scatter_that_is_skew_asks_for_no_change(tmp_path: Path) -> None:
+    # below a fifth of the median in 0.4 % of cases; 1.645 standard deviations are 99 % of it
+    text = SCATTERED.format(frequency=45.0, bounds="[-5.0, 5.0]", samples=400, sigma=0.6)
+    facts = _run(text, tmp_path).manifest["design_study"]
+    assert facts["outcome"] == "met_linear"
+    assert "As it is it meets the margin of 0.2 % with probability 0.95" in facts["verdict"]
+
+
+def test_samples_judge_the_nearest_design_where_none_allows_for_scatter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # first order allows for too little at 65 Hz, and then for too much at the bound
+    monkeypatch.setattr(proof, "SCATTER_INCREASE", 3.0)
+    text = SCATTERED.format(frequency=80.0, bounds="[-18.0, 5.0]", samples=150, sigma=0.3)
+    text += '[[uncertain]]\nparameter = "frequency_1"\ndistribution = "normal"\n'
+    results = _run(text + "mean = 100.0\nstd = 3.0\n", tmp_path)
+    facts = results.manifest["design_study"]
+    rng = np.random.default_rng(2)
+    K = (2 * np.pi * (100.0 + 3.0 * rng.normal(size=20_000))) ** 2, (2 * np.pi * 62.0) ** 2
+    zeta, A = 0.01 * np.exp(0.3 * rng.normal(size=20_000)), np.zeros((20_000, 4, 4))
+    A[:, 0, 2] = A[:, 1, 3] = 1.0
+    A[:, 2, 0], A[:, 2, 1], A[:, 3, 0], A[:, 3, 1] = -K[0], 0.4 * K[1], -0.4 * K[0], -K[1]
+    A[:, 2, 2], A[:, 3, 3] = -2 * zeta * np.sqrt(K[0]), -2 * zeta * np.sqrt(K[1])
+    lam = np.linalg.eigvals(A)
+    assert ((-lam.real / np.abs(lam)).min(axis=1) >= 0.002).mean() > 0.985
+    assert facts["outcome"] == "met_linear"
+    assert "frequency_2 80 -> 62 Hz" in facts["verdict"]
 
 
 def test_a_margin_above_what_modes_have_uncoupled_is_warned_of(tmp_path: Path) -> None:

@@ -97,8 +97,7 @@ class DesignSearch(EvaluatedDesigns):
             if best is not None and (chosen is None or not self._saves(chosen, best[0])):
                 break
             if chosen is None:
-                state.chosen = self._nearest()
-                state.outcome = UNDECIDED if state.failure else NONE_FOUND
+                self._judge_nearest()
                 return
             state.chosen = chosen
             state.outcome = self._proven(chosen)
@@ -117,6 +116,16 @@ class DesignSearch(EvaluatedDesigns):
         if best is not None:
             state.chosen, state.outcome = best
             state.demands = [e.at_proven_level for e in state.demands]
+
+    def _judge_nearest(self) -> None:
+        """Choose the design of largest margin where none allows for scatter: samples decide."""
+        state, nearest = self.state, self._nearest()
+        outcome = UNDECIDED if state.failure else NONE_FOUND
+        if state.safety and not state.failure:
+            state.safety = 0.0  # first order says less than the samples
+            outcome = self._proven(nearest)
+            outcome = NONE_FOUND if outcome == UNPROVEN else outcome
+        state.chosen, state.outcome = nearest, outcome
 
     def _holds(self, proven: np.ndarray) -> bool:
         """Whether a proven design meets the demands that were shown for other designs."""

@@ -19,7 +19,7 @@ from squealstudy.kinds.design.state import (
     mode_damping_of,
     modes_moved_out,
 )
-from squealstudy.kinds.design.study import DesignStudy, one_sigma
+from squealstudy.kinds.design.study import DesignStudy, deviations
 
 
 class EvaluatedDesigns:
@@ -65,12 +65,11 @@ class EvaluatedDesigns:
             cost=np.array([v.cost for v in study.variables], dtype=float),
         )
         self.margin = self.goal.margin.damping_ratio
-        self.sigmas = {s.name: float(np.ptp(one_sigma(s))) / 2 for s in study.uncertain}
         if self.goal.margin.probability is not None:
             from scipy.stats import norm
 
             self.state.safety = max(float(norm.ppf(self.goal.margin.probability)), 0.0)
-        self.plain = MODES if self.sigmas else ROOTS  # scatter is judged by sensitivities
+        self.plain = MODES if study.uncertain else ROOTS  # scatter is judged by sensitivities
 
     def row(self, evaluation: Evaluation) -> Mapping[str, Any] | None:
         """The row of an evaluation; without one None, and the evaluation becomes pending."""
@@ -140,7 +139,7 @@ class EvaluatedDesigns:
                 complete = False
                 continue
             damping = self._damping(*evaluated)
-            needed = self.margin + self.state.safety * damping.scatter
+            needed = self.margin + self._reserve(damping.scatter)
             for demand in self.state.demands:
                 if demand.point == p:
                     more = np.maximum(needed, demand.damping_ratio)
@@ -153,6 +152,17 @@ class EvaluatedDesigns:
         if not complete or not excess:
             return None
         return Constraints(np.concatenate(excess), np.concatenate(slopes))
+
+    def _reserve(self, slopes: np.ndarray) -> np.ndarray | float:
+        """Damping ratios (m,) that the scatter may take, from their slopes (m, k) by it."""
+        if not self.state.safety or not self.study.uncertain:
+            return 0.0
+        deviations_at = self.cache.deviations_at
+        if self.state.safety not in deviations_at:
+            deviations_at[self.state.safety] = deviations(self.study, self.state.safety)
+        fall, rise = deviations_at[self.state.safety]
+        losses = np.where(slopes > 0, slopes * fall, -slopes * rise)
+        return np.linalg.norm(losses, axis=1)
 
     def modes_moved_out(self, point: int, row: Row) -> list[Mapping[str, float]]:
         """Growing modes outside the band in excess of today's design there (`modes_moved_out`).
@@ -167,7 +177,7 @@ class EvaluatedDesigns:
     def _damping(self, evaluation: Evaluation, row: Mapping[str, Any]) -> ModeDamping:
         damping_of = self.cache.damping_of
         if evaluation not in damping_of:
-            damping_of[evaluation] = mode_damping_of(row, self.study, self.ranges, self.sigmas)
+            damping_of[evaluation] = mode_damping_of(row, self.study, self.ranges)
         return damping_of[evaluation]
 
     def by_margin(self, design: np.ndarray, points: Iterable[int]) -> list[int]:

@@ -174,8 +174,8 @@ class ModeDamping:
     ----------
     zeta, hz : ndarray (m,)
         Damping ratios; frequencies, Hz.
-    scatter : ndarray (m,)
-        Standard deviations of the damping ratios, to first order.
+    scatter : ndarray (m, k)
+        Derivatives of the damping ratios by what scatters.
     slopes : ndarray (m, d)
         Derivatives of the damping ratios by the variables, in units of their ranges.
     """
@@ -186,9 +186,7 @@ class ModeDamping:
     slopes: np.ndarray
 
 
-def mode_damping_of(
-    row: Mapping[str, Any], study: DesignStudy, ranges: np.ndarray, sigmas: Mapping[str, float]
-) -> ModeDamping:
+def mode_damping_of(row: Mapping[str, Any], study: DesignStudy, ranges: np.ndarray) -> ModeDamping:
     """Damping of the modes of a row; steady sliding that diverges counts as a mode of 0 Hz."""
     zeta, hz, scatter, slopes = [], [], [], []
     for mode in row["modes"]:
@@ -198,15 +196,16 @@ def mode_damping_of(
         )
         zeta.append(mode["damping_ratio"])
         hz.append(mode["frequency_hz"])
-        scatter.append(np.sqrt(sum((slope_of.get(n, 0.0) * s) ** 2 for n, s in sigmas.items())))
+        scatter.append([slope_of.get(u.name, 0.0) for u in study.uncertain])
         slopes.append(by * ranges)
     if row["frequency_hz"] == 0.0:
-        zeta, hz, scatter = [*zeta, row["min_damping_ratio"]], [*hz, 0.0], [*scatter, 0.0]
+        zeta, hz = [*zeta, row["min_damping_ratio"]], [*hz, 0.0]
+        scatter.append([0.0] * len(study.uncertain))
         slopes.append(np.zeros(len(ranges)))
     return ModeDamping(
         np.array(zeta),
         np.array(hz),
-        np.nan_to_num(np.array(scatter, dtype=float)),
+        np.nan_to_num(np.array(scatter, dtype=float)).reshape(len(zeta), len(study.uncertain)),
         np.array(slopes).reshape(len(zeta), len(ranges)),
     )
 
@@ -238,3 +237,4 @@ class SearchCache:
 
     damping_of: dict[Evaluation, ModeDamping] = field(default_factory=dict)
     steps: Steps = field(default_factory=dict)
+    deviations_at: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)

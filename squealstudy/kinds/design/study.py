@@ -294,11 +294,21 @@ def design_study(study: ResolvedStudy) -> DesignStudy:
     return study_with_variables
 
 
-def one_sigma(sweep: Sweep) -> tuple[float, float]:
+def _one_sigma(sweep: Sweep) -> tuple[float, float]:
     """Values between which what scatters is as often as a normal one within a deviation."""
     assert sweep.distribution is not None
     low, high = sweep.distribution.quantiles(np.array([0.1587, 0.8413]))
     return float(low), float(high)
+
+
+def deviations(study: DesignStudy, sigmas: float) -> tuple[np.ndarray, np.ndarray]:
+    """How far below and above [parameters] (k,) scatter goes as often as normal beyond `sigmas`."""
+    from scipy.stats import norm
+
+    tails = norm.cdf([-sigmas, sigmas])
+    ends = np.array([s.distribution.quantiles(tails) for s in study.uncertain if s.distribution])
+    low, high = np.maximum(0.0, (ends - study.uncertain_nominal[:, None]) * [-1.0, 1.0]).T
+    return low, high
 
 
 def _check_scatter(study: DesignStudy) -> None:
@@ -306,7 +316,7 @@ def _check_scatter(study: DesignStudy) -> None:
     for number, (sweep, nominal) in enumerate(
         zip(study.uncertain, study.uncertain_nominal, strict=True)
     ):
-        low, high = one_sigma(sweep)
+        low, high = _one_sigma(sweep)
         if not low <= nominal <= high:
             text = (
                 f"expected a scatter about {sweep.name} = {nominal:g} of [parameters], got one "
