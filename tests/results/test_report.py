@@ -240,6 +240,32 @@ def test_of_limit_cycles_it_counts_verdicts():
     )
 
 
+def test_of_limit_cycles_it_tells_errors_of_levels_that_runs_decided():
+    """The largest error of a level was that of cycles alone, beside a run's level of 3.5 %."""
+    cycles = pd.DataFrame(
+        {
+            "point_id": ["a"],
+            "torque_rms": [7.0],
+            "level_error": [1e-4],
+            "same_as": "",
+            "status": "ok",
+        }
+    )
+    levels = {"torque_rms": [7.0, 9.0, 8.0], "level_error": [1e-4, 0.035, np.nan]}
+    points = pd.DataFrame({"point_id": ["a", "b", "c"], **levels})
+    tables = {"cycles": cycles, "verdicts": pd.DataFrame({"verdict": ["squeals"] * 3})}
+    names = ("point_id", "cycle_id", "along", "event", "value", "criticality", "branch_end")
+    tables |= {"branches": pd.DataFrame(columns=list(names)), "borders": pd.DataFrame()}
+    tables["points"] = points
+    facts = dict(CYCLES.facts(made(kind="limit_cycles", **tables)))
+    assert facts["cycles"] == "1 cycle; the largest error of a level is 0.01 %"
+    assert facts["runs in time"] == (
+        "2 levels; the largest error is 3.5 %; the error of 1 is not known"
+    )
+    alone = made(kind="limit_cycles", **tables | {"points": points[:1]})
+    assert "runs in time" not in dict(CYCLES.facts(alone))
+
+
 def test_of_limit_cycles_it_tells_events_of_branches_with_units():
     names = ("point_id", "cycle_id", "along", "event", "value", "criticality", "branch_end")
     rows = [("p", "c", "pressure", "F", 5e5, "", ""), ("p", "c", "pressure", "", 6e5, "", "bound")]

@@ -203,8 +203,29 @@ class LimitCyclesScreen(KindScreen):
             if bad:
                 said += f"; {bad} too inexact to use"
             rows.append(("cycles", said))
+        rows += _levels_of_runs(results)
         rows += branch_rows(results)
         return [*rows, *border_rows(results.table("borders"))]
+
+
+def _levels_of_runs(results: ResultTables) -> Rows:
+    """The largest error of the levels that runs in time decided; nothing without any."""
+    points, cycles = results.points, results.table("cycles")
+    if "torque_rms" not in points:
+        return []
+    levels = points[(points["torque_rms"] > 0).fillna(False).to_numpy(bool)]
+    of_cycles = set(zip(cycles["point_id"], cycles["torque_rms"], strict=True))
+    named = zip(levels["point_id"], levels["torque_rms"], strict=True)
+    of_runs = levels[[name not in of_cycles for name in named]]
+    if not len(of_runs):
+        return []
+    n_without = int(of_runs["level_error"].isna().sum())
+    text = plural(len(of_runs), "level")
+    if n_without < len(of_runs):
+        text += f"; the largest error is {error_percent(of_runs['level_error'].max())}"
+    if n_without:
+        text += f"; the error of {n_without} is not known"
+    return [("runs in time", text)]
 
 
 def _is_followed(verdicts: pd.DataFrame) -> np.ndarray:
