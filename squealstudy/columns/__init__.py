@@ -1,7 +1,7 @@
-"""The one registry of columns: what each number of each table means, what is known of its error.
+"""The registry of columns: the meaning of each column of each table, and its error if known.
 
-Store writes it into the metadata of the Parquet fields, beside the unit; reference pages are made
-of it. A kind from outside the package brings its own (`Kind.columns`).
+The store writes it to the metadata of Parquet fields, with the unit, and reference pages are made
+of it. A kind from outside the package adds its own columns (`Kind.columns`).
 """
 
 from __future__ import annotations
@@ -40,17 +40,19 @@ def register_columns(kind: str, tables: Tables) -> None:
 
 
 def column_of(kind: str, table: str, name: str, parameters: frozenset[str]) -> Column | None:
-    """What a column of a table of a kind is; None where nobody has said.
+    """Definition of a column in a table of a kind of study; None where there is none.
 
     Parameters
     ----------
     kind : str
+        Name of the kind.
     table : str
-        File of the table without ending; of histories, their folder.
+        File name of the table without ending; for histories their folder.
     name : str
+        Name of the column.
     parameters : frozenset of str
-        Of the study: columns of their names hold their values, where the table has no other number
-        of that name (the damping ratio of a mode).
+        Parameters of the study. A column with such a name holds its values, unless the table has
+        another number of that name (as the damping ratio of a mode).
     """
     columns = COLUMNS.get(kind, {}).get(table, ())
     default_column = None

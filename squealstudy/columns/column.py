@@ -1,4 +1,4 @@
-"""Definition of a column of result tables: one plain sentence, and its error where known."""
+"""Definitions of columns in result tables: a sentence, and the error where it is known."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ DEFINITION, ERROR, LEAVES_OUT = b"definition", b"error", b"leaves_out"  # keys o
 
 @dataclass(frozen=True)
 class Column:
-    """A column, or all whose names fit a pattern.
+    """Definition of a column, or of all columns whose names match a pattern.
 
     Attributes
     ----------
     name : str
-        Regular expression that fits the whole name.
+        Regular expression that matches the whole name.
     definition : str
-        One plain sentence.
+        One sentence in plain words.
     errors : tuple of str
         Columns of the same table that hold its bounds or its error.
     leaves_out : str
-        Where there are none: what the number leaves out, or why it needs none.
+        Without such columns: what the number leaves out, or why it needs no error.
     holds : str
-        NUMBERS, TEXTS, FLAGS or LISTS; empty where that is not said.
+        NUMBERS, TEXTS, FLAGS or LISTS; empty if it may be any.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Column:
     holds: str = ""
 
     def fits(self, name: str) -> bool:
-        """Whether it describes the column of that name."""
+        """Whether it defines the column of that name."""
         return self._pattern.fullmatch(name) is not None
 
     @cached_property
@@ -52,13 +52,13 @@ class Column:
 
     @property
     def metadata(self) -> dict[bytes, bytes]:
-        """The column as metadata of a Parquet field."""
+        """The definition as metadata of a Parquet field."""
         texts = {DEFINITION: self.definition, ERROR: ", ".join(self.errors)}
         texts[LEAVES_OUT] = self.leaves_out
         return {key: text.encode() for key, text in texts.items() if text}
 
 
-Tables = Mapping[str, Sequence[Column]]  # of a kind, by the file's name without ending
+Tables = Mapping[str, Sequence[Column]]  # columns of a kind's tables, by file name without ending
 PARAMETER = Column(
     ".+",
     "Value of this parameter at the design point.",
@@ -83,7 +83,7 @@ def text(name: str, definition: str) -> Column:
 
 
 def flag(name: str, definition: str) -> Column:
-    """A column that tells whether something is so, or nothing."""
+    """A column that is true, false or missing."""
     return Column(name, definition, holds=FLAGS)
 
 
@@ -94,12 +94,12 @@ def same_in(columns: Sequence[Column], *names: str) -> tuple[Column, ...]:
 
 
 def unit_of(column: str, table: str = "") -> str | None:
-    """Unit of a column that is no parameter; None where it has none, empty for a pure number."""
+    """Unit of a column that is no parameter; empty for a pure number, None if it is no number."""
     return units_of([column], OWN_UNITS.get(table, {})).get(column)
 
 
 def column_names(pattern: str) -> list[str]:
-    """The names that a regular expression of columns means, a star for what varies."""
+    """The names that a regular expression of columns matches, with a star for what varies."""
     choices = re.search(r"\(([^()]*)\)", pattern)
     if choices:
         ends = pattern[: choices.start()], pattern[choices.end() :]

@@ -40,7 +40,7 @@ THRESHOLD = (
     ),
     number(
         "threshold_share",
-        "It over the contact velocity of the stable cycle.",
+        "threshold_velocity over the contact velocity of the stable cycle.",
         leaves_out="The errors of both velocities.",
     ),
 )
@@ -48,14 +48,16 @@ POINTS = (
     *POINT,
     text("verdict", "squeals, squeals_if_kicked, undecided, neutral or no_cycle_found."),
     text("reason", "Why, in words."),
-    count("n_families", "Modes whose growth over amplitude was followed."),
+    count(
+        "n_families", "Modes with a verdict: followed over amplitude, or unstable and not followed."
+    ),
     count("n_left_out", "Modes of the band that were not followed."),
     flag("unstable_outside", "Whether a mode outside the band grows."),
-    count("n_unstable", "Unstable modes among those followed."),
+    count("n_unstable", "Unstable modes among those with a verdict."),
     count("n_cycles", "Different cycles that were found, unstable ones included."),
     number(
         "max_growth_rate",
-        "Largest growth rate of the modes followed.",
+        "Largest growth rate of the modes with a verdict.",
         leaves_out="The error of the reduced model.",
     ),
     *LEVEL,
@@ -71,7 +73,7 @@ POINTS = (
     ),
     number(
         "threshold_velocity",
-        "Contact velocity of the unstable cycle, which a kick along it must exceed; the least.",
+        "Least contact velocity of an unstable cycle, which a kick along it must exceed.",
         leaves_out="Kicks of other shapes, which may need less; threshold_error of the verdict.",
     ),
     THRESHOLD[1],
@@ -95,7 +97,7 @@ VERDICTS = (
     number(
         "reached_velocity",
         "Largest contact velocity of its curve.",
-        leaves_out="It tells how far was looked.",
+        leaves_out="It tells how far the curve was followed.",
     ),
     *LEVEL,
     number(
@@ -159,7 +161,7 @@ OF_A_CYCLE = (
     number("radiated_power", "Equivalent power that surfaces radiate.", leaves_out=SERIES),
     number(
         "power_imbalance",
-        "Power that is put in and not dissipated, relative.",
+        "Power put in and not dissipated, over damping_power or the power beyond steady sliding's.",
         leaves_out="It is itself an error, of the balance.",
     ),
     number(
@@ -227,7 +229,7 @@ CYCLES = (
     count("n_vectors", "Size of the basis on which it was balanced."),
 )
 ALONG = (
-    count("n_step", "Place on the curve."),
+    count("n_step", "Number of the point on the curve."),
     number(
         "contact_velocity",
         "Largest relative velocity of a contact point, steady sliding off.",
@@ -248,7 +250,7 @@ CURVES = (
     BASIS_ERROR,
 )
 BRANCHES = (
-    count("mode", "Number of the mode whose cycle the branch was begun with."),
+    count("mode", "Number of the mode whose cycle the branch begins with."),
     *ALONG,
     *same_in(OF_A_CYCLE, "torque_rms"),
     number(
@@ -262,7 +264,7 @@ BRANCHES = (
     number(
         "value_error",
         "Error of value at an event; missing where it is not known.",
-        leaves_out="It is itself one.",
+        leaves_out="It is itself an error.",
     ),
     number(
         "open_share_max",
@@ -303,7 +305,7 @@ VELOCITIES = (
     ),
     number(
         "distance",
-        "From the place asked for to the nearest node.",
+        "Distance of the named place from the nearest node.",
         leaves_out="It is exact.",
     ),
 )

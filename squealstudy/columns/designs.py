@@ -16,7 +16,7 @@ POINTS = (
     count("design", "Number of the design; today's is 0."),
     number(
         "occurrence",
-        "How often the operating point occurs, of all.",
+        "How often the operating point occurs, as a share of all.",
         leaves_out="It is given, not computed.",
     ),
     count("n_modes", "Modes of the band that oscillate; of runs in time, starts that were run."),
@@ -25,13 +25,13 @@ POINTS = (
     *LEAST_DAMPING_COLUMNS,
     number(
         "missing_damping",
-        "Damping ratio that would silence what lasts when kicked, beyond what there is.",
+        "Damping ratio that must be added to silence vibration that lasts when kicked.",
         leaves_out="It is an estimate that the next round tries.",
     ),
 )
 DESIGNS = (
     count("design", "Number of the design; today's is 0."),
-    count("round", "Round of the search in which it was asked for."),
+    count("round", "Round of the search that evaluated it."),
     number("cost", "Weighted change from today's design.", leaves_out="It is exact."),
     count("n_(points|failed|unstable)", "Operating points solved, failed, or with instability."),
     number(
@@ -42,12 +42,10 @@ DESIGNS = (
     *LEAST_DAMPING_COLUMNS,
     number(
         "margin",
-        "Least damping ratio less what was asked, over the operating points solved.",
+        "Least damping ratio at the solved operating points, less the one that is asked for.",
         leaves_out=REDUCED,
     ),
-    flag(
-        "meets_margin", "Whether the design does what was asked; missing where too few are solved."
-    ),
+    flag("meets_margin", "Whether the design meets the demands; missing where too few are solved."),
 )
 MARGINS = (
     count("design", "Number of the design; today's is 0."),
@@ -67,7 +65,7 @@ MARGINS = (
         "Frequencies of the two real modes that it is mostly made of.",
         leaves_out=REDUCED,
     ),
-    number("pair_share", "Share of the mode that these two are.", leaves_out=REDUCED),
+    number("pair_share", "Share of the mode that these two make up.", leaves_out=REDUCED),
     number(
         "damping_without_friction",
         "Damping ratio that it would have without the coupling by friction.",
@@ -83,7 +81,7 @@ SLOPES = (
     ),
 )
 PROOF = (
-    count("round", "Round of the search that asked for the check."),
+    count("round", "Round of the search in which the check was made."),
     count("design", "Number of the design that was checked."),
     flag("passed", "Whether it passed; missing where that cannot be told."),
     count("n_points", "Design points that the check solved."),
@@ -95,7 +93,7 @@ PROOF = (
 )
 VARIANTS = (
     count("n_operating_points", "Operating points at which the alternative was searched."),
-    count("n_unstable", "Of them with an unstable mode, after the change."),
+    count("n_unstable", "Operating points among these with an unstable mode, after the change."),
     number(
         "today_damping_ratio",
         "Least damping ratio before the change.",
@@ -103,7 +101,7 @@ VARIANTS = (
     ),
     *LEAST_DAMPING_COLUMNS[:2],
     number("change_cost", "Weighted change from the alternative's own start.", leaves_out="Exact."),
-    number("cost", "change_cost and that of choosing the alternative.", leaves_out="Exact."),
+    number("cost", "change_cost plus the cost of choosing the alternative.", leaves_out="Exact."),
     count("n_designs", "Designs that were evaluated."),
 )
 VARIABLE = number(

@@ -6,7 +6,7 @@ from squealstudy.columns.column import count, flag, number, text
 
 OF_SAME_MODEL = "It is exact for the model as it is computed; the model's own error is not in it."
 HEAD = (
-    text("point_id", "Id of the design point: a hash of all that decides its row."),
+    text("point_id", "Id of the design point: a hash of all that its row depends on."),
     text("status", "ok, or why the row has no results."),
     text("message", "What went wrong or was noted, in words."),
     number(
@@ -18,7 +18,7 @@ HEAD = (
 WORKING_POINT = (
     number(
         "working_point_residual",
-        "Largest imbalance of the gaps of steady sliding, relative to what they change over.",
+        "Largest imbalance of a gap in steady sliding, over the largest gap plus its movement.",
         leaves_out="It is itself an error, of the static solution.",
     ),
     number(
@@ -45,8 +45,4 @@ ENERGY_SHARES = number(
     r"energy_\w+",
     "Share of the mode's elastic energy in this component, or in the interfaces.",
     leaves_out="The error of the mode's shape, which is not estimated.",
-)
-COUNTS_OF_MODES = (
-    count("n_modes", "Modes in the band, overdamped and non-oscillating ones included."),
-    count("n_unstable", "Modes in the band whose damping ratio is below minus the tolerance."),
 )

@@ -35,21 +35,31 @@ MEASUREMENTS = (
 ERRORS = (
     count("point", "Measured design point."),
     count("mode", "Number of the mode; 0 where the quantity is of the run."),
-    number("value", "What the method found.", "error"),
-    number("truth", "What the reference found.", leaves_out="Its own error."),
-    number("error", "Difference of both, relative but for shares and ratios.", "low", "high"),
+    number("value", "Result of the method.", "error"),
+    number("truth", "Result of the reference.", leaves_out="Its own error."),
+    number("error", "Difference of both; relative, except of shares and ratios.", "low", "high"),
     number("low|high", "Bound of the error.", leaves_out="It is a bound."),
     number(
         "chance",
-        "Part of it that the intervals of both explain.",
+        "Part of the error that the intervals of both results explain.",
         leaves_out="It is made of bounds.",
     ),
 )
 CELLS = (
-    number("predicted", "What theory says of the measured quantity.", leaves_out="Its own limits."),
-    number("measured", "The quantity, as the case's title names it.", "error"),
-    number("error", "Error of the method's result, relative.", leaves_out="That of the truth."),
-    number("cost", "What the method took, in its own unit.", leaves_out="It is counted."),
+    number(
+        "predicted",
+        "A number of the theory: the method is predicted to work where it is below 1.",
+        leaves_out="Limits of the theory.",
+    ),
+    number(
+        "measured", "A measured number, as the case defines it.", leaves_out="It is not estimated."
+    ),
+    number(
+        "error",
+        "Error of the method's result, as the case defines it.",
+        leaves_out="That of the reference.",
+    ),
+    number("cost", "Iterations, evaluations or points that it took.", leaves_out="It is counted."),
 )
 COMMON = (
     text("status", "ok, or why there is no result."),

@@ -49,7 +49,7 @@ MODES = (
     number(
         "track_mac",
         "MAC of the mode's shape with that of its track at the neighbouring design point.",
-        leaves_out="It is a likeness: track_ambiguous tells where it does not decide.",
+        leaves_out="It measures likeness; track_ambiguous tells where it does not decide.",
     ),
     flag("track_ambiguous", "Whether another mode would continue the track about as well."),
     *ROOT,
@@ -93,7 +93,7 @@ COMPLEX_POINTS = (
     count("n_overdamped", "Real roots in the band."),
     count(
         "n_unstable_(below|above)",
-        "Unstable modes below, or above, the band; missing where nobody looked.",
+        "Unstable modes below, or above, the band; missing where none were sought.",
     ),
     number(
         "growth_outside",
@@ -125,7 +125,7 @@ SENSITIVITIES = (
     MAIN_COMPONENT,
     number(
         "condition",
-        "By how many times more than an isolated root this one answers to changes.",
+        "How many times more sensitive to changes the root is than an isolated one.",
         leaves_out="It tells how far derivatives may be trusted, and needs no error.",
     ),
     RESIDUAL,
@@ -179,7 +179,10 @@ SENSITIVITIES = (
         "Change of the parameter at which the second order is a quarter of the first.",
         leaves_out="It is an estimate from the nearest modes, and a range itself.",
     ),
-    flag("near_coalescence", "Whether derivatives mean nothing, for two modes merge."),
+    flag(
+        "near_coalescence",
+        "Whether modes merge so near that the derivative does not hold over the finite change.",
+    ),
 )
 SENSITIVITY_POINTS = (
     *POINT,

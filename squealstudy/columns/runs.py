@@ -83,7 +83,7 @@ LEVELS = (
     Column("bounds_reason", "Why bounds of levels are missing, or which part they leave out."),
     number(
         "swing_spread",
-        "By how much peaks to peak of single periods differ, of their mean: 0 of equal periods.",
+        "Difference of the peak-to-peak values of single periods, over their mean.",
         leaves_out="It is of the periods of the judged part alone.",
     ),
     number(
@@ -128,7 +128,7 @@ MODES_OF_POINT = (
     ),
     number(
         "energy_balance",
-        "Energy from nowhere, or lost, over the whole run, relative to the work of friction.",
+        "Energy that the integrator gains or loses in the whole run, over the work of friction.",
         leaves_out="It is itself an error, of the step.",
     ),
 )
@@ -177,7 +177,7 @@ POINTS = (
     *HEAD,
     text(
         "class",
-        "What the run came to: stable, limit_cycle, irregular, growing, undecided, changing.",
+        "Outcome: stable, limit_cycle, irregular, growing, undecided, changing or failed.",
     ),
     text("growth_method", "How growth was fitted: left_vector, energy, too_short, or why not."),
     *FORECAST,

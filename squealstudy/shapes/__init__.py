@@ -1,1 +1,1 @@
-"""Mode shapes on all nodes: what they are, pictures, a moving page, files for other programs."""
+"""Mode shapes on all nodes: pictures, a moving page, names, files for other programs."""

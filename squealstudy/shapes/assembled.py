@@ -1,4 +1,4 @@
-"""Pictures of parts from files: an assembly with coloured contact faces, a part's free modes."""
+"""Pictures of components from files: an assembly with its contact faces, and free modes."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Body:
     Attributes
     ----------
     nodes : ndarray (n, 3)
-        m.
+        Coordinates of its nodes, m.
     facets : ndarray (m, 8) of int
-        Its surface, as `ComponentCells.facets`.
-    faces : dict of str -> ndarray (p, k) of int
-        Nodes of the facets of each coloured face, k = 3, 4, 6 or 8.
+        Its surface, in the form of `ComponentCells.facets`.
+    faces : dict of str -> sequence of ndarray (p, k) of int
+        For each coloured face, nodes of its facets in groups of equal k = 3, 4, 6 or 8.
     """
 
     nodes: np.ndarray
@@ -41,7 +41,7 @@ class Body:
 
 
 def eight(nodes: np.ndarray) -> np.ndarray:
-    """Facets of 3, 4, 6 or 8 nodes (p, k) with places for eight: corners, middles, NONE."""
+    """Facets (p, k) of 3, 4, 6 or 8 nodes as (p, 8): corners, middles of edges, NONE if absent."""
     n, k = nodes.shape
     corners = 3 if k in (3, 6) else 4
     eight_nodes = np.full((n, 8), NONE)
@@ -52,7 +52,10 @@ def eight(nodes: np.ndarray) -> np.ndarray:
 
 
 def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
-    """The assembly, and from below its components apart along an axis; faces in their colours."""
+    """Picture of the assembly, and of its components drawn apart along an axis, seen from below.
+
+    Contact faces have colours of their own.
+    """
     names = list(dict.fromkeys(face for body in bodies.values() for face in body.faces))
     bright = [mpl.colormaps["tab10"](i % 10) for i in range(len(names))]
     greys = [GREYS[i % len(GREYS)] for i in range(len(bodies))]
@@ -90,7 +93,7 @@ def draw_assembly(bodies: Mapping[str, Body], axis: np.ndarray) -> Figure:
 
 
 def _without(facets: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
-    """Facets that are not among others, by their corners."""
+    """Facets that are not among the others, compared by their corners."""
     taken = {tuple(sorted(corners)) for other in others for corners in other[:, :4].tolist()}
     not_among = [tuple(sorted(corners)) not in taken for corners in facets[:, :4].tolist()]
     return facets[np.array(not_among, dtype=bool)]
@@ -124,15 +127,16 @@ MODES_PER_ROW = 3  # modes in a row
 def draw_free_modes(
     nodes: np.ndarray, facets: np.ndarray, modes: Sequence[tuple[str, np.ndarray]]
 ) -> Figure:
-    """Free modes of a part, deformed, coloured by how far they move: dark is at rest.
+    """Picture of the free modes of a component, deformed and coloured by displacement.
 
     Parameters
     ----------
     nodes : ndarray (n, 3)
+        Coordinates of its nodes, m.
     facets : ndarray (m, 8) of int
-        Its surface, as `ComponentCells.facets`.
+        Its surface, in the form of `ComponentCells.facets`.
     modes : sequence of (str, ndarray (n, 3))
-        Titles, and displacements of any size.
+        Title and displacements, of any size, of each mode.
     """
     rows = -(-len(modes) // MODES_PER_ROW)
     figure: Any = Figure(figsize=(14.0, 4.4 * rows), layout="constrained")

@@ -14,7 +14,7 @@ from squealstudy.files import write_atomic, write_text
 from squealstudy.models.cells import NONE
 from squealstudy.shapes.shape import Shape
 
-MESHIO = {  # names of cells there, whose nodes have the same order
+MESHIO = {  # names of cells in meshio, whose nodes have the same order
     "tet4": "tetra",
     "tet10": "tetra10",
     "pyramid5": "pyramid",
@@ -26,12 +26,12 @@ MESHIO = {  # names of cells there, whose nodes have the same order
 }
 N_PHASES = 24  # phases of a cycle, in a PVD file
 QUAD, TRIANGLE = 94, 91  # thin shells of dataset 2412, drawn by their corners
-# fields of dataset 55: structural, complex modes, three translations, displacement, complex
+# codes of dataset 55: structural, complex modes, three translations, displacement, complex numbers
 STRUCTURE, COMPLEX_MODES, TRANSLATIONS, DISPLACEMENT, COMPLEX = 1, 3, 2, 8, 5
-RESPONSE = 5  # at a frequency
-# of dataset 58: function over time, real in double precision, even steps, general quantity, time
+RESPONSE = 5  # code of dataset 55: response at a frequency
+# codes of dataset 58: function over time, real double precision, even steps, general quantity, time
 IN_TIME, REAL_DOUBLE, EVEN, GENERAL, TIME = 1, 4, 1, 1, 17
-EVEN_STEP_TOLERANCE = 1e-6  # deviation over a step up to which steps are even
+EVEN_STEP_TOLERANCE = 1e-6  # spread of steps over their mean up to which they are even
 
 
 class Signal(NamedTuple):
@@ -44,27 +44,28 @@ class Signal(NamedTuple):
 
 
 def write_vtu(shape: Shape, path: Path) -> list[Path]:
-    """The mesh with the shape, the contact points beside it, and a cycle in phases.
+    """Write the mesh with the shape, the contact points, and a cycle in phases.
 
-    Complex values stand as their real and imaginary parts; `displacement` of the phases is without
-    a unit, its largest is 1.
+    Complex values are written as real and imaginary parts. The `displacement` of the phases has no
+    unit; its largest value is 1.
 
     Parameters
     ----------
     shape : Shape
+        The shape.
     path : Path
-        Of the first file, ``NAME.vtu``; beside it ``NAME_contact.vtu``, ``NAME.pvd`` and the folder
-        ``NAME_phases``.
+        Path of the first file, ``NAME.vtu``; beside it are written ``NAME_contact.vtu``,
+        ``NAME.pvd`` and the folder ``NAME_phases``.
 
     Returns
     -------
     list of Path
-        The files to be opened.
+        The files to open.
 
     Raises
     ------
     ModelError
-        A shape without cells.
+        Where the shape has no cells.
     """
     still = {
         "real": shape.displacement.real,
@@ -120,7 +121,7 @@ def _mesh(shape: Shape, values: Mapping[str, np.ndarray]) -> meshio.Mesh:
 
 
 def _contact(shape: Shape) -> meshio.Mesh:
-    """The contact points, with the names of fields and units of `ContactMotion`."""
+    """Mesh of the contact points, with fields named as in `ContactMotion` and in its units."""
     contact = shape.contact
     numbers = np.arange(len(contact.points))
     values = {
@@ -135,9 +136,9 @@ def _contact(shape: Shape) -> meshio.Mesh:
 
 
 def write_uff(shape: Shape, path: Path, signals: Sequence[Signal] = ()) -> list[Path]:
-    """Surface nodes (dataset 15), facets (2412) and the complex mode (55) of a shape; signals (58).
+    """Write surface nodes (dataset 15), facets (2412) and mode (55) of a shape, and signals (58).
 
-    Lengths are in m; nodes are numbered from 1. The root stands in rad/s. Datasets have six digits,
+    Lengths are in m, nodes are numbered from 1, and the root is in rad/s. Datasets have six digits,
     signals twelve.
 
     Returns
@@ -148,7 +149,7 @@ def write_uff(shape: Shape, path: Path, signals: Sequence[Signal] = ()) -> list[
     Raises
     ------
     ModelError
-        A shape without cells; a signal whose steps are not even.
+        Where the shape has no cells, or the steps of a signal are not even.
     """
     import pyuff
 
@@ -191,7 +192,7 @@ def write_uff(shape: Shape, path: Path, signals: Sequence[Signal] = ()) -> list[
 
 
 def _function(signal: Signal, where: str) -> dict[Any, Any]:
-    """Dataset 58 of a signal, by no node."""
+    """Dataset 58 of a signal that belongs to no node."""
     import pyuff
 
     steps = np.diff(signal.time)
@@ -232,7 +233,7 @@ def _function(signal: Signal, where: str) -> dict[Any, Any]:
 
 
 def _shells(shape: Shape, kind: int) -> Iterator[dict[str, Any]]:
-    """Facets with as many corners as that kind of element has, components as materials."""
+    """Yield the facets with as many corners as that kind of element; materials are components."""
     number = 0
     for material, part in enumerate(shape.parts, start=1):
         for facet in part.facets:

@@ -1,4 +1,4 @@
-"""Mode shapes measured on a part, from universal files (UFF), and computed ones beside them."""
+"""Mode shapes measured on a component, from universal files (UFF), beside computed ones."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ NORMAL, COMPLEX, COMPLEX_VELOCITY = 2, 3, 7  # analysis types of dataset 55 that
 
 @dataclass(frozen=True)
 class Measured:
-    """Modes measured on a part, in the order of the file.
+    """Modes measured on a component, in the order of the file.
 
     Attributes
     ----------
     numbers : ndarray (n,) of int
-        Of the points.
+        Numbers of the measured points in the file.
     points : ndarray (n, 3)
-        m.
+        Coordinates of the points, m.
     frequency_hz : ndarray (m,)
+        Frequency of each mode, Hz.
     damping_ratio, hysteretic : ndarray (m,)
-        Of viscous damping, and the file's hysteretic one of normal modes as it stands there; NaN
-        where the file has none.
+        Viscous damping ratio, and for normal modes the hysteretic damping as in the file; NaN where
+        the file has none.
     shapes : ndarray (m, n, 3) complex
-        Of the points; 0 where nothing was measured.
+        Displacements of the points; 0 where nothing was measured.
     left_out : int
-        Datasets with functions or shapes that are no modes.
+        Number of datasets with functions, or with shapes that are no modes.
     """
 
     numbers: np.ndarray
@@ -54,7 +55,7 @@ class Measured:
 
     @property
     def measured_directions(self) -> np.ndarray:
-        """Whether any mode moves in each direction of the points (n, 3), which is then measured."""
+        """Whether each direction of the points (n, 3) is measured: whether any mode moves in it."""
         moving: np.ndarray = np.abs(self.shapes).max(axis=0) > 0
         return moving
 
@@ -65,14 +66,15 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
     Parameters
     ----------
     path : Path
+        The universal file.
     unit : float
-        Length unit of its coordinates in m, if it has no dataset 164.
+        Length unit of its coordinates, m; used if the file has no dataset 164.
 
     Raises
     ------
     ModelError
-        A file that cannot be read, without nodes or modes, with modes at nodes without coordinates,
-        or with local axes of displacement.
+        Where the file cannot be read, has no nodes or no modes, a mode that is zero everywhere,
+        modes at nodes without coordinates, or several axes of displacement.
     """
     sets = _sets(path)
     of_kind = {kind: [s for s in sets if s["type"] == kind] for kind in {s["type"] for s in sets}}
@@ -144,7 +146,7 @@ def _node_places(
 
 
 def _root(mode: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Frequency [Hz], viscous and hysteretic damping ratio of a mode, NaN for none."""
+    """Frequency [Hz], viscous damping ratio and hysteretic damping of a mode; NaN if not given."""
     if mode["analysis_type"] == NORMAL:
         ratios = (float(mode.get(f"modal_damp_{kind}") or 0.0) for kind in ("vis", "his"))
         zeta, hysteretic = (ratio if ratio > 0 else np.nan for ratio in ratios)
@@ -155,39 +157,39 @@ def _root(mode: Mapping[str, Any]) -> tuple[float, float, float]:
 
 
 BAND_FACTOR = 1.3  # top frequency of computed modes over the highest measured one
-MIN_PAIR_MAC = 0.5
-MIN_MEASURED_DOF = 6  # measured degrees of freedom near nodes
-# extent of the points over the tolerance: less is a wrong unit of length
+MIN_PAIR_MAC = 0.5  # least MAC of a pair
+MIN_MEASURED_DOF = 6  # least number of measured degrees of freedom near nodes
+# extent of the used points over the tolerance; a smaller one hints at a wrong unit of length
 MIN_EXTENT_OVER_TOLERANCE = 10
-# MAC of two computed modes at the measured points, above which these do not distinguish them
+# MAC of two computed modes at the measured points above which these points do not tell them apart
 MAX_INDISTINCT_MAC = 0.5
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """Measured and computed modes of a part.
+    """Comparison of measured and computed modes of a component.
 
     Attributes
     ----------
     n_rigid : int
-        Rigid modes of the part: six, where it is free.
+        Number of rigid modes of the component: six if it is free.
     distance : ndarray (n,)
-        Of each measured point to the nearest node, m.
+        Distance of each measured point from the nearest node, m.
     used : ndarray (n,) of bool
-        Points within the tolerance.
+        Whether the point is within the tolerance.
     in_assembly : bool
-        Whether points have the position of the part in the assembly, else that in its mesh's file.
+        Whether the points are placed as the component is in the assembly; else as in its mesh file.
     groups : tuple of tuple of int
-        Numbers, from 1, of computed elastic modes; rigid modes are numbered before them. Modes of
-        one frequency are a group: round-off decides their order.
+        Numbers of the computed elastic modes, counted from 1 with rigid modes first. Modes of equal
+        frequency are a group, as round-off decides on their order.
     frequency_hz : ndarray (g,)
-        Mean of each group.
+        Mean frequency of each group, Hz.
     mac : ndarray (m, g)
-        Share of each measured shape in the span of each group: the MAC of groups of one mode.
+        Share of each measured shape in the span of each group; for groups of one mode the MAC.
     pairs : tuple of (int, int)
-        Measured mode and group, from 0, ascending in the measured mode.
+        Indices of measured mode and group, ascending in the measured mode.
     alike : tuple of (int, int, float)
-        Pairs of groups that the measured points hardly distinguish, with their MAC.
+        Pairs of groups that the measured points hardly tell apart, with their MAC.
     """
 
     n_rigid: int
@@ -210,33 +212,34 @@ def correlated(
     placement: tuple[np.ndarray, np.ndarray],
     tolerance: float,
 ) -> Correlation:
-    """Compare measured modes of a free part with its elastic modes.
+    """Compare measured modes of a free component with its elastic modes.
 
-    Points are paired with the nearest node, in the position of the part in the assembly or in its
-    mesh's file: the one in which more points have a node. Directions in which no mode moves are
-    left out as not measured. Modes are paired so that the sum of MAC is largest; pairs below
+    Points are paired with the nearest node, with the component placed as in the assembly or as in
+    its mesh file, whichever gives more points a node. Directions in which no mode moves are left
+    out as not measured. Modes are paired so that the sum of MAC is largest; pairs below
     MIN_PAIR_MAC are dropped.
 
     Parameters
     ----------
     measured : Measured
+        The measured modes.
     K, M : csr_matrix (k, k)
-        Of the free part.
+        Stiffness and mass of the free component.
     nodes : ndarray (n, 3)
-        As placed in the assembly, m.
+        Coordinates of the nodes in the assembly, m.
     E : csr_matrix (3 n, k)
         Displacements of the nodes from the degrees of freedom, in the assembly's axes. Nodes that
         no degree of freedom moves are left out.
     placement : ndarray (3, 3), ndarray (3,)
-        Turn and shift [m] from the mesh's file: x goes to turn x + shift.
+        Rotation and shift [m] from the mesh file to the assembly: x becomes turn x + shift.
     tolerance : float
         Largest distance of a point and its node, m.
 
     Raises
     ------
     ModelError
-        Fewer than MIN_MEASURED_DOF measured degrees of freedom have a node, or they are close
-        together; no elastic mode up to BAND_FACTOR times the highest measured frequency.
+        Where fewer than MIN_MEASURED_DOF measured degrees of freedom have a node, these are too
+        close together, or no elastic mode is below BAND_FACTOR times the top measured frequency.
     """
     turn, shift = placement
     free_nodes = np.flatnonzero((np.diff(E.indptr) > 0).reshape(-1, 3).all(axis=1))
@@ -297,7 +300,7 @@ def correlated(
 def _rows(
     measured: Measured, used: np.ndarray, nearest: np.ndarray, turn: np.ndarray, n: int
 ) -> sp.csr_matrix:
-    """Rows (r, n) that give the motion of nodes in the measured directions of used points."""
+    """Rows (r, n) that give the motion of the nearest nodes in the measured directions."""
     points, axes = np.nonzero(measured.measured_directions & used[:, None])
     columns = 3 * nearest[points][:, None] + np.arange(3)
     # the mesh's own axis e_i is column i of the turn, in the axes of the assembly
@@ -307,7 +310,7 @@ def _rows(
 
 
 def _groups(hz: np.ndarray) -> list[list[int]]:
-    """Modes whose frequencies are one but for round-off, ascending."""
+    """Groups of modes whose frequencies are equal but for round-off, in ascending order."""
     groups: list[list[int]] = []
     for k, f in enumerate(hz):
         if groups and f - hz[groups[-1][-1]] < SAME_NAME_REL_DISTANCE * f:
@@ -318,7 +321,7 @@ def _groups(hz: np.ndarray) -> list[list[int]]:
 
 
 def _pairs(mac: np.ndarray, sizes: Sequence[int]) -> tuple[tuple[int, int], ...]:
-    """Pairs of largest total MAC; a group has as many partners as modes."""
+    """Pairs with the largest sum of MAC; a group may have as many partners as modes."""
     columns = np.repeat(np.arange(len(sizes)), sizes)
     rows, columns_of_pairs = linear_sum_assignment(mac[:, columns], maximize=True)
     pairs = zip(rows.tolist(), columns[columns_of_pairs].tolist(), strict=True)

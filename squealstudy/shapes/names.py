@@ -12,33 +12,33 @@ from squealstudy.shapes.shape import Shape
 
 AND = " + "  # between the components of a name
 MIXED = "mixed"  # where no word fits
-MIN_NAMED_ENERGY_SHARE = 0.2  # least share of kinetic energy of a component that is named
-MIN_NAMED_SHARE = 0.5  # least share of a harmonic, or of one component mode, that is named
-MIN_RIGID_SHARE = 0.8  # least share of rigid modes of what is called rigid
-SAME_NAME_REL_DISTANCE = 1e-3  # relative: free-free modes nearer in frequency are named together
+MIN_NAMED_ENERGY_SHARE = 0.2  # least share of the kinetic energy of a component that is named
+MIN_NAMED_SHARE = 0.5  # least share of a harmonic, or of a component mode, that is named
+MIN_RIGID_SHARE = 0.8  # least share of rigid modes in a component that is called rigid
+SAME_NAME_REL_DISTANCE = 1e-3  # relative distance of frequencies of modes that are named together
 MOST_DIAMETERS = 16
 N_RADIAL_FUNCTIONS = 3  # functions of the radius for each harmonic
-THIN_RING_RATIO = 0.03  # breadth of a ring over its radius: thinner ones have no nodal circle
-RIM_TOLERANCE = 0.02  # distance over the ring's width up to which nodes count as in the ring
-MAX_RING_GAP_RAD = np.pi / 6  # widest gap [rad] around the axis between nodes of a ring that is one
-MIN_SIGNED_MOTION = 0.05  # motion over the largest over the radius, from which its sign counts
+THIN_RING_RATIO = 0.03  # width of a ring over its radius; thinner rings have no nodal circles
+RIM_TOLERANCE = 0.02  # distance from a ring, over its width, up to which nodes count as inside
+MAX_RING_GAP_RAD = np.pi / 6  # widest angle without nodes in a closed ring, rad
+MIN_SIGNED_MOTION = 0.05  # motion, over the largest along the radius, whose sign counts
 
 
 @dataclass(frozen=True)
 class Waves:
-    """Motion of the ring that is rubbed, as waves around the axis (THEORY.md eq. (109)).
+    """Motion of a rotor's ring at the contact, as waves around the axis (THEORY.md eq. (109)).
 
     Attributes
     ----------
     out_of_plane : float
-        Share of axial motion in the sum of |u|^2 over the ring.
+        Share of axial motion in the sum of ``|u|^2`` over the ring.
     diameters : int
-        Nodal diameters: the harmonic with the largest share in the axial motion, or in that in the
-        plane, whichever is larger.
+        Number of nodal diameters: the harmonic with the largest share in the axial motion or in the
+        motion in the plane, whichever of both is larger.
     share : float
-        Of this harmonic in that motion.
+        Share of this harmonic in that motion.
     circles : int
-        Nodal circles inside the ring, of axial motion; 0 of motion in the plane.
+        Number of nodal circles inside the ring in axial motion; 0 for motion in the plane.
     """
 
     out_of_plane: float
@@ -49,14 +49,14 @@ class Waves:
 
 @dataclass(frozen=True)
 class Name:
-    """A name with the figures that it rests on.
+    """A name of a mode, with the waves that it comes from.
 
     Attributes
     ----------
     text : str
-        As ``3 ND out of plane + caliper 13``; ``mixed`` where no word fits.
+        Name such as ``3 ND out of plane + caliper 13``; ``mixed`` if no component is named.
     waves : Waves or None
-        Of the rotor that moves most; None of a model without one, or whose rotor is no ring.
+        Waves of the rotor that moves most, of those with a ring; None without one.
     """
 
     text: str
@@ -67,10 +67,10 @@ def name_of(shape: Shape) -> Name:
     """The name of a mode.
 
     Components with at least MIN_NAMED_ENERGY_SHARE of the kinetic energy are named, the largest
-    first: rotors by their nodal diameters, any other, or one that is no ring or moves as a rigid
-    body, as rigid where its rigid modes have at least MIN_RIGID_SHARE of its kinetic energy, or by
-    the free-free mode that has half of it. Free-free modes of one frequency, as symmetric parts
-    have them, are named together: which is which is round-off.
+    share first. A component whose rigid modes have at least MIN_RIGID_SHARE of its kinetic energy
+    is called rigid. Another rotor with a ring is named by its nodal diameters, and any other
+    component by the free-free mode that has half of its kinetic energy, if one has. Free-free modes
+    of equal frequency, as of symmetric parts, are named together, as round-off numbers them.
     """
     names = shape.rotors.names if shape.rotors else ()
     rotors = sorted(names, key=lambda name: -shape.kinetic.get(name, 0.0))
@@ -88,7 +88,7 @@ def name_of(shape: Shape) -> Name:
 
 
 def figures_of(shape: Shape) -> str:
-    """Figures that the name rests on: kinetic energy by component, and the waves of the ring."""
+    """Text on what the name comes from: kinetic energy by component, and waves of the ring."""
     energy = ", ".join(
         f"{name.replace('_', ' ')} {100 * share:.0f} %" for name, share in shape.kinetic.items()
     )
@@ -104,7 +104,7 @@ def figures_of(shape: Shape) -> str:
 
 
 def _rotor(component: str, waves: Waves, several: bool) -> str:
-    """The waves of a rotor; with its name where there are several."""
+    """The waves of a rotor in words; with its name if there are several rotors."""
     word = component.replace("_", " ")
     plane = "out of plane" if waves.out_of_plane >= MIN_NAMED_SHARE else "in plane"
     if waves.share < MIN_NAMED_SHARE:
@@ -115,20 +115,20 @@ def _rotor(component: str, waves: Waves, several: bool) -> str:
 
 def _component(shape: Shape, component: str, share: float) -> str:
     word = component.replace("_", " ")
-    own_parts = {
+    mode_shares = {
         mode: part for (name, mode), part in shape.participation.items() if name == component
     }
-    omega = {mode: shape.frequencies.get((component, mode), np.nan) for mode in own_parts}
+    omega = {mode: shape.frequencies.get((component, mode), np.nan) for mode in mode_shares}
     if _rigid(shape, component) >= MIN_RIGID_SHARE * share:
         return f"rigid {word}"
     groups: list[list[int]] = []
-    for mode in sorted(mode for mode in own_parts if omega[mode] != 0):
+    for mode in sorted(mode for mode in mode_shares if omega[mode] != 0):
         near = (
             bool(groups)
             and omega[mode] - omega[groups[-1][-1]] < SAME_NAME_REL_DISTANCE * omega[mode]
         )
         groups = [*groups[:-1], [*groups[-1], mode]] if near else [*groups, [mode]]
-    parts = [sum(own_parts[mode] for mode in group) for group in groups]
+    parts = [sum(mode_shares[mode] for mode in group) for group in groups]
     if not parts or max(parts) < MIN_NAMED_SHARE * share:
         return word
     first, *more = groups[int(np.argmax(parts))]
@@ -136,7 +136,7 @@ def _component(shape: Shape, component: str, share: float) -> str:
 
 
 def _rigid(shape: Shape, component: str) -> float:
-    """Kinetic energy of rigid motion of a component."""
+    """Share of the rigid modes of a component in the mode's kinetic energy."""
     return sum(
         part
         for key, part in shape.participation.items()
@@ -145,7 +145,7 @@ def _rigid(shape: Shape, component: str) -> float:
 
 
 def _waves(shape: Shape, rotor: str) -> Waves | None:
-    """The waves of the ring that is rubbed; None where there is none, or it is not closed."""
+    """The waves of a rotor's ring at the contact; None if it has none or the ring is not closed."""
     part = next((p for p in shape.parts if p.name == rotor), None)
     rubbed = shape.rubbed.get(rotor, np.zeros(0, dtype=int))
     if shape.rotors is None or part is None or not len(rubbed) or not part.blocks:
@@ -188,9 +188,9 @@ def _waves(shape: Shape, rotor: str) -> Waves | None:
 
 
 def _over_radius(r: np.ndarray) -> np.ndarray:
-    """Legendre's functions (n, N_RADIAL_FUNCTIONS) of radii (n,); constant where the ring is thin.
+    """Legendre functions (n, N_RADIAL_FUNCTIONS) of radii (n,); of a thin ring only the constant.
 
-    The nodes of a drum's face differ in radius by chords alone: what varies over that is noise.
+    The radii of nodes on a drum's face differ only by chords: variation over them is noise.
     """
     span = float(np.ptp(r))
     values: np.ndarray = np.polynomial.legendre.legvander(
@@ -202,7 +202,7 @@ def _over_radius(r: np.ndarray) -> np.ndarray:
 
 
 def _circles(wave: np.ndarray, other_wave: np.ndarray) -> int:
-    """Sign changes over the radius of the larger of two waves, by their coefficients."""
+    """Number of sign changes over the radius of the larger of two waves, given by coefficients."""
     larger = wave if np.linalg.norm(wave) >= np.linalg.norm(other_wave) else other_wave
     values = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 41), larger)
     real = (values * np.exp(-0.5j * np.angle((values**2).sum()))).real
@@ -211,10 +211,7 @@ def _circles(wave: np.ndarray, other_wave: np.ndarray) -> int:
 
 
 def _axes(direction: np.ndarray) -> np.ndarray:
-    """Columns (3, 3): two directions across an axis, and the axis, right-handed.
-
-    x and y of an axis along z.
-    """
+    """Columns (3, 3): two directions across an axis and the axis, right-handed; x, y, z for z."""
     unit_vector = np.eye(3)[np.abs(direction).argmin()]
     unit_vector = unit_vector - (unit_vector @ direction) * direction
     unit_vector /= np.linalg.norm(unit_vector)
@@ -222,9 +219,10 @@ def _axes(direction: np.ndarray) -> np.ndarray:
 
 
 def _most_diameters(theta: np.ndarray) -> int | None:
-    """Most waves around that nodes at these angles (n,) can tell; None where they are no ring.
+    """Largest number of waves that nodes at angles (n,) can resolve; None if they are no ring.
 
-    Least squares have at least twice as many nodes as unknowns, and a wave four nodes.
+    There are at least twice as many nodes as unknowns of the least squares, and four nodes in a
+    wave.
     """
     around = np.unique(np.round(theta, 6))
     if not len(around) or np.diff(around, append=around[0] + 2 * np.pi).max() > MAX_RING_GAP_RAD:
@@ -238,10 +236,10 @@ def _most_diameters(theta: np.ndarray) -> int | None:
 def _ring(
     positions: np.ndarray, points: np.ndarray, part: ShapePart
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n,) of a rotor between the radii and heights of its contact, their volumes (n,).
+    """Nodes (n,) of a rotor between the radii and heights of its contact, and their volumes (n,).
 
-    A disc's ring goes on outwards to its rim. Places of nodes and of contact points (k, 3) by the
-    axes of `_axes`.
+    The ring of a disc extends to its rim. `positions` of nodes and contact `points` (k, 3) are in
+    the axes of `_axes`.
     """
     volume = np.zeros(len(positions))
     first = 0
@@ -253,7 +251,7 @@ def _ring(
     r = np.hypot(x, y)
     edge = RIM_TOLERANCE * np.ptp(r)
     radius, height = np.hypot(positions[:, 0], positions[:, 1]), positions[:, 2]
-    flat = np.ptp(r) > THIN_RING_RATIO * r.mean()  # a drum's ring is what is rubbed alone
+    flat = np.ptp(r) > THIN_RING_RATIO * r.mean()  # else a drum, whose ring is the contact alone
     rim = np.inf if flat else r.max() + edge
     inside = (volume > 0) & (radius >= r.min() - edge) & (radius <= rim)
     inside &= (height >= z.min() - edge) & (height <= z.max() + edge)

@@ -1,4 +1,4 @@
-"""A page of HTML in which modes of a design point move: one file, no network, drawn by WebGL."""
+"""A page with moving modes of a design point: one HTML file without network, drawn by WebGL."""
 
 from __future__ import annotations
 
@@ -33,20 +33,19 @@ from squealstudy.shapes.surface import Camera, middles, triangles, with_middles
 
 TEMPLATE = Path(__file__).with_name("page.html")
 DATA_SCRIPT = re.compile(r'<script id="data" type="application/json">([^<]*)</script>')
-MAX_INT16 = 32767  # of a 16-bit number
-MAX_BYTE = 255
+MAX_INT16, MAX_BYTE = 32767, 255  # largest numbers of 16 bits with a sign, and of 8 bits
 
 
 def page(shapes: Sequence[Shape]) -> str:
     """The page of some modes of one design point.
 
-    Places and displacements are rounded to 16 bits: 1/32767 of the model's size and of the largest
-    displacement; the density of energy to 8 bits of its logarithm.
+    Coordinates and displacements are rounded to 1/32767 of the largest coordinate and displacement,
+    in 16 bits; the density of energy is rounded to 8 bits of its logarithm.
 
     Raises
     ------
     ModelError
-        No shape, shapes of several design points, or none with a surface.
+        Where there is no shape, shapes are of several design points, or have no surface.
     """
     if len({shape.label.point_id for shape in shapes}) != 1:
         raise ModelError("a page needs shapes of one design point")
@@ -92,7 +91,7 @@ def page(shapes: Sequence[Shape]) -> str:
 
 
 def made_again(text: str) -> str:
-    """The page with the numbers of another one, which may come from anybody; empty of no page."""
+    """A new page with the numbers of a page of unknown origin; empty if it is no such page."""
     match = DATA_SCRIPT.search(text)
     try:
         return _filled(json.loads(match[1])) if match else ""
@@ -111,9 +110,9 @@ class _SurfacePoints:
     Attributes
     ----------
     used : ndarray (n,) of int
-        Nodes.
+        Nodes of the surface.
     number : ndarray (n_nodes,) of int
-        Place of each node among them, NONE of those that lie inside.
+        Index of each node among these; NONE for nodes inside.
     """
 
     def __init__(self, shape: Shape) -> None:
@@ -135,7 +134,7 @@ class _SurfacePoints:
         return with_middles(self._facets, values[self.used], smooth)
 
     def triangles(self, part: ShapePart) -> np.ndarray:
-        """Points (n, 3) of the triangles of a part."""
+        """Points of the triangles (n, 3) of a part."""
         facets = np.where(part.facets == NONE, NONE, self.number[part.facets])
         return triangles(facets, len(self.used) + int(self._first[part.name])).nodes
 
@@ -164,7 +163,7 @@ def _mode(shape: Shape, surface: _SurfacePoints) -> dict[str, Any]:
 
 
 def _edges(facets: np.ndarray) -> np.ndarray:
-    """Ends (n, 2) of the straight pieces of all edges of facets (m, 8), each once."""
+    """Ends (n, 2) of the straight pieces of all edges of facets (m, 8); each piece once."""
     pieces = []
     for k in range(4):
         start, end = facets[:, k], facets[:, (k + 1) % 4]

@@ -1,4 +1,4 @@
-"""Components of a shape: their surfaces and cells, and the elastic energy in these."""
+"""Components of a shape: their surfaces and cells, and the elastic energy of cells."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ class ShapePart:
     Attributes
     ----------
     name : str
+        Name of the component.
     nodes : slice
         Its nodes among all.
     facets : ndarray (n, 8) of int
-        Its surface, as of `ComponentCells.facets`, by numbers among all nodes.
+        Its surface, in the form of `ComponentCells.facets`, by indices among all nodes.
     blocks : tuple of CellBlock
-        Its cells by numbers among all nodes; none where it is not meshed.
+        Its cells, by indices among all nodes; none if it is not meshed.
     volumes : ndarray (n_cells,)
-        m3.
+        Volume of each cell, m3.
     cell_energy : ndarray (n_cells,)
-        Share of each cell in the elastic energy of the whole mode. They add up to the share of
-        the component but for changes of its component modes, which have no place in it.
+        Share of each cell in the elastic energy of the whole mode. The sum is the share of the
+        component, but for changes of its component modes, which belong to no cell.
     """
 
     name: str
@@ -41,7 +42,10 @@ class ShapePart:
 def parts_of(
     assembly: Assembly, u: np.ndarray, elastic: float
 ) -> tuple[tuple[ShapePart, ...], np.ndarray]:
-    """Components of a shape u (n_nodes, 3) of that elastic energy, and its density at the nodes."""
+    """Components of a shape u (n_nodes, 3) with its elastic energy, and the energy's density.
+
+    The density (n_nodes,) is a share of that energy in 1/m3; NaN at nodes without cells.
+    """
     parts = []
     energy, volume = np.zeros(len(u)), np.zeros(len(u))
     for component in assembly.components:

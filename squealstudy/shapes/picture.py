@@ -1,4 +1,4 @@
-"""A shape as a still picture: deformed, in its parts, and at its contact faces."""
+"""Picture of a shape: the deformed model, its parts drawn apart, and its contact faces."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from squealstudy.shapes.surface import Camera, picture, triangles, with_middles
 from squealstudy.wording import setting
 
 VIEW_DEG = (-38.0, 24.0)  # azimuth and elevation, deg
-DISPLACEMENT_OVER_DIAGONAL = 0.05  # largest displacement drawn, of the model's diagonal
-SAMPLES_PER_PIXEL = 2  # of a pixel in each direction
+DISPLACEMENT_OVER_DIAGONAL = 0.05  # largest displacement that is drawn, over the model's diagonal
+SAMPLES_PER_PIXEL = 2  # samples of a pixel in each direction
 PIXEL_COLUMNS = 900
-COLOURED_DECADES = 3.0  # of strain energy density that have a colour
-PERCENT_PER_CM3 = 1e-4  # of 1/m3, in % per cm3
-# from what stands still, grey, to what moves most
+COLOURED_DECADES = 3.0  # decades of strain energy density with a colour of their own
+PERCENT_PER_CM3 = 1e-4  # a density of 1/m3, in % per cm3
+# from grey, at rest, to the colour of the largest displacement
 AMPLITUDE_COLOURS = LinearSegmentedColormap.from_list(
     "amplitude", ["#ccd4da", "#ffe28c", "#f9963c", "#d8281f", "#7a0014"]
 )
 DENSITY_COLOURS = mpl.colormaps["viridis"]
-GAP_OVER_DIAGONAL = 0.12  # between parts that are drawn apart, of the model's diagonal
+GAP_OVER_DIAGONAL = 0.12  # shift between parts that are drawn apart, over the model's diagonal
 
-EMBRACING_PART_SHIFT = 0.35  # shift of a part that embraces others
-TITLE_LINE_CHARACTERS = 130  # line of a title
-SAME_HZ = 1e-6  # relative: one frequency, found again
+EMBRACING_PART_SHIFT = 0.35  # shift of a part that embraces others, over the model's diagonal
+TITLE_LINE_CHARACTERS = 130  # characters of a line of a title
+SAME_HZ = 1e-6  # relative difference of the same frequency
 
 
 def draw(shape: Shape) -> Figure:
-    """Amplitude on the deformed model, density of elastic energy on its parts, contact faces.
+    """Picture of amplitude on the deformed model, energy density on its parts, and contact faces.
 
-    ModelError where the shape has no surface.
+    ModelError if the shape has no surface.
     """
     if not sum(len(part.facets) for part in shape.parts):
         raise ModelError("no component of this model has cells: there is no surface to draw")
@@ -60,7 +60,7 @@ def draw(shape: Shape) -> Figure:
 
 
 def title(shape: Shape) -> list[str]:
-    """Mode, frequency, growth and damping; values of the design point, where there are any."""
+    """Lines of a title: mode, frequency, growth, damping and name; values of the design point."""
     label = shape.label
     values = ", ".join(
         setting(name, number, label.units.get(name, "")) for name, number in label.values.items()
@@ -77,9 +77,9 @@ def title(shape: Shape) -> list[str]:
 
 
 def beside_the_number(shape: Shape) -> str:
-    """Number of a followed mode at this point; where another is its fastest, its frequency there.
+    """Number of a tracked mode at this point, and its frequency where it grows fastest.
 
-    In rankings the mode has that frequency.
+    Rankings have that frequency; it is left out where this point is the fastest.
     """
     label = shape.label
     text = f"mode {label.mode} of this point"
@@ -89,7 +89,7 @@ def beside_the_number(shape: Shape) -> str:
 
 
 def sources(shape: Shape) -> list[str]:
-    """Where the elastic energy is, and where the growth comes from."""
+    """Texts on where the elastic energy is, and where the growth comes from."""
     energy = ", ".join(f"{words(k)} {100 * v:.0f} %" for k, v in shape.energies.items())
     if shape.label.motion:
         return [f"elastic energy: {energy}"]
@@ -106,16 +106,17 @@ def words(name: str) -> str:
 
 
 def deformed(shape: Shape) -> np.ndarray:
-    """Places of the nodes (n_nodes, 3) at the largest real part, displacements as drawn, m."""
+    """Positions (n_nodes, 3) of the nodes, m, with the real part of displacements as drawn."""
     size = DISPLACEMENT_OVER_DIAGONAL * float(np.linalg.norm(np.ptp(shape.coordinates, axis=0)))
     positions: np.ndarray = shape.coordinates + size * shape.at(0.0)
     return positions
 
 
 def exploded_shifts(shape: Shape) -> np.ndarray:
-    """Shift (n_parts, 3) [m] of each part that is drawn apart from the others.
+    """Shift (n_parts, 3) [m] of each part, to draw the parts apart.
 
-    Along the contact normals, in the order of the parts' centres.
+    It is along the axis in which the model is thinnest, in the order of the parts' centres. A part
+    that embraces others is moved to its side instead.
     """
     extent = np.ptp(shape.coordinates, axis=0)
     axis = int(np.argmin(extent))
@@ -124,7 +125,6 @@ def exploded_shifts(shape: Shape) -> np.ndarray:
     low, high = np.array(
         [[f(shape.coordinates[p.nodes, axis]) for p in shape.parts] for f in (np.min, np.max)]
     )
-    # thinnest first outwards from the middle; what embraces all others goes to the side
     inside = [i for i in range(len(low)) if not _embraces(low, high, i)]
     order = sorted(inside, key=lambda i: (low[i] + high[i]) / 2)
     for rank, i in enumerate(order):
@@ -150,7 +150,7 @@ def _embraces(low: np.ndarray, high: np.ndarray, i: int) -> bool:
 
 
 def density_range(shape: Shape) -> tuple[float, float]:
-    """Least and largest density of strain energy that has a colour of its own, % per cm3."""
+    """Least and largest density of strain energy with a colour of its own, % per cm3."""
     density = shape.density[shape.density > 0] * PERCENT_PER_CM3
     high = float(np.percentile(density, 99.8)) if len(density) else 1.0
     return high / 10**COLOURED_DECADES, high
@@ -183,7 +183,7 @@ def _density(axes: Axes, shape: Shape) -> None:
 def _surface(
     axes: Axes, shape: Shape, points: np.ndarray, values: np.ndarray, colours: ScalarMappable
 ) -> None:
-    """Draw all parts into axes of equal scales."""
+    """Draw all parts into axes."""
     facets = np.concatenate([part.facets for part in shape.parts])
     surface = triangles(facets, len(points))
     points, values = with_middles(facets, points), with_middles(facets, values, smooth=False)
@@ -199,7 +199,7 @@ def _surface(
 
 
 def _fewer(rgba: np.ndarray) -> np.ndarray:
-    """The picture with so many samples a pixel as one; colours weighted by what is covered."""
+    """A picture whose samples are averaged to pixels; colours are weighted by what is covered."""
     rows, columns = (n // SAMPLES_PER_PIXEL * SAMPLES_PER_PIXEL for n in rgba.shape[:2])
     tiles = rgba[:rows, :columns].reshape(
         rows // SAMPLES_PER_PIXEL,
@@ -228,7 +228,7 @@ def _bar(axes: Axes, colours: ScalarMappable, label: str, extend: str = "neither
 
 
 def _contact(figure: Any, shape: Shape, pairs: list[str]) -> None:
-    """Pressure, slip and friction's growth on each pair of contact faces, seen along the normal."""
+    """Draw pressure, slip and growth by friction on each pair of contact faces."""
     contact = shape.contact
     how = ", linearised" if shape.label.motion else ""
     drawn: tuple[tuple[str, np.ndarray, Colormap, bool], ...] = (
@@ -272,7 +272,7 @@ def _contact(figure: Any, shape: Shape, pairs: list[str]) -> None:
 
 
 def _plane(points: np.ndarray) -> np.ndarray:
-    """The two axes (3, 2) in which the contact points spread most, of x, y, z."""
+    """The two axes (3, 2), of x, y and z, along which the contact points spread most."""
     widest = np.sort(np.argsort(np.ptp(points, axis=0))[1:])
     return np.eye(3)[:, widest]
 
@@ -285,7 +285,7 @@ def _points(
     norm: Any,
     colours: Colormap,
 ) -> None:
-    """Contact points as spots of their areas, in mm."""
+    """Draw contact points as spots of about their areas, in mm."""
     from matplotlib.collections import EllipseCollection
 
     size = 1e3 * np.sqrt(area)

@@ -1,9 +1,9 @@
 """Sound power that a vibrating component radiates, and motion of its points.
 
 The equivalent radiated power is rho c times the integral of the mean square of the normal velocity
-over the surface. Every part is taken to radiate as a plane wave does: an upper bound at high
-frequencies (Cremer, Heckl & Petersson 2005, Structure-Borne Sound, ch. 7: radiation efficiency
-one).
+over the surface. Each part of the surface is taken to radiate like a plane wave, with a radiation
+efficiency of one: an upper bound at high frequencies (Cremer, Heckl & Petersson 2005,
+Structure-Borne Sound, ch. 7).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from squealstudy.models.assembly import Component
 from squealstudy.shapes.surface import triangles, with_middles
 
 AIR_IMPEDANCE_PA_S_PER_M = 413.3  # rho c at 20 C and 1013 hPa, Pa s/m
-TRIANGLES_PER_CHUNK = 20_000  # triangles at once
+TRIANGLES_PER_CHUNK = 20_000  # triangles that are integrated at once
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class Place:
     Attributes
     ----------
     rows : ndarray (d, n)
-        Displacements of the place by n coordinates; one row where it is a degree of freedom.
+        Displacements of the place by n coordinates; one row if it is a degree of freedom.
     distance : float
-        From the point that was given, m.
+        Distance from the point that was given, m.
     """
 
     rows: np.ndarray
@@ -42,14 +42,14 @@ def mean_square_form(component: Component, block: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     component : Component
-        Meshed.
+        A meshed component.
     block : ndarray (n, k)
         Displacements of its degrees of freedom by k coordinates.
 
     Notes
     -----
-    The surface is one of triangles with velocities linear over each, of which the square is
-    integrated exactly: area/12 (sum v_i^2 + (sum v_i)^2).
+    Velocities are linear over each triangle of the surface, and their squares are integrated
+    exactly: area/12 (sum v_i^2 + (sum v_i)^2).
     """
     assert component.cells is not None
     facets, n = component.cells.facets, len(component.coordinates)
@@ -79,7 +79,7 @@ def place(component: Component, block: np.ndarray, at: tuple[float, ...] | int) 
     Raises
     ------
     ModelError
-        A degree of freedom that the component does not have.
+        Where the component does not have the degree of freedom.
     """
     if isinstance(at, int):
         if at > len(block):

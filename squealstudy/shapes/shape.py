@@ -1,4 +1,4 @@
-"""One complex mode on all nodes of a model, with its energies and its motion at the contact."""
+"""A complex mode on all nodes of a model, with its energies and its motion at the contact."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from squealstudy.wording import in_digits, track_number
 
 INTERFACES = "interfaces"
 DAMPING = "damping"
-UNNAMED = "contact"  # pair of contact points without names
+UNNAMED = "contact"  # name of pairs of surfaces without names
 
 
 @dataclass(frozen=True)
@@ -35,20 +35,22 @@ class Label:
     Attributes
     ----------
     study, point_id : str
+        Name of the study, and id of the design point.
     row : int
-        Of the design point in the points table, from 0.
+        Row of the design point in the points table, from 0.
     values : mapping of parameter -> float
-        Those of the design point that the tables show.
+        Values of the design point that tables show.
     units : mapping of parameter -> str
+        Units of parameters.
     mode : int
-        Number at the design point, as in the modes table.
+        Number of the mode at the design point, as in the modes table.
     track : int or None
-        Number of the mode followed over design points, as rankings list it.
+        Number of the mode's track, as in rankings.
     fastest_hz : float or None
-        Frequency of that mode where it grows fastest, which rankings list beside its number.
+        Frequency of the track where it grows fastest, as in rankings, Hz.
     motion : str
-        What it is instead of a mode, as ``end of the run``; empty for modes. It has a frequency,
-        and no growth rate.
+        What the shape is of if it is no mode, such as ``end of the run``: it then has a frequency
+        but no growth rate. Empty for modes.
     """
 
     study: str = ""
@@ -63,14 +65,14 @@ class Label:
 
     @property
     def number(self) -> str:
-        """Number of the mode, wherever it is shown."""
+        """Name of the mode by its number: that of its track, else that at the design point."""
         if self.motion:
             return self.motion
         return f"mode {self.mode}" if self.track is None else track_number(self.track)
 
     @property
     def file_name(self) -> str:
-        """Name of its files: number, frequency where it grows fastest, and the id of the point."""
+        """Name of its files: number, frequency where it grows fastest, and id of the point."""
         hertz = (
             "" if self.fastest_hz is None else f"_{in_digits(self.fastest_hz)}_hz".replace(".", "_")
         )
@@ -79,30 +81,30 @@ class Label:
 
 @dataclass(frozen=True)
 class ContactMotion:
-    """The mode at the contact points, where the largest displacement of the shape is 1 m.
+    """The mode at the contact points, for a largest displacement of the shape of 1 m.
 
     A real quantity is the real part of the complex one times exp(i omega t).
 
     Attributes
     ----------
     points : ndarray (nc, 3)
-        m.
+        Coordinates of the contact points, m.
     area : ndarray (nc,)
-        m2.
+        Area of each point, m2.
     pairs : tuple of str (nc,)
-        Pair of surfaces of each point.
+        Name of the pair of surfaces of each point.
     static_pressure : ndarray (nc,)
-        Of the working point, Pa.
+        Contact pressure in steady sliding, Pa.
     pressure : ndarray (nc,) complex
         Change of contact pressure -kappa N u, Pa per m.
     slip : ndarray (nc, 2) complex
         Relative displacement T u along the sliding direction and T_perp u across it, m per m.
     growth : ndarray (nc,)
-        What the friction at each point adds to the growth rate, 1/s (THEORY.md eq. (108)): positive
-        where it feeds energy into the mode.
+        Part of friction at each point in the growth rate, 1/s (THEORY.md eq. (108)); positive where
+        it feeds energy into the mode.
     power : ndarray (nc,)
-        Mean power of the friction at each point in a vibration of constant amplitude, W, where the
-        largest displacement is 1 m: 1e-12 of it at 1 um.
+        Mean power of friction at each point in a vibration of constant amplitude with a largest
+        displacement of 1 m, W. At 1 um it is 1e-12 of that.
     """
 
     points: np.ndarray
@@ -121,7 +123,7 @@ class ContactMotion:
 
     @property
     def fed(self) -> np.ndarray:
-        """`growth` per area (nc,), 1/(s m2): where energy is fed in, whatever the mesh."""
+        """`growth` per area (nc,), 1/(s m2), which does not depend on the size of cells."""
         density: np.ndarray = self.growth / self.area
         return density
 
@@ -131,27 +133,29 @@ class Shape:
     """A complex mode on all nodes (THEORY.md eq. (106), (107)).
 
     The motion is Re(displacement exp(lam t)). The largest displacement of a node in a cycle of
-    constant amplitude is 1; the phase is that at which the real part is largest, in the sum of its
-    squares.
+    constant amplitude is 1. The phase is chosen so that the sum of squares of the real part is
+    largest.
 
     Attributes
     ----------
     label : Label
+        Which mode it is.
     lam : complex
         Root, rad/s.
     coordinates : ndarray (n_nodes, 3)
-        m.
+        Coordinates of the nodes, m.
     displacement : ndarray (n_nodes, 3) complex
-        Without a unit: m per m of the largest.
-    parts : tuple of Part
-        Components in order.
+        Displacement of each node over the largest.
+    parts : tuple of ShapePart
+        Components of the model, in their order.
     energies : mapping of name -> float
         Share of each component, then of the interfaces, in the elastic energy (THEORY.md eq. (21)):
         the columns ``energy_*`` of the modes table.
     density : ndarray (n_nodes,)
-        Elastic energy per volume about a node, of all of the mode's, 1/m3: the energy of the cells
+        Share of the mode's elastic energy per volume at each node, 1/m3: the energy of the cells
         that meet there over their volume; NaN where a component has no cells.
     contact : ContactMotion
+        The mode at the contact points.
     sources : tuple of Source
         Parts of the growth rate, which add up to it (THEORY.md eq. (108)): kinds of friction by
         pair of surfaces, damping by component, layer and contact. Parts that are zero are left out.
@@ -161,19 +165,19 @@ class Shape:
     kinetic : mapping of name -> float
         Share of each component in psi^H M psi; they add up to 1.
     participation : mapping of (component, mode) -> float
-        Share in it of each free-free mode of a component, numbered from 1, rigid ones first; the
-        rest of a component is motion that its free-free modes of the basis do not have.
+        Share in psi^H M psi of each free-free mode of a component, numbered from 1 with rigid ones
+        first. The rest of a component's share is motion that these modes do not have.
     frequencies : mapping of (component, mode) -> float
-        Free-free frequency of each mode of `participation`, rad/s; 0 of rigid ones.
+        Free-free frequency of each mode of `participation`, rad/s; 0 for rigid ones.
     rotors : Rotors or None
-        What turns, and its axis.
+        The rotors and their axis.
     rubbed : mapping of component -> ndarray of int
-        Contact points with friction on each rotor, by number.
+        Indices of the contact points with friction on each rotor.
     pair : tuple of (float, float)
-        Frequency [Hz] of the two real modes without coupling by friction that it is most of, and
-        their shares in its kinetic energy, the larger one first; none of a motion.
+        For the two real modes, without coupling by friction, of which the mode mostly consists:
+        frequency [Hz] and share in its kinetic energy, the larger share first; empty for a motion.
     pair_phase : float
-        Between them, deg, 0 to 90 (`system.coupled_pair`).
+        Phase between these two, deg, 0 to 90 (`system.coupled_pair`).
     """
 
     label: Label
@@ -196,7 +200,7 @@ class Shape:
 
     @property
     def frequency_hz(self) -> float:
-        """|lam| / 2 pi, as in the modes table."""
+        """``|lam| / 2 pi``, Hz, as in the modes table."""
         return float(abs(self.lam) / (2 * np.pi))
 
     @property
@@ -206,7 +210,7 @@ class Shape:
 
     @property
     def damping_ratio(self) -> float:
-        """-Re lam / |lam|."""
+        """``-Re lam / |lam|``."""
         return float(-self.lam.real / abs(self.lam))
 
     @property
@@ -231,7 +235,7 @@ class Shape:
     def mac(self, other: Shape) -> float:
         """Modal assurance criterion with a shape of the same nodes, 0 to 1.
 
-        ModelError where it has others.
+        ModelError if the other shape has other nodes.
         """
         a, b = self.displacement.ravel(), other.displacement.ravel()
         if len(a) != len(b):
@@ -240,7 +244,7 @@ class Shape:
 
 
 def amplitudes(u: np.ndarray) -> np.ndarray:
-    """Largest |Re(u exp(i phi))| (n,) of vectors u (n, k) complex: half the long axis of ellipses.
+    """Largest ``|Re(u exp(i phi))|`` (n,) of complex vectors u (n, k): half axes of ellipses.
 
     THEORY.md eq. (107).
     """
@@ -272,20 +276,24 @@ def shape_of(
     Parameters
     ----------
     assembly : Assembly
+        The assembly.
     expansion : Expansion
-        Of the model of which `system` is a linearisation.
+        Expansion of the component-mode model to the assembly.
     point : WorkingPoint
+        Steady sliding about which the model is linearised.
     system : LinearisedModel
+        The linearised component-mode model.
     lam : complex
-        rad/s; oscillating.
+        Root of an oscillating mode, rad/s.
     psi : ndarray (n,) complex
         Right vector in the coordinates of the model.
     label : Label
+        Which mode it is.
 
     Raises
     ------
     ModelError
-        A model without node coordinates; a root that does not oscillate.
+        Where the model has no node coordinates, or the root does not oscillate.
     """
     if any(not len(c.coordinates) for c in assembly.components):
         raise ModelError("this model has no mesh, and so no shape to show")
@@ -344,7 +352,7 @@ def _pair(system: LinearisedModel, x: np.ndarray) -> dict[str, Any]:
 
 
 def free_frequencies(assembly: Assembly, model: ReducedModel) -> dict[ModeKey, float]:
-    """Frequency [rad/s] of every free-free mode of the basis, 0 of rigid ones."""
+    """Frequency [rad/s] of each free-free mode of the basis; 0 for rigid ones."""
     omega_of = component_frequencies(model)
     for c in assembly.components:
         omega = np.array([w for (name, _), w in omega_of.items() if name == c.name])

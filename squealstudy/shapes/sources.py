@@ -1,7 +1,7 @@
-"""Where a mode's growth and its elastic energy come from: friction, damping, interfaces.
+"""Parts of a mode's growth rate and elastic energy: of friction, damping and interfaces.
 
-What psi^H Q(lambda) psi = 0 says of its imaginary part splits the growth rate over any parts of
-C and K (THEORY.md eq. (108)).
+The imaginary part of psi^H Q(lambda) psi = 0 splits the growth rate over any parts of C and K
+(THEORY.md eq. (108)).
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ class Source:
     Attributes
     ----------
     kind : str
-        Of friction ``coupling`` (it follows the pressure), ``along`` (its change with the sliding
-        speed) and ``across`` the sliding direction; of damping ``component`` (its own, dampers of
-        component modes, stiffness damping), ``layer`` (stiffness damping of springs and layers),
-        ``contact`` (stiffness damping of the contact's normal stiffness), ``assembly`` (modal
-        damping).
+        For friction: ``coupling`` (its change with pressure), ``along`` (its change with sliding
+        speed) or ``across`` the sliding direction. For damping: ``component`` (its own damping,
+        that of component modes, stiffness damping), ``layer`` (stiffness damping of springs and
+        layers), ``contact`` (stiffness damping of the normal contact stiffness) or ``assembly``
+        (modal damping).
     where : str
-        Pair of surfaces, component, or layer; empty of the assembly.
+        Pair of surfaces, component, or layer; empty for the assembly.
     growth_rate : float
-        1/s; positive where energy is fed into the mode.
+        Part of the growth rate, 1/s; positive where energy is fed into the mode.
     power : float
-        Mean power fed into a vibration of constant amplitude, W, where the largest displacement of
-        the shape is 1 m; it goes with the square of the amplitude.
+        Mean power fed into a vibration of constant amplitude with a largest displacement of 1 m, W;
+        it is proportional to the square of the amplitude.
     """
 
     kind: str
@@ -51,7 +51,7 @@ class Source:
 
     @property
     def of_friction(self) -> bool:
-        """Whether it is friction, not damping."""
+        """Whether it is a part of friction, not of damping."""
         return self.kind in FRICTION
 
 
@@ -61,10 +61,11 @@ class Balance:
     Parameters
     ----------
     system : LinearisedModel
+        The linearised model.
     lam : complex
-        rad/s; oscillating.
+        Root of an oscillating mode, rad/s.
     x : ndarray (n,) complex
-        Right vector, whose largest displacement is 1 m.
+        Right vector with a largest displacement of 1 m.
     """
 
     def __init__(self, system: LinearisedModel, lam: complex, x: np.ndarray) -> None:
@@ -72,18 +73,18 @@ class Balance:
         self._scale = 2 * self.omega * squared(x).sum() + np.vdot(x, system.C @ x).imag
 
     def growth(self, damping: Any, stiffness: Any = 0.0) -> Any:
-        """Growth rates [1/s] of parts Re x^H C_i x and Im x^H K_i x, numbers or arrays."""
+        """Growth rates [1/s] by parts Re x^H C_i x and Im x^H K_i x, numbers or arrays."""
         return -(self.omega * damping + stiffness) / self._scale
 
     def power(self, growth: Any) -> Any:
-        """Mean power [W] at constant amplitude of parts of the growth rate [1/s]."""
+        """Mean power [W] at constant amplitude that parts of the growth rate [1/s] are."""
         return growth * self.omega * self._scale / 2
 
 
 def point_growth(
     model: ReducedModel, system: LinearisedModel, balance: Balance, x: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Part of friction at each contact point in the growth rate [1/s], (nc,) of each kind."""
+    """Part (nc,) of friction at each contact point in the growth rate [1/s], for each kind."""
     weights = system.weights
     opening, along, across = (rows @ x for rows in (model.N, model.T, model.T_perp))
     return {
@@ -107,14 +108,18 @@ def sources_of(
 
     Parameters
     ----------
+    assembly, model, system : Assembly, ReducedModel, LinearisedModel
+        The assembly, its component-mode model, and that model linearised.
+    balance : Balance
+        Balance of the mode.
     friction : mapping of kind -> ndarray (nc,)
-        `point_growth`.
+        Growth rates by `point_growth`, 1/s.
     pairs : tuple of str (nc,)
         Pair of surfaces of each contact point.
     x : ndarray (n,) complex
-        In the coordinates of the model.
+        Right vector in the coordinates of the model.
     u : ndarray (n_dof,) complex
-        On the assembly.
+        Right vector in the degrees of freedom of the assembly.
     """
     weights, opening = system.weights, squared(model.N @ x)
     parts = [
@@ -124,7 +129,7 @@ def sources_of(
         for growth in [float(of_points[_mask(pairs, where)].sum())]
     ]
     modal_damping = np.broadcast_to(weights.elastic_damping, model.n) * squared(x)
-    if model.C_el is not None:  # block diagonal: x^H C x of each component alone
+    if model.C_el is not None:  # block diagonal: each component has its own x^H C x
         modal_damping = modal_damping + weights.own_damping * (x.conj() * (model.C_el @ x)).real
     damping = [
         *(
@@ -169,14 +174,14 @@ def interface_energies(
 
 
 def _modal(system: LinearisedModel, x: np.ndarray) -> float:
-    """x^H C x of the modal damping of the assembly."""
+    """x^H C x of the assembly's modal damping."""
     if not np.ndim(system.C_modal):
         return 0.0
     return float(np.vdot(x, np.asarray(system.C_modal) @ x).real)
 
 
 def _layer_energies(assembly: Assembly, u: np.ndarray) -> Iterator[tuple[str, float]]:
-    """Name of each spring or layer, and u^H K u of all of that name."""
+    """Yield the name of each spring or layer, and u^H K u of all with that name."""
     for name in dict.fromkeys(s.name for s in assembly.springs):
         of_name = (s for s in assembly.springs if s.name == name)
         yield name, sum(s.energy(u) for s in of_name)

@@ -11,8 +11,8 @@ from squealstudy.models.cells import NONE
 
 LINE_HALF_WIDTH_PIXELS = 0.8  # half the width of the lines between facets, pixels
 CREASE_COSINE = np.cos(np.radians(40.0))  # sharper edges are not smoothed
-# triangles of a facet by its places, the last its middle, and which of their edges are edges of the
-# facet: of 8 and of 4 nodes, of 6 and of 3; edges are those opposite to the corners
+# triangles of facets of 8, 4, 6 and 3 nodes, by indices of nodes or MIDDLE of the facet, and for
+# each corner of a triangle whether the edge opposite to it is an edge of the facet
 MIDDLE = 8
 QUADRATIC_QUAD = (
     tuple(
@@ -30,14 +30,14 @@ TRIANGLE = (((0, 1, 2),), ((1, 1, 1),))
 
 @dataclass(frozen=True)
 class Triangles:
-    """A surface.
+    """A surface of triangles.
 
     Attributes
     ----------
     nodes : ndarray (n, 3) of int
-        Counter-clockwise from outside.
+        Corners of each triangle, counter-clockwise from outside.
     lines : ndarray (n, 3) of bool
-        Which edges, opposite to the corners, are edges of facets.
+        Whether the edge opposite to each corner is an edge of a facet.
     """
 
     nodes: np.ndarray
@@ -45,19 +45,19 @@ class Triangles:
 
 
 def middles(facets: np.ndarray) -> np.ndarray:
-    """Which facets (n, 8) have a middle: those of 8 nodes.
+    """Whether facets (n, 8) have a middle (n,): those of 8 nodes have.
 
-    Without it the triangles of a long thin facet on a curved surface would look in all directions.
+    Without it the triangles of a long thin facet on a curved surface would face in all directions.
     """
     has_middle: np.ndarray = (facets[:, 3] != NONE) & (facets[:, 4] != NONE)
     return has_middle
 
 
 def with_middles(facets: np.ndarray, values: np.ndarray, smooth: bool = True) -> np.ndarray:
-    """Values (n_nodes, ...) at the nodes, followed by those in the middles of facets.
+    """Values (n_nodes, ...) at the nodes, followed by values in the middles of facets.
 
-    By the functions of the 8-node facet, which may go beyond the values at the nodes; without
-    `smooth` the mean of those at its four nearest nodes.
+    These are by the shape functions of the 8-node facet, which may exceed the values at nodes;
+    without `smooth` they are means of the four nearest nodes.
     """
     with_middle = facets[middles(facets)]
     nearest = values[with_middle[:, 4:]].mean(axis=1)
@@ -67,7 +67,7 @@ def with_middles(facets: np.ndarray, values: np.ndarray, smooth: bool = True) ->
 
 
 def triangles(facets: np.ndarray, n_nodes: int) -> Triangles:
-    """Triangles of facets (n, 8), as `ComponentCells.facets` has them, for `with_middles`."""
+    """Triangles of facets (n, 8), as `ComponentCells.facets` has them; points by `with_middles`."""
     four, halved = facets[:, 3] != NONE, facets[:, 4] != NONE
     has_middle = middles(facets)
     middle = np.full(len(facets), NONE)
@@ -109,34 +109,35 @@ class Camera:
 
     @classmethod
     def at(cls, azimuth: float, elevation: float) -> Camera:
-        """From a direction [deg] about z, z upwards in the picture."""
+        """A view from an azimuth about z and an elevation [deg], with z upwards in the picture."""
         a, e = np.radians([azimuth, elevation])
         back = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
         right = np.array([-np.sin(a), np.cos(a), 0.0])
         return cls(right, np.cross(back, right), back)
 
     def seen(self, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) as right, up and back."""
+        """Coordinates right, up and back (..., 3) of points (..., 3)."""
         in_view: np.ndarray = points @ np.column_stack([self.right, self.up, self.back])
         return in_view
 
 
 @dataclass(frozen=True)
 class Image:
-    """Pixels of a view: values and light, NaN where there is nothing.
+    """Pixels of a view; NaN where there is no surface.
 
     Attributes
     ----------
     value : ndarray (rows, columns)
+        Value to be coloured.
     light : ndarray (rows, columns)
-        0 dark to 1; negative on lines.
+        Light from 0, dark, to 1; negative on lines.
     """
 
     value: np.ndarray
     light: np.ndarray
 
     def colours(self, colour_of: object) -> np.ndarray:
-        """RGBA (rows, columns, 4), by a colour map of matplotlib with its norm."""
+        """RGBA (rows, columns, 4) by a ScalarMappable of matplotlib."""
         mapped = colour_of.to_rgba(np.nan_to_num(self.value))  # type: ignore[attr-defined]
         rgba = np.array(mapped, dtype=float)
         line = self.light < 0
@@ -160,13 +161,15 @@ def picture(
     Parameters
     ----------
     points : ndarray (n_nodes, 3)
-        m.
+        Coordinates of the points, m.
     surface : Triangles
+        Triangles of these points.
     values : ndarray (n_nodes,)
-        To be coloured by.
+        Values to be coloured.
     camera : Camera
+        The view.
     window : (left, right, bottom, top)
-        What is seen, in m of the picture.
+        Limits of the picture, m.
     columns : int
         Pixels from left to right.
     """
@@ -194,7 +197,7 @@ def picture(
 
 
 def _lit(normals: np.ndarray, camera: Camera) -> np.ndarray:
-    """Light (n, 3) at normals (n, 3, 3): one lamp above the viewer's left shoulder, and the sky."""
+    """Light (n, 3) at normals (n, 3, 3), of a lamp above the viewer's left shoulder and the sky."""
     lamp = camera.back + 0.45 * camera.up - 0.55 * camera.right
     lamp = lamp / np.linalg.norm(lamp)
     sky = 0.5 + 0.5 * np.abs(normals @ camera.up)
