@@ -44,7 +44,7 @@ MODES_PER_BLOCK = 20_000  # modes whose distances are held in memory at once
 
 @dataclass(frozen=True)
 class ReductionErrors:
-    """Errors at one design point: roots lam (m,) [rad/s], and errors (m,) relative to |lam|."""
+    """Errors at one design point: roots lam (m,) [rad/s], and errors (m,) relative to ``|lam|``."""
 
     lam: np.ndarray
     relative: np.ndarray

@@ -181,7 +181,8 @@ def _npz(path: Path, variable: str | None, square: bool = True) -> Any:
             return _chosen(content, path, variable)
         _only_one(path, variable)
         if "shape" in content:
-            check_size(*content["shape"].tolist(), square)  # before SciPy makes room for it
+            n_rows, n_columns = content["shape"].tolist()
+            check_size(n_rows, n_columns, square)  # before SciPy makes room for it
         for name in INDEX_ARRAYS:
             if name in content and content[name].dtype.kind not in "iu":
                 raise ValueError(f"expected whole numbers in '{name}'")
@@ -268,7 +269,7 @@ def _checked(A: Any, square: bool = True) -> sp.csr_matrix:
     if A.ndim != 2:
         kind = "square matrix" if square else "matrix"
         raise ValueError(f"expected a {kind}, found {' x '.join(map(str, A.shape))}")
-    check_size(*A.shape, square)
+    check_size(A.shape[0], A.shape[1], square)
     if np.iscomplexobj(A):
         raise ValueError("expected real values, found complex ones")
     if hasattr(A, "check_format"):  # indices that SciPy would follow out of its arrays

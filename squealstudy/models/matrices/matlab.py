@@ -64,7 +64,7 @@ class Variable:
         if len(self.shape) != 2:
             kind = "square matrix" if square else "matrix"
             raise ValueError(f"expected a {kind}, found {' x '.join(map(str, self.shape))}")
-        check_size(*self.shape, square)
+        check_size(*self.shape, square=square)
         return self._sparse() if self.kind == SPARSE else self._full()
 
     def _full(self) -> np.ndarray:
