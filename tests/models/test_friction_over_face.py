@@ -259,8 +259,8 @@ def test_a_bad_map_is_one_sentence_with_its_key(tmp_path, capsys, text, words):
 
 
 BAD_KEYS = [
-    (SPREAD, "friction_spread: expected of a friction_factor over the face alone"),
-    ("friction_factor = 0.8\n" + SPREAD, "expected of a friction_factor over the face alone"),
+    (SPREAD, "friction_spread: expected only with a friction_factor over the face"),
+    ("friction_factor = 0.8\n" + SPREAD, "expected only with a friction_factor over the face"),
     (MAP + "friction_spread = -1.0\n", "friction_spread': expected at least 0, got -1"),
     ("friction_factor = -0.8\n", "friction_factor': expected at least 0, got -0.8"),
     ('friction_factor = { file = "other.csv" }\n', "there is no file other.csv"),

@@ -122,7 +122,7 @@ def test_a_file_that_is_not_there_and_a_scale_of_nothing(tmp_path):
     with pytest.raises(StudyFileError, match=r"initial_gap\.file.*there is no file film\.csv"):
         sq.read_study(study)
     _, model = blocks(tmp_path, initial="0.1", more="gap_scale = 2.0\n")
-    with pytest.raises(StudyFileError, match="gap_scale: expected of a gap that is measured"):
+    with pytest.raises(StudyFileError, match="gap_scale: expected only with a measured"):
         sq.read_study(study)
     parameters = '"film" = {path = "contact.pads.initial_gap"}\n'
     _, model = blocks(tmp_path, parameters=parameters)

@@ -95,8 +95,8 @@ def test_the_largest_factor_of_each_seed_is_doubted(tmp_path):
 
 
 BAD = [
-    ("friction_factor = { std = 0.1, length = 2.0 }\n", "friction_seed of a random"),
-    ("friction_factor = 0.8\nfriction_seed = 3\n", "friction_seed of a random"),
+    ("friction_factor = { std = 0.1, length = 2.0 }\n", "friction_seed with a random"),
+    ("friction_factor = 0.8\nfriction_seed = 3\n", "friction_seed with a random"),
     (FIELD.replace("0.1", "0.0"), "expected a number above 0 for std, got 0"),
     (FIELD.replace("2.0", '"2 mm"'), "expected a number above 0 for length, got '2 mm'"),
     (FIELD.replace("3", "-1"), "expected at least 0, got -1"),

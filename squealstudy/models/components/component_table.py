@@ -49,12 +49,12 @@ class MaterialTable(Table):
     G: Vector | None = Field(default=None, description="[G12, G13, G23] of an orthotropic one")
     rho: float | None = Field(default=None, gt=0, description="density")
     thermal_expansion: float | None = Field(
-        default=None, description="strain a kelvin, in all directions; what is hot needs it"
+        default=None, description="strain per kelvin, in all directions; hot components need it"
     )
     elements: str | None = Field(
         default=None,
-        description="element set that has it; else the elements that have a material of this name "
-        "in the mesh, or the element set of this name, or all",
+        description="element set that has it; default: elements with a material of this name in "
+        "the mesh, or the element set of this name, or all elements",
     )
 
     @model_validator(mode="after")
@@ -78,18 +78,21 @@ class HeatTable(Table):
 
     file: str | None = Field(
         default=None,
-        description="names x, y, z, temperature and a line a place, in the unit and the "
-        "coordinates of the component's file",
+        description="file with a line of names, x, y, z, temperature, and a line for each place, "
+        "in the unit and the coordinates of the component's file",
     )
     reference: float | None = Field(
         default=None, description="temperature of the mesh, in the scale of the file"
     )
-    rise: float = Field(default=0.0, description="without a file: K above the mesh's, at point")
-    gradient: Vector = Field(
-        default=(0.0, 0.0, 0.0), description="K a length, in the coordinates of the file"
+    rise: float = Field(
+        default=0.0, description="without a file: temperature above that of the mesh at point, K"
     )
-    point: Vector = Field(default=(0.0, 0.0, 0.0), description="where rise is")
-    scale: float = Field(default=1.0, description="factor on what is above the reference")
+    gradient: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description="change of temperature, K per unit of length, in the coordinates of the file",
+    )
+    point: Vector = Field(default=(0.0, 0.0, 0.0), description="point of the temperature rise")
+    scale: float = Field(default=1.0, description="factor on temperatures above the reference")
 
     @model_validator(mode="after")
     def _one_field(self) -> HeatTable:
@@ -121,13 +124,24 @@ class SetTable(Table):
     Coordinates are those of the mesh's file, before the component is rotated and shifted.
     """
 
-    box: Corners | None = Field(default=None, description="two opposite corners; all nodes in it")
-    plane: PlaneTable | None = Field(default=None, description="all nodes in this plane")
-    cylinder: CylinderTable | None = Field(default=None, description="all nodes at this radius")
-    normal: Vector | None = Field(default=None, description="direction in which the faces look")
-    angle: float = Field(default=10.0, gt=0, le=180, description="how far they may be off it, deg")
+    box: Corners | None = Field(
+        default=None, description="two opposite corners of a box with all nodes of the faces"
+    )
+    plane: PlaneTable | None = Field(default=None, description="plane of all nodes of the faces")
+    cylinder: CylinderTable | None = Field(
+        default=None, description="cylinder of all nodes of the faces"
+    )
+    normal: Vector | None = Field(
+        default=None, description="direction in which the faces point, outwards"
+    )
+    angle: float = Field(
+        default=10.0, gt=0, le=180, description="largest angle of a face to normal, deg"
+    )
     tolerance: float | None = Field(
-        default=None, gt=0, description="distance of nodes; else a thousandth of the longest side"
+        default=None,
+        gt=0,
+        description="largest distance of nodes from box, plane or cylinder; default: a thousandth "
+        "of the longest side",
     )
     elements: str | None = Field(default=None, description="element set that has the faces")
 
@@ -159,30 +173,32 @@ class ComponentTable(Table):
     pass_over: Texts = Field(default=(), description="keywords of its file to pass over")
     mass: MassRule | None = Field(
         default=None,
-        description="full: consistent; as_stiffness: with its points; lumped at the nodes; else "
-        "lumped where a deck of Nastran is, and full",
+        description="full: consistent; as_stiffness: consistent, integrated at the points of the "
+        "stiffness; lumped: at the nodes; default: lumped where a deck of Nastran or ANSYS is, "
+        "else full",
     )
     temperature: float | None = Field(
-        default=None, description="at which materials of its file are taken that depend on it"
+        default=None, description="temperature at which to take materials of its file"
     )
     heat: HeatTable | None = Field(
-        default=None, description="it expands; else it is as cold as its mesh"
+        default=None, description="temperatures by which it expands; default: that of its mesh"
     )
     materials: dict[str, MaterialTable] = Field(default={}, description="by name")
     sets: dict[Name, SetTable] = Field(
-        default={}, description="surfaces by where their faces are and look, by name"
+        default={}, description="surfaces by position and normal of their faces, by name"
     )
     K: str | MatrixTable | None = Field(default=None, description="file of the stiffness matrix")
     M: str | MatrixTable | None = Field(default=None, description="file of the mass matrix")
     C: str | MatrixTable | None = Field(default=None, description="file of a damping matrix")
     dof: str | None = Field(
         default=None,
-        description="file with 'node.direction' or 'modal' of each row of the matrices, or "
+        description="file with 'node.direction' or 'modal' for each row of the matrices, or a "
         ".mapping of ANSYS",
     )
     recovery: str | MatrixTable | None = Field(
         default=None,
-        description="file of the displacements of all nodes, three rows each, by the rows of K",
+        description="file of a matrix that gives the displacements of all nodes, three rows each, "
+        "from the degrees of freedom of K",
     )
     nodes: str | None = Field(
         default=None, description="mesh with coordinates and faces of the matrices' nodes"
@@ -194,18 +210,18 @@ class ComponentTable(Table):
         default=0.0, ge=0, description="damping proportional to stiffness, Rayleigh's beta"
     )
     material_damping: dict[str, Damping] = Field(
-        default={}, description="stiffness_damping of single materials, besides"
+        default={}, description="stiffness_damping of single materials, in addition"
     )
     measured: str | None = Field(
         default=None,
         description="CSV file of frequencies and damping ratios measured on the free part, which "
-        "its component modes have",
+        "its component modes get",
     )
     repeat: RepeatTable | None = Field(
-        default=None, description="the mesh is a sector: it repeats count times about an axis"
+        default=None, description="the mesh is a sector that repeats count times about an axis"
     )
-    translate: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, after the turn")
-    rotate: TurnTable | None = Field(default=None, description="turn")
+    translate: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, after the rotation")
+    rotate: TurnTable | None = Field(default=None, description="rotation")
 
     @model_validator(mode="after")
     def _one_source(self) -> ComponentTable:

@@ -1,4 +1,4 @@
-"""The tables of a model file beside those of components: their keys, and what they may be."""
+"""The tables of a model file besides those of components: their keys and allowed values."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from squealstudy.models.file_table import Name, Table, Texts, Vector
 from squealstudy.wording import shown
 
 Pair = Annotated[tuple[str, str], Strict(False)]
-CALLED = "as errors, tables and paths of parameters call it"
-CUTS = "clipped: by the parts of facets that lie on each other; gauss: by the slave's facets alone"
+CALLED = "name in errors, tables and paths of parameters"
+CUTS = "clipped: points in overlaps of slave and master facets; gauss: in the slave's facets"
 
 
 class RotationTable(Table):
-    """The axis about which the rotor turns, by the right hand."""
+    """The axis about which the rotor turns, by the right-hand rule."""
 
     point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the axis")
     axis: Vector = Field(description="direction of the axis; the rotor turns about it")
@@ -26,16 +26,18 @@ class RotationTable(Table):
     )
     angle: float = Field(
         default=0.0,
-        description="by which what turns stands turned from its meshes, by the right hand, deg; "
-        "contact is found there",
+        description="angle by which the rotor is turned from its mesh, by the right-hand rule, "
+        "deg; contact is searched in this position",
     )
     uniform: bool = Field(
         default=False,
-        description="all points slide at sliding_speed; else the rotor turns, and sliding_speed is "
-        "that at the effective radius",
+        description="true: all points slide at sliding_speed; false: the rotor turns, and points "
+        "at the effective radius slide at sliding_speed",
     )
     effective_radius: float | None = Field(
-        default=None, gt=0, description="else the mean radius of the sliding faces, by area"
+        default=None,
+        gt=0,
+        description="radius of sliding_speed; default: mean radius of the sliding faces, by area",
     )
 
 
@@ -43,18 +45,19 @@ class GapTable(Table):
     """Measured gaps of a face."""
 
     file: str = Field(
-        description="names x, y, gap (or z with two or three) and a line a place, in the unit and "
-        "the coordinates of the slave's file"
+        description="file with a line of names, x, y, gap (or with z), and a line for each place, "
+        "in the unit and the coordinates of the slave's file"
     )
 
 
 class FrictionTable(Table):
-    """Friction factors of a face: of a file, or a random field of mean 1."""
+    """Friction factors over a face: from a file, or a random field of mean 1."""
 
     file: str | None = Field(
         default=None,
-        description="names x, y, factor (or z with two or three) and a line a place, in the unit "
-        "and the coordinates of the slave's file; no factor below 0, linear between places",
+        description="file with a line of names, x, y, factor (or with z), and a line for each "
+        "place, in the unit and the coordinates of the slave's file; factors are at least 0, and "
+        "linear between places",
     )
     std: float | None = Field(
         default=None, gt=0, description="standard deviation of a normal random field of mean 1"
@@ -67,7 +70,7 @@ class FrictionTable(Table):
 
 
 def _gap(written: object) -> object:
-    """The gap unchanged; one error in place of pydantic's two where it is none."""
+    """The gap unchanged; one error, in place of pydantic's two, where it is not valid."""
     of_file = isinstance(written, GapTable) or (
         isinstance(written, dict)
         and written.keys() == {"file"}
@@ -90,7 +93,7 @@ def _keys(written: object) -> str:
 
 
 def _number_or_file(written: object) -> object:
-    """The number or file unchanged; one error in place of pydantic's two where it is neither."""
+    """The friction factor unchanged; one error, in place of pydantic's two, where not valid."""
     if isinstance(written, FrictionTable):
         return written
     if isinstance(written, dict) and written.keys() == {"std", "length"}:
@@ -115,7 +118,7 @@ def _number_or_file(written: object) -> object:
 
 
 def _state(written: object) -> float:
-    """The number of a state, with one sentence where it is none."""
+    """The number of a state; one error where it is not valid."""
     if isinstance(written, str) and written in STATES:
         return STATES[written]
     if not isinstance(written, bool) and written in STATES.values():
@@ -137,85 +140,87 @@ class ContactTable(Table):
 
     name: Name | None = Field(default=None, description=CALLED)
     kind: Literal["sliding", "stuck", "frictionless"] | None = Field(
-        default=None, description="what it does in plane; needed unless it has a state"
+        default=None, description="behaviour in its plane; needed unless it has a state"
     )
     slave: str = Field(description="COMPONENT.SET that has the contact points")
     master: str = Field(description="COMPONENT.SET opposite")
     quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
     points: int = Field(default=3, ge=1, le=32, description="contact points a side of a facet")
-    search: float = Field(gt=0, description="greatest distance of the faces, to either side")
+    search: float = Field(
+        gt=0, description="largest distance of the faces at which points are found, to either side"
+    )
     initial_gap: Gap = Field(
-        default="zero", description="at rest: none, that of the meshes, a number, or measured"
+        default="zero",
+        description='gap at rest: "zero", "geometric" (that of the meshes), a number, or a file',
     )
     gap_scale: float | None = Field(
-        default=None, description="factor on an initial gap that is measured or of the meshes"
+        default=None, description="factor on an initial gap from a file or of the meshes"
     )
     tangential: float | None = Field(
         default=None,
         ge=0,
-        description="stiffness per area that holds a stuck contact in plane; one with a state in "
-        "complex modes alone",
+        description="tangential stiffness per area of a stuck contact; for a contact with a state "
+        "in complex modes only",
     )
     state: State | None = Field(
         default=None,
-        description="of a bracket or pin, past which nothing slides steadily: stuck, or sliding; "
-        "of parameters 1 or 0; in time it sticks and slips by itself",
+        description="for a contact without steady sliding, as of a bracket or pin: stuck or "
+        "sliding (as a parameter 1 or 0); in time it sticks and slips by itself",
     )
     sliding: Vector | None = Field(
         default=None,
-        description="direction in which the master slips past the slave, and pulls it, of a "
-        "contact with a state; its part in the contact plane",
+        description="for a contact with a state: direction in which the master slips past the "
+        "slave and pulls it; its component in the contact plane counts",
     )
     friction: float | None = Field(
         default=None,
         ge=0,
         le=5,
         description="friction coefficient of a sliding contact in place of the parameter "
-        "friction, or of one with a state",
+        "friction; needed for a contact with a state",
     )
     friction_law: dict[str, float] = Field(
         default={},
-        description="values that a sliding contact has of parameters of the study's friction law, "
-        "by what follows friction_law. in their names, in the file's units",
+        description="values of parameters of the study's friction law for a sliding contact, in "
+        "the file's units; keys are their names without friction_law.",
     )
     friction_factor: Factor | None = Field(
         default=None,
-        description="friction coefficient of a sliding contact over the parameter friction, a "
-        "number or over the face; else 1; what has 0 does not wear",
+        description="factor of a sliding contact on the parameter friction: a number, or values "
+        "over the face; default 1; points with 0 do not wear",
     )
     friction_spread: float | None = Field(
         default=None,
         ge=0,
-        description="factor on what friction factors over a face deviate from their mean over it, "
-        "by area",
+        description="factor on the deviation of friction factors over a face from their mean",
     )
     friction_seed: int | None = Field(
         default=None,
         ge=0,
-        description="which of the random fields of friction factors it is; "
-        "contacts of one seed differ",
+        description="seed of the random field of friction factors; contacts with the same seed "
+        "have different fields",
     )
 
     @model_validator(mode="after")
     def _held(self) -> ContactTable:
         plain = self.initial_gap == "zero" or isinstance(self.initial_gap, float)
         if plain and self.gap_scale is not None:
-            raise ValueError("gap_scale: expected of a gap that is measured or geometric alone")
+            raise ValueError("gap_scale: expected only with a measured or geometric gap")
         self._has_kind_or_state()
         if self.kind != "sliding" and self.state is None and self.friction is not None:
-            raise ValueError("friction: expected of a sliding contact or one with a state alone")
+            raise ValueError("friction: expected only of a sliding contact or one with a state")
         if self.kind != "sliding" and self.friction_law:
-            raise ValueError("friction_law: expected of a sliding contact alone")
+            raise ValueError("friction_law: expected only of a sliding contact")
         if self.friction is not None and self.friction_factor is not None:
             raise ValueError("friction_factor: a contact with its own friction has no such key")
         if self.kind != "sliding" and self.friction_factor is not None:
-            raise ValueError("friction_factor: expected of a sliding contact alone")
+            raise ValueError("friction_factor: expected only of a sliding contact")
         if self.friction_spread is not None and not isinstance(self.friction_factor, FrictionTable):
-            raise ValueError("friction_spread: expected of a friction_factor over the face alone")
+            raise ValueError("friction_spread: expected only with a friction_factor over the face")
         factor = self.friction_factor
         is_random = isinstance(factor, FrictionTable) and factor.std is not None
         if is_random != (self.friction_seed is not None):
-            raise ValueError("expected friction_seed of a random friction_factor, and of no other")
+            raise ValueError("expected friction_seed with a random friction_factor, and no other")
         if self.state is None and (self.kind == "stuck") != (self.tangential is not None):
             raise ValueError("expected tangential = STIFFNESS of a stuck contact, and of no other")
         return self
@@ -224,11 +229,11 @@ class ContactTable(Table):
         if self.state is None and self.kind is None:
             raise ValueError("the key 'kind' is missing: sliding, stuck or frictionless")
         if self.state is None and self.sliding is not None:
-            raise ValueError("sliding: expected of a contact with a state alone")
+            raise ValueError("sliding: expected only of a contact with a state")
         if self.state is None:
             return
         if self.kind is not None:
-            raise ValueError("state: expected of a contact without the key 'kind' alone")
+            raise ValueError("state: expected only of a contact without the key 'kind'")
         if self.friction is None:
             raise ValueError("the key 'friction' is missing: coefficient of a contact with a state")
         if self.sliding is None or not any(self.sliding):
@@ -239,7 +244,7 @@ class ContactTable(Table):
 
 
 class TieTable(Table):
-    """Two faces that move as one, by a layer that is far stiffer than what is beside it."""
+    """Two faces that move as one, by a layer far stiffer than the elements beside it."""
 
     name: Name = Field(description=CALLED)
     slave: str = Field(description="COMPONENT.SET")
@@ -247,29 +252,29 @@ class TieTable(Table):
     bedding: float | None = Field(
         default=None,
         gt=0,
-        description="stiffness per area, in all directions; else 1000 times that of the elements "
-        "beside it",
+        description="stiffness per area, in all directions; default: 1000 times that of the "
+        "elements beside it",
     )
     search: float | None = Field(
-        default=None, gt=0, description="greatest distance; else half the size of a facet"
+        default=None, gt=0, description="largest distance; default: half the size of a facet"
     )
 
 
 class CouplingTable(Table):
-    """A node that turns, of a superelement, and a face of another component that it holds."""
+    """A node with rotations, of a superelement, that holds a face of another component."""
 
     name: Name = Field(description=CALLED)
-    node: str = Field(description="COMPONENT.SET of one node with turns")
+    node: str = Field(description="COMPONENT.SET of one node with rotations")
     face: str = Field(description="COMPONENT.SET that moves with it")
     kind: Literal["distributing", "rigid"] = Field(
         default="distributing",
-        description="the node has the mean motion of the face; or every place of the face moves "
-        "with the node",
+        description="distributing: the node has the mean motion of the face; rigid: every point of "
+        "the face moves with the node",
     )
     bedding: float | None = Field(
         default=None,
         gt=0,
-        description="stiffness per area; else 1000 times that of the elements beside the face",
+        description="stiffness per area; default: 1000 times that of the elements beside the face",
     )
 
 
@@ -282,11 +287,11 @@ class LayerTable(Table):
         ge=0,
         description="stiffness per area, consistent: integrated over the faces' shape functions",
     )
-    tangential: float = Field(ge=0, description="the same, in plane")
-    in_static: bool = Field(default=True, description="false: it is there in vibration only")
+    tangential: float = Field(ge=0, description="the same in plane")
+    in_static: bool = Field(default=True, description="false: it acts in vibration only")
     quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
     search: float | None = Field(
-        default=None, gt=0, description="greatest distance; else half the size of a facet"
+        default=None, gt=0, description="largest distance; default: half the size of a facet"
     )
 
 
@@ -296,15 +301,17 @@ class SpringTable(Table):
     name: Name = Field(description=CALLED)
     between: Pair = Field(description='two of COMPONENT.SET, or one and "ground"')
     axes: Literal["cartesian", "cylindrical"] = Field(
-        default="cartesian", description="x, y, z; or radial, around and along the axis of rotation"
+        default="cartesian",
+        description="directions: x, y, z; or radial, tangential and axial about the axis of "
+        "rotation",
     )
-    stiffness: Vector = Field(description="in all, in the three directions")
+    stiffness: Vector = Field(description="total stiffness in each of the three directions")
     rotary: Vector | None = Field(
         default=None,
-        description="against turns about the three directions: mean ones of sets, those of a "
-        "superelement's node that turns",
+        description="stiffness against rotation about the three directions: the mean rotation of a "
+        "set, or that of a superelement's node with rotations",
     )
-    in_static: bool = Field(default=True, description="false: it is there in vibration only")
+    in_static: bool = Field(default=True, description="false: it acts in vibration only")
 
 
 class PointMassTable(Table):
@@ -314,24 +321,27 @@ class PointMassTable(Table):
     on: str = Field(description="COMPONENT.SET that it moves with")
     mass: float = Field(
         ge=0,
-        description="in all; spread over a face it is consistent (integrated over the shape "
-        "functions), over other nodes lumped, the same at each",
+        description="total mass; over a face it is consistent (integrated over the shape "
+        "functions), over other nodes lumped, equal at each",
     )
     at: Vector | None = Field(
-        default=None, description="where it is, by the mean motion of the set; else spread over it"
+        default=None,
+        description="position of the mass, which follows the mean motion of the set; default: the "
+        "mass is spread over the set",
     )
     inertia: Vector | None = Field(
         default=None,
-        description="moments of inertia about global axes through it, at the mean turn of the set",
+        description="moments of inertia about global axes through the mass, which follow the mean "
+        "rotation of the set",
     )
 
 
 class FixedTable(Table):
-    """Degrees of freedom that are held."""
+    """Degrees of freedom that are fixed."""
 
     set: str = Field(description="COMPONENT.SET")
     dofs: Annotated[tuple[Literal[1, 2, 3, 4, 5, 6], ...], Strict(False)] = Field(
-        default=(1, 2, 3), description="directions; 4 to 6 are turns of a superelement's nodes"
+        default=(1, 2, 3), description="directions; 4 to 6 are rotations of a superelement's nodes"
     )
 
 
@@ -343,26 +353,26 @@ class LoadTable(Table):
     reaction_on: str | None = Field(default=None, description="COMPONENT.SET that is pushed back")
     reaction: Literal["spread", "opposite"] = Field(
         default="spread",
-        description="over its face, or at the places opposite to those of the pressure",
+        description="spread over its face, or at points opposite to those of the pressure",
     )
     area: float | None = Field(
-        default=None, gt=0, description="hydraulic area; else that of the face under pressure"
+        default=None, gt=0, description="hydraulic area; default: that of the face under pressure"
     )
 
 
 class StressTable(Table):
-    """The steady sliding whose stresses count as stiffness."""
+    """The steady sliding whose stresses stiffen the components."""
 
     pressure: float = Field(gt=0, description="brake pressure")
-    friction: float = Field(ge=0, description="friction coefficient, the rotor turning forward")
+    friction: float = Field(ge=0, description="friction coefficient; the rotor turns forward")
 
 
 class WearTable(Table):
-    """Sliding that has worn the faces of sliding contacts."""
+    """The sliding that has worn the faces of sliding contacts."""
 
-    pressure: float = Field(gt=0, description="brake pressure while they wore")
-    friction: float = Field(ge=0, description="friction coefficient while they wore")
-    distance: float = Field(ge=0, description="of sliding, at the place of sliding_speed")
+    pressure: float = Field(gt=0, description="brake pressure during wear")
+    friction: float = Field(ge=0, description="friction coefficient during wear")
+    distance: float = Field(ge=0, description="distance of sliding, where sliding_speed holds")
     rate: float = Field(
         gt=0, description="depth over pressure and distance: Archard's coefficient over hardness"
     )
@@ -372,15 +382,18 @@ class ParameterTable(Table):
     """A number of the file, or of the operating point, that studies may vary."""
 
     path: str | Texts = Field(
-        default=(), description="where it is, 'pad.materials.LINING.E[3]'; several for one value"
+        default=(),
+        description="path of its number, 'pad.materials.LINING.E[3]'; several have the same value",
     )
     default: float | str | None = Field(
-        default=None, description="a number, or one with its unit; else the file's value"
+        default=None, description="a number, or one with its unit; default: the file's value"
     )
-    unit: str | None = Field(default=None, description="of a bare default; else the file's units")
-    description: str = Field(default="", description="what tables and screens say of it")
+    unit: str | None = Field(
+        default=None, description="unit of a bare default; default: the file's units"
+    )
+    description: str = Field(default="", description="text in tables and on screens")
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """All places that have its value."""
+        """Paths of all numbers that have its value."""
         return (self.path,) if isinstance(self.path, str) else self.path
