@@ -478,7 +478,13 @@ def test_sample_points_are_spread_over_each_structure():
 
 @pytest.mark.parametrize(
     ("factor", "text"),
-    [(1.0, ""), (1.004, ""), (1.04, "by 4 %"), (1.9, "by 90 %"), (2.4, "to 2.4 times that")],
+    [
+        (1.0, ""),
+        (1.004, ""),
+        (1.04, "by 4 %"),
+        (1.9, "by 90 %"),
+        (2.4, "to 2.4 times what that told"),
+    ],
 )
 def test_what_full_order_adds_to_an_error_is_told_in_words(factor, text):
     assert percent_or_times(factor) == text

@@ -64,7 +64,7 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
     points = plural(errors["reduction_sample_points"], "sample point")
     text += f" and {error_percent(reduction)} from the reduction, by a finer model at {points}"
     if rise := percent_or_times(errors["reduction_widened"]):
-        text += f", raised {rise}, as full order showed more"
+        text += f", already raised {rise}, as full order showed more"
     if manifest.get("basis_enriched"):
         text += "; the basis was enriched"
         if reduction > tolerance:
@@ -163,4 +163,6 @@ def percent_or_times(factor: float) -> str:
     """How much a factor raises a number, in words; empty for less than 1 %."""
     if factor < 1.01:
         return ""
-    return f"by {100 * (factor - 1):.0f} %" if factor < 2 else f"to {factor:.2g} times that"
+    return (
+        f"by {100 * (factor - 1):.0f} %" if factor < 2 else f"to {factor:.2g} times what that told"
+    )

@@ -155,8 +155,8 @@ def start_of(plan: Plan) -> StartState | None:
     if manifest is None:
         raise source.error(
             KEY,
-            f"expected 'working_point' or a results directory of a transient study, "
-            f"'{section.start}' is none",
+            f"expected 'working_point' or results of a transient study; there are none in "
+            f"'{section.start}': run that study first",
         )
     if manifest.get("kind") != "transient":
         raise source.error(
