@@ -12,6 +12,7 @@ from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.operating_matrix import chosen_word
 from squealstudy.plots.style import finish, labelled, legend_below, new_figure
+from squealstudy.wording import figure as figure_text
 from squealstudy.wording import plural
 
 if TYPE_CHECKING:
@@ -75,5 +76,9 @@ def design_history(results: Results) -> Figure:
     finish(axes[1], "Design", "Least damping [%]")
     axes[1].xaxis.set_major_locator(MaxNLocator(integer=True))
     legend_below(figure, labelled(axes[0]), 3)
-    figure.suptitle(plural(len(designs), "design"), fontsize=9.5)
+    title = plural(len(designs), "design")
+    for row in designs[chosen].to_dict("records"):
+        title += f"; {chosen_word(facts)}: cost {row['cost']:.4g}"
+        title += f", least damping {figure_text(100.0 * row['min_damping_ratio'], '.3g')} %"
+    figure.suptitle(title, fontsize=9.5)
     return figure

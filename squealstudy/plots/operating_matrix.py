@@ -54,20 +54,23 @@ def operating_matrix(results: Results) -> Figure:
     axes = figure.subplots()
     style: dict[str, Any] = {"linestyle": "", "markersize": 6}
     axes.plot(range(len(today)), _percent(today), marker="s", color=DARK, label="today", **style)
+    margin = 100.0 * float(facts["margin"])
+    counts = [_below(today, margin, "today")]
     if facts["chosen"] not in (None, facts["today"]):
         of_chosen = solved[(solved["design"] == facts["chosen"]).to_numpy(bool)]
         of_chosen = of_chosen.drop_duplicates(names) if names else of_chosen.iloc[:1]
         chosen = today[names].merge(of_chosen, on=names, how="left") if names else of_chosen
         look: dict[str, Any] = {"marker": "*", "color": COLOURS[1], **style, "markersize": 11}
         axes.plot(range(len(chosen)), _percent(chosen), label=chosen_word(facts), **look)
-    margin = 100.0 * float(facts["margin"])
+        counts.append(_below(chosen, margin, chosen_word(facts)))
     axes.axhline(margin, color=DARK, linewidth=0.8, linestyle="--", label="margin")
     if len(today) <= MOST_NAMED and names:
         texts = [_text(row, names, results) for row in today[names].to_dict("records")]
         axes.set_xticks(range(len(today)), texts, rotation=90 if len(today) > 6 else 0, fontsize=8)
     finish(axes, "Operating point" if len(today) > MOST_NAMED else "", "Least damping [%]")
     legend_below(figure, labelled(axes), 3)
-    figure.suptitle(plural(len(today), "operating point"), fontsize=9.5)
+    title = f"{plural(len(today), 'operating point')}, below the margin: {', '.join(counts)}"
+    figure.suptitle(title, fontsize=9.5)
     return figure
 
 
@@ -76,6 +79,14 @@ def chosen_word(facts: Mapping[str, Any]) -> str:
     if facts.get("failure"):  # of operating points that every design needs
         return "not judged"
     return CALLED.get(facts["outcome"], "chosen")
+
+
+def _below(points: pd.DataFrame, margin: float, name: str) -> str:
+    """At how many points a design's damping is below the margin [%]."""
+    percent = _percent(points)
+    unsolved = int(np.isnan(percent).sum())
+    also = f" ({unsolved} without a value)" if unsolved else ""
+    return f"{name} {int((percent < margin).sum())}{also}"
 
 
 def _percent(points: pd.DataFrame) -> np.ndarray:

@@ -41,7 +41,7 @@ from squealstudy.kinds.design.plan import (
     operating_points,
 )
 from squealstudy.kinds.design.rows import SCHEMA, design_row
-from squealstudy.kinds.design.screen import same_modes, squealing_modes
+from squealstudy.kinds.design.screen import same_modes, squealing_modes, today_rows
 from squealstudy.kinds.design.state import (
     MET_LINEAR,
     NEAR_ENOUGH,
@@ -364,8 +364,16 @@ def test_the_chosen_design_is_drawn_at_every_operating_point(trap) -> None:
     assert stars.get_ydata() == pytest.approx(100 * damping.to_numpy())
     assert chosen_word({"outcome": "met"}) == "chosen"
     assert chosen_word({"outcome": NONE_FOUND}) == "comes nearest"
-    numbers = design_history(trap).axes[1].get_xticks()
+    pair = today_rows(trap)["min_damping_ratio"], damping
+    below = [int((d < facts["margin"]).sum()) for d in pair]
+    told = f"3 operating points, below the margin: today {below[0]}, chosen {below[1]}"
+    assert figure.get_suptitle() == told
+    history = design_history(trap)
+    numbers = history.axes[1].get_xticks()
     assert (numbers % 1 == 0).all()  # of designs
+    (best,) = trap.table("designs").query("chosen").to_dict("records")
+    told = f"chosen: cost {best['cost']:.4g}, least damping {100 * best['min_damping_ratio']:.3g} %"
+    assert history.get_suptitle().endswith(f"; {told}")
 
 
 @pytest.mark.parametrize(
