@@ -18,6 +18,7 @@ from squealstudy.kinds.limit_cycles.larger import (
     larger_in_words,
     louder_cycles,
     louder_neighbours,
+    on_branches,
 )
 from squealstudy.wording import IF_KICKED, SQUEALS
 
@@ -37,13 +38,44 @@ CYCLES = pd.DataFrame(
         "stable": pd.array([None, False, False, False, True], "boolean"),
     }
 )
+BRANCH = pd.DataFrame(
+    {
+        "cycle_id": "b-1-1",
+        "point_id": "b",
+        "along": "friction",
+        "value": [0.6, 0.7, 0.8],
+        "torque_rms": [90.0, 116.0, 140.0],
+        "event": "",
+        "stable": pd.array([True, True, True], "boolean"),
+    }
+)
+NO_BRANCH = BRANCH[:0]
+
+
+def test_levels_that_rise_along_a_branch_of_stable_cycles_are_one_motion():
+    """Of kicked_squeal it was told that 36 N may last at friction 0.1, where 23.5 N lasts."""
+    rising = POINTS.assign(torque_rms=[300.0, 104.3, 116.2, 20.0], verdict=IF_KICKED)
+    rows = on_branches(rising, BRANCH, ["friction"])
+    assert rows == [{1, 2}]  # the others have another level than the branch there
+    np.testing.assert_array_equal(
+        louder_neighbours(rising, ["friction"]), [np.nan, np.nan, np.nan, 300.0]
+    )
+    steep = rising.assign(torque_rms=[300.0, 104.3, 180.0, 20.0])
+    on_it = BRANCH.assign(torque_rms=[60.0, 180.0, 300.0])
+    told = louder_neighbours(steep, ["friction"])
+    assert told[1] == 180.0
+    steep.loc[1, "torque_rms"] = 120.0
+    rows = on_branches(steep, on_it, ["friction"])
+    assert rows == [{0, 1, 2}]
+    told = louder_neighbours(steep, ["friction"], rows)
+    np.testing.assert_array_equal(told, [np.nan, np.nan, np.nan, 300.0])
 
 
 def test_a_cycle_above_the_level_and_a_louder_neighbour_are_told():
     np.testing.assert_array_equal(louder_cycles(POINTS, CYCLES), [76.5, *[np.nan] * 3])
     neighbours = louder_neighbours(POINTS, ["friction"])
     np.testing.assert_array_equal(neighbours, [*[np.nan] * 3, 116.2])
-    assert larger_in_words(POINTS, CYCLES, ["friction"], "N") == (
+    assert larger_in_words(POINTS, CYCLES, NO_BRANCH, ["friction"], "N") == (
         " At 2 of 4 designs larger motion may last too: a cycle above that level is unstable or "
         "not known as stable (76.5 N); louder motion lasts at a design beside it (116.2 N)."
     )
@@ -51,7 +83,7 @@ def test_a_cycle_above_the_level_and_a_louder_neighbour_are_told():
 
 def test_of_levels_that_rise_evenly_nothing_is_told():
     points = POINTS.assign(torque_rms=[130.0, 104.3, 116.2, 120.0])
-    assert larger_in_words(points, CYCLES, ["friction"], "N") == ""
+    assert larger_in_words(points, CYCLES, NO_BRANCH, ["friction"], "N") == ""
 
 
 def test_neighbours_of_other_lines_do_not_count():

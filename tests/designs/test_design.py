@@ -41,7 +41,7 @@ from squealstudy.kinds.design.plan import (
     operating_points,
 )
 from squealstudy.kinds.design.rows import SCHEMA, design_row
-from squealstudy.kinds.design.screen import same_modes, squealing_modes, today_rows
+from squealstudy.kinds.design.screen import _in_percent, same_modes, squealing_modes, today_rows
 from squealstudy.kinds.design.state import (
     MET_LINEAR,
     NEAR_ENOUGH,
@@ -348,6 +348,11 @@ def test_runs_in_time_refuse_what_squeals_when_kicked(trap, tmp_path: Path) -> N
         assert ("from today's vibration at 1 of them" in check.text) == ("today" in row.reason)
     assert f"runs in time: {last['text']}" in facts["verdict"]
     assert "not checked: limit cycles" in facts["verdict"]
+
+
+def test_effects_on_damping_are_in_percent_as_damping_is_everywhere() -> None:
+    """It was +0.199 beside a damping of -0.632 %."""
+    assert _in_percent("damping_ratio +0.199") == ("damping_ratio", "+19.9")
 
 
 def test_the_chosen_design_is_drawn_at_every_operating_point(trap) -> None:

@@ -188,7 +188,7 @@ class Proof:
             text += " (on the curves searched; others are not excluded)"
         if most_missing > 0:
             percent = f"{100 * most_missing:.2g} %"
-            text += f"; at some amplitude motions lack up to {percent} of critical damping"
+            text += f"; some motions last for want of up to {percent} of critical damping"
         self._told(
             LIMIT_CYCLES,
             design,

@@ -245,12 +245,12 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
         ),
     )
     effects = [
-        [str(r["name"]), *change.rsplit(" ", 1)]
+        [str(r["name"]), *_in_percent(change)]
         for r in rows
         for change in str(r["changes"]).split(CHANGE_SEPARATOR)
         if change
     ]
-    slopes = grid("text:mode", "text:variable", "value:damping ratio", rows=effects)
+    slopes = grid("text:mode", "text:variable", "value:damping %", rows=effects)
     legend = notes(
         "modes of today's design with less damping than the margin; those of one component within "
         "5 % in frequency count as one",
@@ -259,10 +259,16 @@ def _modes(table: pd.DataFrame) -> list[RenderableType]:
         _by_damping(table),
     )
     more = notes(
-        "damping ratio: what moving a variable over its whole range adds to it at the mode's worst "
+        "damping %: what moving a variable over its whole range adds to it at the mode's worst "
         "point, by its slope there: near a lock-in the true effect differs; the largest of each"
     )
     return [shown, legend, "", slopes, more] if effects else [shown, legend]
+
+
+def _in_percent(change: str) -> tuple[str, str]:
+    """A variable, and its effect on the damping ratio in percent of critical damping."""
+    variable, effect = change.rsplit(" ", 1)
+    return variable, f"{100 * float(effect):+.3g}"
 
 
 def _variants(table: pd.DataFrame) -> list[RenderableType]:

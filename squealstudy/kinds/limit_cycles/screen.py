@@ -141,7 +141,9 @@ class LimitCyclesScreen(KindScreen):
         if levels:
             varied = [p for p in results.parameters if len(set(points[p])) > 1]
             unit = results.units.get(TORQUE, "N m")
-            levels += larger_in_words(points, results.table("cycles"), varied, unit)
+            levels += larger_in_words(
+                points, results.table("cycles"), results.table("branches"), varied, unit
+            )
         if results.manifest.get("limit_cycles", {}).get("kick_along_mode"):
             levels += untold_kicks(results.table("verdicts"))
         return f"{counted}{levels}{self.followed_in_words(results)}"
