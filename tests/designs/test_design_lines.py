@@ -27,7 +27,7 @@ from squealstudy.kinds.complex_modes.design_lines import (
     onsets_in_words,
 )
 from squealstudy.kinds.complex_modes.design_table import _onsets_by_mode
-from squealstudy.kinds.complex_modes.onset_table import first_onsets, onset_table
+from squealstudy.kinds.complex_modes.onset_table import first_onsets, last_ends, onset_table
 from squealstudy.kinds.complex_modes.onset_words import (
     alike_together,
     last_at,
@@ -404,6 +404,30 @@ def test_where_all_is_unstable_the_answer_is_how_fast_it_grows(tmp_path):
     assert answer(results, results.rank()[:0], lines) == []
     stable = [lines[0]._replace(unstable=1), lines[1]]
     assert "Some mode grows at every point" not in answer(results, results.rank(), stable)[0]
+
+
+def test_of_many_designs_it_is_told_up_to_where_one_is_unstable_from_the_least_value_on(many):
+    """Of abutment "below range" alone, where a pad flutters below a friction of 0.19 only."""
+    seconds = sorted(many.points["frequency_2"].unique())
+    points = many.points.assign(n_unstable=0, n_unstable_high=0)
+    points.loc[points["friction"] == 0.1, ["n_unstable", "n_unstable_high"]] = 1
+    end = {"direction": "out", "status": "refined", "onset": 0.15, "frequency_2": seconds[3]}
+    begin = {"direction": "in", "status": "below_range", "onset": np.nan}
+    rows = [end, end | {"onset": 0.12}, begin | {"frequency_2": seconds[3]}]
+    rows += [{**end, "frequency_2": seconds[4], "onset": 0.3}]  # not where it turns quiet
+    onsets = pd.DataFrame(rows).reindex(columns=many.onsets.columns)
+    changed = many.with_tables(points=points, onsets=onsets)
+    ends = last_ends(changed, "friction")
+    assert ends[seconds[3]] == 0.15
+    assert ends.notna().sum() == 1
+    points.loc[points["frequency_2"] == seconds[0], ["n_unstable", "n_unstable_high"]] = 0
+    lines = as_text(onset_table(changed.with_tables(points=points))).splitlines()
+    assert lines[4].split()[1:] == ["to", "0.15"]
+    assert lines[-1] == "to: unstable from the least friction up to there, and at no larger one"
+    points.loc[
+        (points["frequency_2"] == seconds[3]) & (points["friction"] == 0.4), "n_unstable"
+    ] = 1
+    assert last_ends(changed.with_tables(points=points), "friction").isna().all()
 
 
 def test_many_designs_that_are_unstable_at_the_least_value_are_a_sentence_not_a_table(many):

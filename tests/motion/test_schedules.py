@@ -268,6 +268,13 @@ def test_the_screen_tells_of_windows(stop, capsys):
     text = "\n".join(map(str, stop.screen.findings(stop)))
     assert "1 run, whose speed or pressure changes. From 0 ms on: " in text
     assert "Loudest from " in text
+    rows = stop.windows.assign(torque_rms=10.0, torque_rms_low=0.0, torque_rms_high=20.0)
+    rows.loc[0, "torque_rms"] = 0.0
+    changed = stop.with_tables(windows=rows)
+    head, *lines = as_text(windows(changed, "N")).splitlines()
+    assert "RMS  +- %" in head
+    assert "  10   100 " in lines[1]
+    assert ": RMS 10 +- 10 N, " in stop.screen.verdict(changed)
     assert "No mode is ranked" not in text
 
 

@@ -20,6 +20,7 @@ from squealstudy.tables.stability import (
     FIRST_SEEN,
     INEXACT,
     INTO,
+    OUT_OF,
     REFINED_ONSETS,
 )
 from squealstudy.wording import amount, in_column, with_unit
@@ -45,9 +46,9 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
         return []  # the answer says that all are unstable at the least value
     units, top = results.units, float(results.points[along].max())
     unit = units.get(along, "")
-    onsets = pd.Series(
-        [_cell(onset, mark, top, unit) for onset, mark in first.to_numpy()], first.index
-    )
+    ends = last_ends(results, along).reindex(first.index)
+    pairs = zip(first.to_numpy(), ends.to_numpy(float), strict=True)
+    onsets = pd.Series([_cell(*row, end, top, unit) for row, end in pairs], first.index)
     counts = {name: first.index.get_level_values(name).nunique() for name in names}
     down = max(names, key=counts.__getitem__)
     others = [name for name in names if name != down]
@@ -77,6 +78,9 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
             else "",
             f"<=: the least {along} of a solved point at which some mode is unstable"
             if INEXACT[FIRST_SEEN] in shown_marks
+            else "",
+            f"to: unstable from the least {along} up to there, and at no larger one"
+            if ends.notna().any()
             else "",
         ),
     ]
@@ -118,6 +122,34 @@ def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
     return pd.DataFrame({"onset": onset, "mark": np.where(np.isfinite(onset), mark, "")})
 
 
+def last_ends(results: ResultTables, along: str) -> pd.Series:
+    """Value beyond which no mode of a design is unstable, by the other varied parameters.
+
+    Of designs unstable at the least value and up to there; NaN of others, and where it is not
+    refined.
+    """
+    points = results.points
+    names = [n for n in parameter_columns(points, varied=True) if n != along]
+    onsets = results.table("onsets")
+    is_end = (onsets["direction"] == OUT_OF) & onsets["status"].isin(REFINED_ONSETS)
+    of_end = onsets[is_end.to_numpy(bool)]
+    ends = {}
+    for design, rows in points.sort_values(along, kind="stable").groupby(names):
+        settings, ok = rows[along].to_numpy(float), (rows["status"] == "ok").to_numpy(bool)
+        unstable = ok & (rows["n_unstable"] > 0).fillna(False).to_numpy(bool)
+        quiet = ok & (rows["n_unstable_high"] == 0).fillna(False).to_numpy(bool)
+        n = int(unstable.sum())
+        key = design if len(names) > 1 else design[0] if isinstance(design, tuple) else design
+        ends[key] = np.nan
+        if 0 < n < len(rows) and unstable[:n].all() and quiet[n:].all():
+            same = np.logical_and.reduce([of_end[p].to_numpy() == rows[p].iloc[0] for p in names])
+            at = of_end["onset"].to_numpy(float)[same]
+            at = at[(settings[n - 1] <= at) & (at <= settings[n])]
+            ends[key] = at.max() if len(at) else np.nan
+    index = pd.MultiIndex.from_tuples(ends, names=names) if len(names) > 1 else pd.Index(ends)
+    return pd.Series(list(ends.values()), index, dtype=float)
+
+
 def _title(column: object, others: list[str], units: dict[str, str], along: str) -> str:
     """Title of a column: the values of the other parameters; without any, what it shows."""
     if not others:
@@ -129,9 +161,9 @@ def _title(column: object, others: list[str], units: dict[str, str], along: str)
     return ", ".join(amount(number, units.get(name, "")) for name, number in shown)
 
 
-def _cell(onset: float, mark: str, top: float, unit: str) -> str:
+def _cell(onset: float, mark: str, end: float, top: float, unit: str) -> str:
     if onset == BELOW:
-        return "below range"
+        return f"to {amount(end, unit)}" if end == end else "below range"
     if onset == NEVER:
         return f"none up to {amount(top, unit)}"
     return f"{mark}{amount(onset, unit)}" if onset == onset else "-"

@@ -38,9 +38,9 @@ def on_branches(
             [np.ones(len(points), bool), *(points[p].to_numpy() == start[p] for p in others)]
         )
         if len(stable):
-            value, rms = (stable[n].to_numpy(float) for n in ("value", "torque_rms"))
-            near &= (value[0] <= at) & (at <= value[-1])
-            near &= abs(np.interp(at, value, rms) / levels - 1.0) < DISTINCT_RATIO - 1.0
+            settings, rms = (stable[n].to_numpy(float) for n in ("value", "torque_rms"))
+            near &= (settings[0] <= at) & (at <= settings[-1])
+            near &= abs(np.interp(at, settings, rms) / levels - 1.0) < DISTINCT_RATIO - 1.0
             rows_of.append({int(row) for row in np.flatnonzero(near)})
     return rows_of
 

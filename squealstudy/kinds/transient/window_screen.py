@@ -8,9 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.console import RenderableType
 
-from squealstudy.kinds.transient.answer import heard
+from squealstudy.kinds.transient.answer import heard, level_error
 from squealstudy.screen import grid, notes
-from squealstudy.wording import QUIET, figure, in_digits, motion_frequency
+from squealstudy.wording import (
+    QUIET,
+    figure,
+    in_digits,
+    motion_frequency,
+    small_percent,
+    with_error,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +39,8 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
     slow = bool(table["time_stop"].max() >= MIN_SLOW_RUN_S)
     has_pressure = bool(table["pressure_start"].notna().any())
 
+    has_errors = "torque_rms_low" in table  # results of before have none
+
     def cells(row: dict[Hashable, Any]) -> list[str]:
         point_cell = [str(all_points.index(row["point_id"]))] if several else []
         ends = [_span(row, "time", 1.0 if slow else 1e3), _span(row, "sliding_speed", 1.0)]
@@ -42,6 +51,11 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
             str(row["class"]).replace("_", " "),
             figure(row["torque_mean"]),
             figure(row["torque_rms"]),
+            *(
+                [small_percent(level_error(row) / (row["torque_rms"] or np.nan))]
+                if has_errors
+                else []
+            ),
             motion_frequency(row["frequency_hz"], row["torque_line_hz"]),
             figure(100 * row["stick_share"], ".0f"),
         ]
@@ -50,7 +64,8 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
     window_grid = grid(
         *(["point"] if several else []),
         *(f"value:{'s' if slow else 'ms'}", "value:m/s", *(["value:bar"] if has_pressure else [])),
-        *("word:class", f"value:{quantity} {unit}", "value:RMS", "value:Hz", "value:stick %"),
+        *("word:class", f"value:{quantity} {unit}", "value:RMS", *["value:+- %"] * has_errors),
+        *("value:Hz", "value:stick %"),
         rows=(cells(row) for row in listed.to_dict("records")),
     )
     more = len(table) - len(listed)
@@ -59,8 +74,8 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
         "speed or pressure change: the loudest window of each run, all in the table windows"
         if several
         else "speed or pressure change: what each part of the run does",
-        f"RMS: of the {quantity} about a straight line; Hz: of the motion (x2: loudest at twice "
-        "that; ~: loudest line of a motion that does not repeat)",
+        f"RMS: of the {quantity} about a straight line, +-: its error; Hz: of the motion (x2: "
+        "loudest at twice that; ~: loudest line of a motion that does not repeat)",
         "quiet: RMS below 1 % of steady sliding's; stick slip: contact begins to stick twice or "
         "more",
     )
@@ -85,9 +100,10 @@ def in_words(results: ResultTables, unit: str) -> str:
     if table["torque_rms"].isna().all():
         return text
     loudest = table.iloc[int(table["torque_rms"].fillna(-1.0).to_numpy().argmax())]
+    level = with_error(float(loudest["torque_rms"]), level_error(loudest))
     return (
         f"{text} Loudest from {_span(loudest, 'time', factor)} {time_unit}, at "
-        f"{_span(loudest, 'sliding_speed', 1.0)} m/s: RMS {figure(loudest['torque_rms'])} {unit}, "
+        f"{_span(loudest, 'sliding_speed', 1.0)} m/s: RMS {level} {unit}, "
         f"{heard(loudest)}."
     )
 
