@@ -214,9 +214,8 @@ def with_error(value: float, error: float) -> str:
 
 def small_percent(share: float) -> str:
     """A relative error in percent, in two digits; ``<0.001`` for smaller ones."""
-    smallest = 0.001  # %
-    if 0.0 <= 100 * share < smallest:
-        return f"<{smallest:g}"
+    if 0.0 <= 100 * share < 0.001:
+        return "<0.001"
     return figure(100 * share, ".2g" if share < 0.995 else ".0f")
 
 
