@@ -1,8 +1,9 @@
-"""Solves with the stiffness of any working point by one factor of a symmetric one.
+"""Solves with the stiffness of any working point by one factor of a symmetric stiffness.
 
-With K_h = K_elastic + K_springs + k_c N^T A N factored once, contact and friction of a design point
-are of low rank, r of the contact's independent rows N = S_N Z_N, and its stiffness
-K = K_h + N^T d N + T^T w N needs no factor of its own (Woodbury 1950):
+K_h = K_elastic + K_springs + k_c N^T A N is factored once. A working point has the stiffness
+K = K_h + N^T d N + T^T w N, with changes d of the contact stiffness and friction w. The change is
+of low rank: N = S_N Z_N has r independent rows Z_N. So K needs no factor of its own (Woodbury
+1950):
 
     K^-1 b = K_h^-1 (b - (N^T d + T^T w) S_N y)
     (1 + Z_N K_h^-1 (N^T d + T^T w) S_N) y = Z_N K_h^-1 b
@@ -22,20 +23,22 @@ from squealstudy.linalg.factor import SINGULAR, RefinedFactor, automatic_backend
 from squealstudy.models.assembly import Assembly
 from squealstudy.reduction.contact_space import ContactRows, contact_compliances
 
-# backward error up to which solves are not refined: of a brake it is some 1e-14
+# backward error up to which solves are not refined; for a brake it is about 1e-14
 MAX_UNREFINED_BACKWARD_ERROR = 1e-12
 
 
 @dataclass(frozen=True)
 class HeldStiffness:
-    """K_h of an assembly, factored, and its compliances between contact rows.
+    """The factored stiffness K_h of an assembly, and its compliances between contact rows.
 
     Attributes
     ----------
     normal : ndarray (nc,)
-        Contact stiffness k_c A in it, N/m.
+        Contact stiffness k_c A that K_h holds, N/m.
     factor : RefinedFactor (n_dof, n_dof)
+        Factor of K_h.
     rows : ContactRows
+        Independent rows Z_N (r, n_dof) and Z_T (t, n_dof) of the contact.
     C_NN, C_TN : ndarray (r, r), (t, r)
         Z_N K_h^-1 Z_N^T and Z_T K_h^-1 Z_N^T, m/N.
     """
@@ -48,7 +51,13 @@ class HeldStiffness:
 
     @staticmethod
     def of(assembly: Assembly, k_c: float | np.ndarray) -> HeldStiffness:
-        """Factor of an assembly with contact stiffness per area k_c [Pa/m]; ConvergenceError."""
+        """K_h of an assembly with contact stiffness per area k_c [Pa/m].
+
+        Raises
+        ------
+        ConvergenceError
+            Where it is singular.
+        """
         K = assembly.K_el + assembly.K_springs() + assembly.K_contact(k_c)
         factor, rows = factorise(K, definite=True), ContactRows.of(assembly.contact)
         compliances = contact_compliances(rows, factor.lean(), assembly.n_dof)
@@ -56,25 +65,29 @@ class HeldStiffness:
 
     @staticmethod
     def pays(assembly: Assembly) -> bool:
-        """Whether the factor of a symmetric matrix is the cheaper one, at this size and here."""
+        """Whether K_h costs less to factor than a stiffness with friction.
+
+        That holds where CHOLMOD is installed and chosen for a matrix of this size.
+        """
         return automatic_backend(assembly.n_dof, definite=True) == "cholmod"
 
 
 class ContactFactor(RefinedFactor):
-    """Solves with a stiffness that differs from the held one in contact and friction alone.
+    """Solves with a stiffness that differs from K_h in contact and friction alone.
 
     Parameters
     ----------
     stiffness : HeldStiffness
+        The factored K_h.
     A : sparse (n, n)
-        The stiffness.
+        The stiffness to solve with.
     normal, coupling : ndarray (nc,)
-        Its contact stiffness and its friction (`ContactWeights`), N/m.
+        Contact stiffness and friction of A (`ContactWeights`), N/m.
 
     Raises
     ------
     ConvergenceError
-        ``singular``.
+        With the reason ``singular``, where A is singular.
     """
 
     def __init__(
@@ -108,5 +121,5 @@ class ContactFactor(RefinedFactor):
         return solution
 
     def lean(self) -> Callable[[np.ndarray], np.ndarray]:
-        """See `RefinedFactor.lean`; roots that this spoils are seen by their residuals."""
+        """See `RefinedFactor.lean`; the residuals of roots show where a solve was too inexact."""
         return self.solve_once if self.plain_error <= MAX_UNREFINED_BACKWARD_ERROR else self.solve

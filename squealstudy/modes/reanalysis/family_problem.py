@@ -1,6 +1,7 @@
-"""A family of matrices as the ladder's problem: exact pairs by sparse solves on both sides.
+"""A family of matrices as the ladder's problem: exact pairs by two sparse solves.
 
-Left vectors are matched to the right ones, y^H Q'(lambda) x = 1.
+One solve finds the right vectors and one the left vectors. Left vectors are matched to the right
+ones and scaled to y^H Q'(lambda) x = 1.
 """
 
 from __future__ import annotations
@@ -23,36 +24,41 @@ from squealstudy.modes.reanalysis.problem import SweptProblem, in_band, in_or_be
 from squealstudy.root_pairs import angular_band, partners
 from squealstudy.system.parametric import MASS, STIFFNESS, ParametricSystem, Weights
 
-# left roots are sought a little beyond the right ones: none is cut off at the edge
+# left roots are sought in a slightly wider band than right ones: none is cut off at the edge
 LEFT_BAND_FACTOR = 1.01
-# of the number of left roots asked for: one lies beyond the band, so once is enough
+# left roots asked for over right ones found: with a few more than the band holds, one of them lies
+# beyond it, and the solve need not be repeated for more
 LEFT_COUNT_FACTOR = 1.1
-SYMMETRIC = 1e-12  # relative asymmetry of round-off
-SHIFTS = (0.0, 1.0, 1e2, 1e4)  # shifts of the mass, in squares of the band's lower end
-# relative distance of roots that two solves tell apart: the same root within it
+SYMMETRIC = 1e-12  # asymmetry, over the largest entry, up to which it is round-off
+# multiples of (lower end of the band)^2 M that are added in turn to a stiffness not definite
+SHIFTS = (0.0, 1.0, 1e2, 1e4)
+# relative distance up to which a root of one solve and one of the other are the same root
 SAME_ROOT_REL_DISTANCE = 1e-6
-CLUSTER = 1e-7  # relative distance below which roots share their vectors
-LARGEST_PRODUCT = 1e-4  # products that vanish for exact vectors of distinct roots
+CLUSTER = 1e-7  # relative distance up to which vectors are any basis of the roots' subspace
+# largest product of a left vector with another root's right vector, over their sizes; 0 if exact
+LARGEST_PRODUCT = 1e-4
 
 
 class FamilyProblem(SweptProblem):
     """A family of matrices over a box of parameters.
 
-    The mass may vary. A coefficient without a value at a design point is its failure.
+    The mass may vary. A design point fails where a coefficient has no value.
 
     Parameters
     ----------
     family : MatrixFamily
+        Matrices and their coefficients.
     dimension : int
         Number of parameters that vary.
     values_at : callable
         Parameter values at theta in [-1, 1]^d.
     band_hz : (low, high)
+        Frequency band, Hz.
     first : int
-        Roots to ask for first at a design point, conjugates counted.
+        Number of roots, conjugates counted, that the first solve at a design point asks for.
     least_growth : float
-        Growth rate [1/s] below which modes are left out everywhere: they neither enter the basis
-        nor are they looked at.
+        Growth rate [1/s] below which modes are left out everywhere: no basis holds them, and no
+        result shows them.
     """
 
     exact = "full"  # the rung of `pairs`
@@ -77,7 +83,7 @@ class FamilyProblem(SweptProblem):
         return family_system(self.family)
 
     def weights(self, theta: np.ndarray) -> Weights:
-        """Coefficients at theta; ConvergenceError where one has no value."""
+        """Coefficients at theta; raises ConvergenceError where one has no value."""
         try:
             return self.family.weights(self.values_at(np.asarray(theta)))
         except ExpressionError as error:
@@ -91,7 +97,7 @@ class FamilyProblem(SweptProblem):
         Raises
         ------
         ConvergenceError
-            Where either fails, or where left and right vectors do not match.
+            Where a solve fails, a coefficient has no value, or left and right vectors do not match.
         """
         weights = self.weights(theta)
         M, C, K = self.family.combined(weights)
@@ -113,8 +119,9 @@ class FamilyProblem(SweptProblem):
     def _cholesky(self) -> SparseCholesky:
         """Cholesky factor of the symmetric stiffness at the middle of the box.
 
-        Friction and follower forces are left out: their symmetric part alone makes it indefinite.
-        Free bodies, and what else is not definite, get a share of the mass.
+        Friction and follower forces are left out, since their symmetric part alone would make it
+        indefinite. Where it is not positive definite, as with free bodies, a multiple of the mass
+        is added (`SHIFTS`).
         """
         K, M = self._symmetric(STIFFNESS), self._nominal_mass
         for share in SHIFTS:
@@ -125,7 +132,10 @@ class FamilyProblem(SweptProblem):
         raise ModelError("the symmetric stiffness of the family is not positive definite")
 
     def _symmetric(self, order: int) -> sp.csr_matrix:
-        """Sum of the symmetric terms of an order at the middle, of symmetric parts if none is."""
+        """Sum of the symmetric terms of an order at the middle of the box, weighted.
+
+        Where no term is symmetric, it is the sum of the symmetric parts of all.
+        """
         weights = self.weights(np.zeros(self.dimension))
         terms = [
             (float(w), t.matrix)
@@ -136,7 +146,7 @@ class FamilyProblem(SweptProblem):
         return _symmetric_sum(even or terms, self.family.n)
 
     def energy_root(self, X: np.ndarray) -> np.ndarray:
-        """F X with F^T F = K0, the symmetric stiffness at the middle of the box, (n, m)."""
+        """F X (n, m) with F^T F = K0, the factored stiffness at the middle of the box."""
         return self._cholesky.root(X)
 
     def from_energy(self, Z: np.ndarray) -> np.ndarray:
@@ -168,18 +178,20 @@ def biorthogonal(
     lam_left: np.ndarray,
     Y: np.ndarray,
 ) -> Eigenpairs:
-    """Pairs of right roots and vectors with the left ones among those given.
+    """Right roots and vectors, each with its left vector, scaled to y^H Q'(lambda) x = 1.
 
-    In the state space, y_i^H ((lam_i + lam_j) M + C) x_j vanishes for distinct roots. Vectors of
-    close roots are any basis of their subspace: there the left ones are turned against the right.
+    The product y_i^H ((lam_i + lam_j) M + C) x_j vanishes for distinct roots. The solved vectors of
+    close roots are any basis of their subspace, so the left vectors of a cluster are combined to
+    make their products with the right ones vanish too.
 
     Parameters
     ----------
     M, C : csr_matrix (n, n)
+        Mass and damping.
     lam, X : ndarray (m,), (n, m) complex
         Right roots and vectors.
     lam_left, Y : ndarray (l,), (n, l) complex
-        Roots and y of y^H Q = 0; more than m do no harm.
+        Left roots and vectors, y^H Q(lambda) = 0. There may be more of them than right ones.
 
     Raises
     ------
@@ -201,7 +213,7 @@ def biorthogonal(
 
 
 def _partners(lam: np.ndarray, lam_left: np.ndarray) -> np.ndarray:
-    """Index of the left root of each right one, each used once."""
+    """Index (m,) of the left root of each right root, none used twice."""
     if len(lam_left) < len(lam):
         raise _unmatched(f"{len(lam)} right and {len(lam_left)} left roots")
     distance = np.abs(lam[:, None] - lam_left[None, :])
@@ -212,7 +224,7 @@ def _partners(lam: np.ndarray, lam_left: np.ndarray) -> np.ndarray:
 
 
 def _clusters(lam: np.ndarray) -> list[np.ndarray]:
-    """Indices of roots that are close to each other, in groups."""
+    """Indices of the roots in groups of close ones; most groups have a single root."""
     if not len(lam):
         return []
     size = np.maximum(np.abs(lam)[:, None], np.abs(lam)[None, :])
@@ -240,7 +252,10 @@ def _inverse(block: np.ndarray) -> np.ndarray:
 def _check(
     M: sp.csr_matrix, lam: np.ndarray, X: np.ndarray, Y: np.ndarray, products: np.ndarray
 ) -> None:
-    """Products of distinct roots must vanish beside the sizes of both vectors."""
+    """Raise ConvergenceError where products of different roots' vectors do not vanish.
+
+    They are compared with the sizes of both vectors.
+    """
     right = np.sqrt(np.abs(np.einsum("ij,ij->j", X.conj(), M @ X))) * np.abs(lam)
     left_norm = np.sqrt(np.abs(np.einsum("ij,ij->j", Y.conj(), M @ Y)))
     size = left_norm[:, None] * right[None, :] + left_norm[:, None] * right[:, None]

@@ -24,6 +24,7 @@ class Step:
     Attributes
     ----------
     name : str
+        Name of the parameter.
     value : float
         Value at the design point.
     reference : float
@@ -49,15 +50,17 @@ class Sensitivity:
     Attributes
     ----------
     step : Step
+        The parameter and its finite change.
     derivative : complex
         d lambda / d theta, 1/s per unit.
     validity : float
         Change of the parameter at which the second-order term, by the nearest modes, reaches a
         quarter of the first-order one; near a square-root coalescence the distance to it.
     finite : FiniteChange or None
-        The change of the root by the finite step; None where the changed design has no solution.
+        The change of the root by the finite step; None where it was not asked for, or where the
+        changed design has no solution.
     reason : str
-        Why there is none; else empty.
+        Why the finite change is missing; empty where it is there, or was not asked for.
     """
 
     step: Step
@@ -85,6 +88,7 @@ class ModeSensitivities:
     energies : ndarray (n_components + 1,)
         Share of each component, then of the interfaces, in the elastic energy.
     sensitivities : tuple of Sensitivity
+        One for each parameter.
     """
 
     family: ModeNeighbourhood
@@ -98,7 +102,11 @@ class ModeSensitivities:
         return complex(self.family.lam[0])
 
     def near_coalescence(self, sensitivity: Sensitivity) -> bool:
-        """Whether a derivative means nothing: see CONDITION_LIMIT and `Sensitivity.validity`."""
+        """Whether a derivative does not hold over the finite step, or means nothing at all.
+
+        It does not hold where the step exceeds `Sensitivity.validity`. It means nothing where the
+        condition of the root exceeds CONDITION_LIMIT.
+        """
         outside = sensitivity.validity < abs(sensitivity.step.size)
         return bool(outside or not self.family.condition < CONDITION_LIMIT)
 
@@ -189,9 +197,10 @@ def followed_roots(
     families: Sequence[ModeNeighbourhood],
     changed: Callable[[], QuadraticPencil] | None,
 ) -> tuple[list[FiniteChange | None], str]:
-    """Changes of the first mode of every family in a changed design, or why there are none.
+    """Changes of the first mode of every family in a changed design, and why there are none.
 
-    `changed` returns the pencil of the changed design; None to follow no mode.
+    The reason is empty where all are found, or where `changed`, which returns the pencil of the
+    changed design, is None and no mode is followed. One failure leaves all modes without a change.
     """
     if not families:
         return [], ""

@@ -1,9 +1,10 @@
 """Derivatives of a reduced system's weights by the parameters of a design state.
 
-They are total: the working point moves with the parameter, by implicit differentiation. The gaps
-obey F(g; theta) = 0 (reduction.working_point), so dF/dg dg = -dF/dtheta. The right side is the
-static response N K0^-1 of forces out of balance at fixed gaps: K_s u = f + N^T A p - mu T^T A p
-with u the static displacement and K_s the stiffness without contact.
+They are total derivatives: the working point moves with the parameter. The gaps g obey
+F(g; theta) = 0 (reduction.working_point), so implicit differentiation gives
+dF/dg dg = -dF/dtheta. The right side is the static response N K0^-1 to the forces that are out of
+balance at fixed gaps, in K_s u = f + N^T A p - mu T^T A p. There u is the static displacement and
+K_s the stiffness without contact.
 """
 
 from __future__ import annotations
@@ -53,8 +54,9 @@ class WeightChange(NamedTuple):
     Attributes
     ----------
     weights : StructureWeights
+        Derivatives of the weights.
     ratios : ndarray (n,) or None
-        Of the damping ratios of the assembly's real modes.
+        Derivatives of the damping ratios of the assembly's real modes; None where all are zero.
     """
 
     weights: StructureWeights
@@ -68,10 +70,20 @@ def friction_change(
     speed_factor: np.ndarray,
     own_friction: np.ndarray = NO_OWN_FRICTION,
 ) -> ContactChange:
-    """Friction by the sliding speed, its coefficient or a parameter of its curve.
+    """Derivative of the friction by the sliding speed, the coefficient or a curve's parameter.
 
-    At fixed pressures p (nc,) [Pa] of points with these factors (nc,) of the sliding speed;
-    `own_friction` (nc, k) is that of points which do not follow the study's friction.
+    Parameters
+    ----------
+    operating : OperatingPoint
+        Friction curve and sliding speed.
+    name : str
+        The parameter.
+    p : ndarray (nc,)
+        Contact pressures, which do not change, Pa.
+    speed_factor : ndarray (nc,)
+        Sliding speed of each point over that of the study.
+    own_friction : ndarray (nc, k)
+        Friction of the points that do not follow the study's friction.
     """
     rows = operating.friction_slopes(p, speed_factor, own_friction)
     if name == SLIDING_SPEED.name:
@@ -82,7 +94,7 @@ def friction_change(
 
 
 class StateDerivatives:
-    """Derivatives of the reduced system of one design point by each of its parameters."""
+    """Derivatives of the reduced system of one design point by parameters of its state."""
 
     def __init__(self, prepared: PreparedModel, state: DesignState, point: WorkingPoint) -> None:
         self._model, self._state, self._point = prepared.model, state, point
@@ -135,7 +147,10 @@ class StateDerivatives:
         return slopes_of_points(self._state.operating.law, self._springs, self._point.gap)
 
     def contact(self, gap: np.ndarray, by: ContactChange) -> ContactWeights:
-        """Derivative of the contact weights with the motion `gap` (nc,) of the gaps."""
+        """Derivative of the contact weights, with the derivative `gap` (nc,) of the gaps.
+
+        `by` holds the derivatives at fixed gaps.
+        """
         point, operating = self._point, self._state.operating
         dp, dkappa = self._law_slopes[0]
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
@@ -188,11 +203,13 @@ class WorkingPointDerivatives:
     Parameters
     ----------
     space : ContactSpace
-        Unchanged, of the prepared structure.
+        That of the prepared structure, without the changes of component modes.
     stiffness_changes : mapping of column of U -> float
-        Changes of component modes' modal stiffness in force, (rad/s)^2.
+        Changes of component modes' modal stiffness at this design point, (rad/s)^2.
     operating : OperatingPoint
+        Friction curve, contact law and loads.
     point : WorkingPoint
+        The working point.
     """
 
     def __init__(
@@ -214,34 +231,37 @@ class WorkingPointDerivatives:
         self._sliding = A * space.frictional * operating.traction(p, *of_points)
 
     def solve(self, imbalance: np.ndarray) -> np.ndarray:
-        """Motion dg (nc,) from dF/dtheta (nc,) at fixed gaps."""
+        """Derivative dg (nc,) of the gaps from dF/dtheta (nc,) at fixed gaps."""
         return self._jacobian.solve(-imbalance)
 
     def by_friction(self, mu: float | np.ndarray) -> np.ndarray:
-        """Motion by a change of the friction coefficient, a number or (nc,)."""
+        """Change of the gaps (nc,) with a change `mu` of the friction coefficient, one or (nc,)."""
         if not np.any(mu):
             return np.zeros(len(self.point.gap))
         drag = self._space.area * self._space.frictional * self.point.contact_pressure
         return self.solve(-self._now.opening(np.zeros_like(drag), drag * mu))
 
     def by_pressure(self) -> np.ndarray:
-        """Motion by the brake pressure, m/Pa."""
+        """Derivative of the gaps (nc,) by the brake pressure, m/Pa."""
         return self.solve(-self._now.S_N @ self._now.C_Nf[:, 0])
 
     def by_law(self, dp: np.ndarray) -> np.ndarray:
-        """Motion by a change dp (nc,) of the pressure at fixed gaps."""
+        """Change of the gaps (nc,) with a change dp (nc,) of the pressure at fixed gaps."""
         force = self._space.area * dp
         return self.solve(-self._now.opening(force, self._grip * force))
 
     def by_mode_stiffness(self, column: int) -> np.ndarray:
-        """Motion by a component mode's modal stiffness, m s^2: column of U of the space."""
+        """Derivative of the gaps (nc,) by a component mode's modal stiffness, m s^2.
+
+        `column` is that of the mode in U of the space.
+        """
         h_N, h_T, h_f = self._shape_compliances(column)
         loads = np.array([self._operating.brake_pressure, 1.0])
         displacement = h_f @ loads + h_N @ self._normal - h_T @ self._sliding
         return self.solve(h_N * displacement)
 
     def _shape_compliances(self, column: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """N, T and load compliances to the shape U of one mode, with the changes in force."""
+        """Compliances of gaps, sliding and loads to the shape of one mode of U, with changes."""
         s = self._space
         parts = (s.C_NU, s.C_TU, s.C_fU)
         shape_columns = [np.asarray(H[:, column]) for H in parts]
@@ -260,16 +280,17 @@ FREQUENCY = "frequency_scale"
 
 @dataclass(frozen=True)
 class StateParameter:
-    """A number that a design state depends on, without a new structure.
+    """A parameter that changes the design state and leaves the structure as it is.
 
     Attributes
     ----------
     name : str
         As in study files.
     component : str
-        Of a component-mode parameter; empty otherwise.
+        The component whose modes the parameter changes; empty otherwise.
     modes : tuple of int
-        Component modes, or assembly modes where `component` is empty, that move together.
+        Numbers of the modes, from 1, that all take its value: modes of the component, or of the
+        assembly where `component` is empty. Empty for a parameter of no mode.
     quantity : str
         ``frequency_scale`` or ``damping_ratio`` of those modes; empty without modes.
     maximum : float
@@ -288,7 +309,8 @@ class StateParameter:
         Raises
         ------
         ParameterError
-            Modes that have different values; a parameter that the contact law does not have.
+            Where its modes have different values, or neither the contact law nor the friction
+            depends on it.
         """
         if not self.modes:
             return self._plain_value(state)
@@ -300,8 +322,9 @@ class StateParameter:
     def reference(self, value: float, top_hz: float) -> float:
         """The change that counts as 100 %.
 
-        The value itself; for damping ratios 1, so that 1 % is one point of critical damping, and
-        for values of zero 1. Stiffness damping of zero is told by what it adds at `top_hz`.
+        It is the size of the value. For damping ratios it is 1, so that 1 % is one point of
+        critical damping; for a value of zero it is 1 too. For stiffness damping of zero it is the
+        change that adds critical damping at `top_hz`.
         """
         if DAMPING.name in (self.name, self.quantity):
             return 1.0
@@ -310,7 +333,10 @@ class StateParameter:
         return abs(value) or 1.0
 
     def component_hz(self, state: DesignState, omega: Mapping[ModeKey, float]) -> float:
-        """Frequency of the component mode, as scaled; NaN where it is not one mode's parameter."""
+        """Scaled frequency of the component mode, Hz; NaN unless this is one such mode's value.
+
+        `omega` holds the frequencies without the scale, rad/s.
+        """
         if not self.component or len(self.modes) > 1:
             return math.nan
         key = self.component, self.modes[0]

@@ -1,13 +1,14 @@
-"""Sensitivities to materials, springs and loads: full-order vectors, the working point moving.
+"""Sensitivities to materials, springs and loads, by full-order vectors.
 
-A structural parameter changes the assembled matrices, so its derivative is projected on right and
-left vectors of the unreduced assembly; each chosen mode is found there beside its reduced root.
-The finite change is that of the assembly built anew, with its own working point.
+A structural parameter changes the assembled matrices. So its derivative is projected on right and
+left vectors of the unreduced assembly, where each chosen mode is found next to its reduced root.
+The working point moves with the parameter. For the finite change the assembly is built again, with
+its own working point.
 
-Matrices change by central differences of those that the model builds. Stiffness is linear in moduli
-and spring stiffnesses, mass in densities: there the difference is exact but for round-off; Poisson
-ratios and angles leave an error of the step squared, about 1e-8. What cannot be below its value, as
-a spring of no stiffness, has a difference to one side.
+Derivatives of matrices are central differences of the matrices that the model builds. Stiffness is
+linear in moduli and spring stiffnesses, mass in densities: there the difference is exact but for
+round-off. For Poisson ratios and angles it has an error of the relative step squared, about 1e-8. A
+parameter that cannot go below its value, as a spring of no stiffness, has a one-sided difference.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ from squealstudy.reduction.working_point import WorkingPoint, working_point
 from squealstudy.system.contact_weights import ContactChange, ContactWeights
 from squealstudy.system.linearise import structure_weights, unreduced_structure
 
-RELATIVE_STEP = 1e-4  # step over the parameter
+RELATIVE_STEP = 1e-4  # step of the differences over the parameter's reference value
 SAME_MODE = 0.99  # least product of a component mode with itself across a step
 Build = Callable[[Mapping[str, float]], Assembly]
 
@@ -57,15 +58,16 @@ class StructureBuilder:
     Attributes
     ----------
     build : callable
-        (values of all the model's parameters) -> Assembly.
+        Takes the values of all the model's parameters and returns the Assembly.
     values : mapping of name -> float
-        At the design point.
+        Values at the design point.
     component_cutoff_hz, damped_to_hz : float
-        Component modes that the design may change; assembly modes that carry modal damping.
+        Frequency up to which component modes may be changed, and up to which assembly modes have
+        modal damping, Hz.
     least : mapping of name -> float
-        Values below which some parameters cannot be.
+        Least possible values of the parameters that have one.
     sizes : mapping of name -> float
-        Of parameters that may be 0 or almost: what a change is small beside, at least.
+        Least reference values of parameters that may be close to zero.
     """
 
     build: Build
@@ -76,16 +78,19 @@ class StructureBuilder:
     sizes: Mapping[str, float] = field(default_factory=dict)
 
     def reference(self, name: str) -> float:
-        """Scale against which a change of a parameter is small."""
+        """The change of a parameter that counts as 100 %.
+
+        It is the size of the value, or that in `sizes` if larger; 1 where both are zero.
+        """
         return max(abs(self.values[name]), self.sizes.get(name, 0.0)) or 1.0
 
     def step(self, name: str, change: float) -> Step:
-        """The finite change of a structural parameter, relative."""
+        """The finite change of a structural parameter; `change` is relative to `reference`."""
         reference = self.reference(name)
         return Step(name, self.values[name], reference, change * reference)
 
     def ends(self, name: str) -> tuple[float, float]:
-        """Values to either side between which differences are taken, none that cannot be."""
+        """Values (low, high) between which differences are taken; low is a possible value."""
         nominal, step = self.values[name], RELATIVE_STEP * self.reference(name)
         below = nominal - step
         return (below if below >= self.least.get(name, -np.inf) else nominal), nominal + step
@@ -97,7 +102,7 @@ class StructureBuilder:
     def system(
         self, assembly: Assembly, state: DesignState, point: WorkingPoint
     ) -> FullOrderSystem:
-        """An assembly linearised about a working point; errors of `full_order_system`."""
+        """An assembly linearised about a working point; raises what `full_order_system` does."""
         modes = changed_modes(assembly, state, self.component_cutoff_hz)
         return full_order_system(assembly, modes, point, state, self.damped_to_hz)
 
@@ -108,9 +113,10 @@ class StructureBuilder:
         k_c: float | np.ndarray,
         start: np.ndarray,
     ) -> WorkingPoint:
-        """The working point of an assembly from gaps `start` (nc,); ConvergenceError without.
+        """The working point of an assembly, iterated from gaps `start` (nc,).
 
-        `k_c` is the contact stiffness per area of the contact space, Pa/m.
+        `k_c` is the contact stiffness per area of the contact space, Pa/m. Raises ConvergenceError
+        where there is no working point.
         """
         modes = changed_modes(assembly, state, self.component_cutoff_hz)
         unreduced = unreduced_structure(assembly, modes, state)
@@ -134,21 +140,25 @@ def structural_sensitivities(
     change: float,
     reanalysis: bool = True,
 ) -> list[list[Sensitivity]]:
-    """Sensitivities of every chosen mode of a design point, one list a mode.
+    """Sensitivities of every chosen mode of a design point, one list for each mode.
 
     Parameters
     ----------
+    design : ChosenModes
+        The design point and its chosen modes.
+    structure : StructureBuilder
+        Builds its assembly and changed ones.
     names : sequence of str
         Structural parameters that leave the mesh as it is.
     change : float
-        Finite change, relative to the value (absolute where that is zero).
+        Finite change, relative to `StructureBuilder.reference`.
     reanalysis : bool
         Whether the finite change is solved beside each derivative.
 
     Raises
     ------
     ParameterError
-        A parameter that moves the mesh.
+        Where a parameter has no derivative (`assembly_change`).
     ConvergenceError
         Where ARPACK does not converge.
     """
@@ -178,7 +188,7 @@ def structural_sensitivities(
 
 
 class StaticResponse:
-    """How the contact of a full-order design point follows a change of its assembly."""
+    """Derivatives of the contact of a full-order design point by a change of its assembly."""
 
     def __init__(self, full: FullOrderSystem, design: ChosenModes) -> None:
         c, operating, w = full.assembly.contact, full.state.operating, full.point
@@ -220,7 +230,7 @@ class StaticResponse:
 def structural_products(
     gradient: ModeGradient, full: FullOrderSystem, by: AssemblyChange, contact: ContactWeights
 ) -> np.ndarray:
-    """`change_products` (k, k) of full-order modes; modal damping as in ModeGradient."""
+    """`change_products` (k, k) of full-order modes; modal damping is that of `gradient`."""
     family, beta, phi = gradient.family, full.state.stiffness_damping, full.phi
     KX = by.stiffness @ family.X
     CX = beta * KX + by.dampers @ family.X + by.damping @ family.X
@@ -236,7 +246,7 @@ def structural_products(
 def _changed_pencil(
     design: ChosenModes, structure: StructureBuilder, step: Step
 ) -> QuadraticPencil:
-    """Pencil of the assembly built with the changed value, about its own working point."""
+    """Pencil of the assembly with the changed value, linearised about its own working point."""
     state, k_c = design.state, design.prepared.space.k_c
     assembly = structure.assembly({step.name: step.value + step.size})
     point = structure.working_point(assembly, state, k_c, np.asarray(design.point.gap))
@@ -249,7 +259,8 @@ def assembly_change(structure: StructureBuilder, name: str, state: DesignState) 
     Raises
     ------
     ParameterError
-        A parameter that moves the mesh or the contact; one that mixes a changed component mode.
+        Where the parameter moves the mesh or the contact, or turns a component mode that the study
+        changes or damps within a pair of equal frequency.
     """
     low, high = structure.ends(name)
     ends = [structure.assembly({name: value}) for value in (high, low)]
@@ -341,7 +352,10 @@ def _check_same_modes(
     others: Mapping[str, ComponentModes],
     state: DesignState,
 ) -> None:
-    """The changed modes must be themselves on both ends of a step: pairs may turn."""
+    """Raise ParameterError where a changed component mode is another one at the step's other end.
+
+    The modes of a pair of equal frequency may turn into each other with the parameter.
+    """
     masses = {c.name: c.M for c in assembly.components}
     for component, mode in {*state.frequency_scale, *state.mode_damping}:
         shape, other_shape = (m[component].phi[:, mode - 1] for m in (modes, others))

@@ -192,6 +192,7 @@ def join_tracks(tracks: Tracks, lams: Ragged, edges: np.ndarray, shapes: Shapes)
     edges : ndarray (e, 2) of int
         Neighbouring points that the tree does not connect.
     shapes : Shapes
+        Shapes of the modes of each point.
     """
     votes: Counter[Pair] = Counter()
     times_asked: Counter[Pair] = Counter()

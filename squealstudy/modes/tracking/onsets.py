@@ -43,7 +43,7 @@ class Onset(NamedTuple):
     value : float
         Value of the parameter.
     frequency_hz : float
-        |lambda|/2 pi of the mode there.
+        ``|lambda|/2 pi`` of the mode there.
     evaluations : int
         Number of design points that were solved for it.
     """
@@ -99,6 +99,7 @@ class FollowedMode:
     Parameters
     ----------
     samples : SolvedLine
+        Modes between the two design points.
     at_low, at_high : int or None
         Index of the mode at both ends; None at one end to follow it from the other.
     """

@@ -288,12 +288,12 @@ def may_be_one(
     Their distance does not matter, as a mode may move by any amount in a long step. Two modes that
     are both at an edge of the band are left out: one may have left the band, and the other have
     come in. A mode is at an edge if it is nearer to it than BAND_END_CHANGE_FACTOR times the
-    largest change of ln|lambda| among the pairs.
+    largest change of ``ln|lambda|`` among the pairs.
 
     Parameters
     ----------
     size_a, size_b : ndarray (n, ma), (n, mb)
-        |lambda| of the modes of n steps, rad/s.
+        ``|lambda|`` of the modes of n steps, rad/s.
     partner : ndarray (n, ma) of int
         `Pairing.partner` of each step.
     band : (low, high) or None
@@ -343,6 +343,7 @@ def broken(
     Returns
     -------
     ended, began : ndarray (ma,), (mb,) of bool
+        Modes of a and modes of b that `may_be_one` joins.
     """
     (may_join,) = may_be_one(np.abs(lam_a)[None], np.abs(lam_b)[None], partner[None], band)
     if lost is not None:
