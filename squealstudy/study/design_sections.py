@@ -46,17 +46,17 @@ class SweepSection(Section):
         default=None,
         ge=1,
         le=MOST_LEVELS,
-        description="number of values from start to stop, both in",
+        description="number of values from start to stop, ends included",
     )
     scale: Scale = Field(default="linear", description="spacing of the values from start to stop")
     distribution: DistributionName = Field(
         default="uniform",
-        description="of random designs: uniform from start to stop (or in the logarithm), normal "
+        description="for random designs: uniform from start to stop (or in the logarithm), normal "
         "(mean, std), truncated_normal (mean, std, start, stop), lognormal (median, sigma)",
     )
     mean: float | None = Field(
         default=None,
-        description="of a normal distribution, as start",
+        description="mean of a normal distribution, as start",
         json_schema_extra={"type": list(QUANTITY)},
     )
     std: float | None = Field(
@@ -68,7 +68,7 @@ class SweepSection(Section):
     median: float | None = Field(
         default=None,
         gt=0,
-        description="of a lognormal distribution, as start",
+        description="median of a lognormal distribution, as start",
         json_schema_extra={"type": list(QUANTITY)},
     )
     sigma: float | None = Field(
@@ -94,28 +94,29 @@ class DesignSection(Section):
 
     type: Annotated[DesignType, BeforeValidator(_design_type)] = Field(
         default="grid",
-        description="all combinations, values side by side, points that fill the ranges, the "
-        "sample of Sobol indices, or a grid that is refined where stability changes",
+        description="grid: all combinations; zip: values side by side; sobol, latin_hypercube: "
+        "random points that fill the ranges; sobol_indices: the sample of Sobol indices; boundary: "
+        "a grid that is refined where stability changes",
     )
     samples: int | None = Field(
         default=None,
         ge=1,
         le=MOST_POINTS,
-        description="number of points (sobol and latin_hypercube); of sobol_indices the base "
+        description="number of points (sobol and latin_hypercube); for sobol_indices that of base "
         "points, a power of two: there are samples x (sweeps + 2) design points",
     )
     seed: int = Field(
         default=0,
         ge=0,
         le=LARGEST_SEED,
-        description="of the random numbers (sobol, latin_hypercube, sobol_indices)",
+        description="seed of the random numbers (sobol, latin_hypercube, sobol_indices)",
     )
     levels: int = Field(
         default=3,
         ge=1,
         le=MOST_REFINEMENTS,
         description="how often a cell of a boundary design may be halved: its map is as fine as a "
-        "grid of (num - 1) 2^levels + 1 values a sweep",
+        "grid of (num - 1) 2^levels + 1 values for each sweep",
     )
     limit: int = Field(
         default=20_000, ge=1, le=10**9, description="more points than this need the option --yes"

@@ -50,14 +50,15 @@ class FidelitySection(Section):
     tolerance: float = Field(
         gt=0,
         le=0.5,
-        description="largest error: of complex modes relative in frequency and absolute in damping "
-        "ratio of light modes; in time relative in growth rate, level, mean torque and line",
+        description="largest error: for complex modes relative in frequency and absolute in the "
+        "damping ratio of lightly damped modes; in time relative in growth rate, level, mean "
+        "torque and line",
     )
     budget: Annotated[float, BeforeValidator(_seconds)] | None = Field(
         default=None,
         gt=0,
-        description="longest run, '90 s', '5 min' or '2 h': where the tolerance would take longer, "
-        "the settings of least error within it",
+        description="longest time of the run, '90 s', '5 min' or '2 h': where the tolerance needs "
+        "longer, the settings of least error within this time are taken",
     )
     pilots: int = Field(
         default=2, ge=1, le=16, description="design points on which settings are tried"
@@ -66,8 +67,8 @@ class FidelitySection(Section):
         default=2,
         ge=0,
         le=1000,
-        description="design points, chosen at random, solved once more by better settings at the "
-        "end; where they miss the tolerance the study is run again with better ones",
+        description="number of random design points that are solved again with better settings at "
+        "the end; where these miss the tolerance, the study is run again with better settings",
     )
 
 
@@ -91,7 +92,7 @@ class TermSection(Section):
     file: str = Field(
         min_length=1,
         description="Matrix Market, MATLAB, Harwell-Boeing, Nastran (DMIG, OP4, OP2) or SciPy npz "
-        "file, in the model's folder or absolute",
+        "file, relative to the model's folder or absolute",
     )
     variable: str | None = Field(
         default=None, description="which matrix, where the file holds several"
@@ -113,8 +114,8 @@ class StudySection(NamedSection):
     )
     extensions: Annotated[tuple[str, ...], Strict(False)] = Field(
         default=(),
-        description="files of Python that are executed first, relative to the study file: laws "
-        "and the like that are not in the package; their content names the results",
+        description="Python files that are executed first, relative to the study file, with laws "
+        "and so on that are not in the package; results depend on their content",
     )
 
 
@@ -127,8 +128,7 @@ class ModelSection(Section):
     file: str | None = Field(
         default=None,
         min_length=1,
-        description="model file of a brake of one's own, relative to the study file; instead of a "
-        "name",
+        description="model file of your own brake, relative to the study file, in place of a name",
     )
     term: Annotated[tuple[TermSection, ...], Strict(False)] = Field(
         default=(), description="summands of the mass, damping and stiffness (matrices only)"
@@ -174,9 +174,9 @@ class ModesSection(Section):
 
     band: Band = Field(
         default=DEFAULT_BAND,
-        description="lowest and highest frequency [Hz]; [500, 8000] for the disc brake; "
-        "one from 0 begins at 1e-5 of its top, and what cannot be told from zero, motion of a free "
-        "body, is not listed",
+        description="lowest and highest frequency [Hz]; [500, 8000] for the disc brake; a band "
+        "from 0 begins at 1e-5 of its top, and leaves out rigid-body motion, whose frequency "
+        "cannot be told from zero",
     )
     stability_tolerance: float = Field(
         default=STABILITY_TOLERANCE,
@@ -188,7 +188,7 @@ class ModesSection(Section):
     method: Annotated[str, AfterValidator(_rung)] = Field(
         default=AUTO,
         description="how design points are solved, a rung of squealstudy/modes/rungs; auto: "
-        "exactly or by one that keeps the tolerance, whichever costs less in all",
+        "exactly, or by a rung that keeps the tolerance if that takes less time in all",
         json_schema_extra={"enum": [AUTO, *rung_names()]},
     )
     tolerance: float = Field(
@@ -204,32 +204,32 @@ class ModesSection(Section):
         default=0.0,
         ge=0,
         le=1,
-        description="share of the design points solved once more at full order, chosen at random: "
-        "true errors beside the estimates",
+        description="share of the design points, chosen at random, that are also solved at full "
+        "order, which gives true errors",
     )
     track: bool = Field(
         default=True, description="follow modes along the lines of a grid by their shapes"
     )
     refine_tracking: bool = Field(
         default=True,
-        description="solve points in between where it is in doubt which mode goes on as which",
+        description="solve points in between where it is doubtful which mode continues which",
     )
     refine_onsets: bool = Field(
         default=True,
-        description="find the values at which modes turn unstable by root finding, to 1e-4",
+        description="find the values at which modes become unstable by root finding, to 1e-4",
     )
     refine_points: int | None = Field(
         default=None,
         ge=0,
-        description="about how many design points both may solve between those of the study. "
-        "Without it 500 for tracks (3,000 of a model of few coordinates) and 1,000 for onsets; for "
-        "onsets that bound stability a fifth of the design points or 20,000",
+        description="approximate number of design points that both may solve between those of the "
+        "study. Default: 500 for tracks (3,000 for a model of few coordinates) and 1,000 for "
+        "onsets; for onsets that bound stability a fifth of the design points or 20,000",
     )
     reference_points: int = Field(
         default=2,
         ge=0,
         le=MOST_LEVELS,
-        description="design points also solved by the full-order model",
+        description="number of design points that are also solved by the full-order model",
     )
 
 
@@ -260,8 +260,8 @@ class ReductionSection(Section):
     )
     residual_responses: bool = Field(
         default=True,
-        description="where enrichment is true, add those to what reduced modes leave in the "
-        "unreduced equations at strong friction, too; false in transient studies",
+        description="where enrichment is true, also add static responses to the residuals of "
+        "reduced modes in the unreduced equations at strong friction; false in transient studies",
     )
     friction_training: bool = Field(
         default=False,
@@ -302,7 +302,7 @@ class StudyDefinition(Section):
     )
     fidelity: FidelitySection | None = Field(
         default=None,
-        description="how accurate results must be: settings that are left out are then chosen "
+        description="how accurate results must be: settings that are left out are chosen for it "
         "(complex_modes and transient)",
     )
 

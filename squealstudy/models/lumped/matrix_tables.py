@@ -24,8 +24,8 @@ EXPECTED = (
     'expected a coordinate by number or name, two in a list, or {NAME = factor}, such as "-x"'
 )
 MOTION_TEXT = (
-    "coordinate by number from 1 or by name, with a minus the other way; two in a list: the first "
-    "over the second; {NAME = factor}: their sum"
+    "coordinate by number from 1 or by name, with a minus the opposite; two in a list: the first "
+    "relative to the second; {NAME = factor}: their sum"
 )
 
 

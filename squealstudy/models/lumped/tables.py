@@ -24,31 +24,33 @@ AXES = (*TRANSLATIONS, *TURNS)
 Ends = Annotated[tuple[str, str], Strict(False)]
 NameTuple = Annotated[tuple[str, ...], Strict(False)]
 
-ALONG = "direction: x, y, z, with a minus the other way, or components [x, y] or [x, y, z]; "
-CALLED = "as errors and tables call it"
-PLACE_TEXT = "point [x, y, z] where it acts, m; turns of its masses move it"
+ALONG = "direction: x, y, z, with a minus the opposite, or components [x, y] or [x, y, z]; "
+CALLED = "name in errors and tables"
+PLACE_TEXT = "point [x, y, z] where it acts, m, which rotations of its masses move"
 
 
 class MassTable(Table):
     """A body with its own coordinates."""
 
-    name: Name = Field(description="of the mass; components of tables have it")
-    mass: Number | None = Field(default=None, description="in kg, of its motion along x, y and z")
-    inertia: Number | None = Field(default=None, description="in kg m2, of its turns rx, ry and rz")
-    directions: NameTuple = Field(
-        default=(), description="its coordinates, of x, y, z (m) and rx, ry, rz (rad)"
+    name: Name = Field(description="name of the mass, also as component in tables")
+    mass: Number | None = Field(default=None, description="mass for motions along x, y and z, kg")
+    inertia: Number | None = Field(
+        default=None, description="moment of inertia for rotations rx, ry and rz, kg m2"
     )
-    place: Position = Field(default=(0.0, 0.0, 0.0), description="of its centre of mass, m")
+    directions: NameTuple = Field(
+        default=(), description="its coordinates: some of x, y, z (m) and rx, ry, rz (rad)"
+    )
+    place: Position = Field(default=(0.0, 0.0, 0.0), description="centre of mass, m")
     spin: Number | None = Field(
         default=None,
-        description="in kg m2 rad/s: polar inertia times speed of a body that turns about "
-        "spin_axis, whose tilts gyroscopic terms couple",
+        description="angular momentum of a body that rotates about spin_axis, kg m2 rad/s (polar "
+        "inertia times speed): gyroscopic terms couple its tilts",
     )
-    spin_axis: Direction = Field(default="z", description="axis of the spin, with its sense")
+    spin_axis: Direction = Field(default="z", description="axis and sense of the spin")
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The coordinates, as given or by default: x of a mass, rz of an inertia."""
+        """The coordinates, by default x for a mass and rz for an inertia."""
         default_axes = (("x",) if self.mass is not None else ()) + (
             ("rz",) if self.inertia is not None else ()
         )
@@ -81,17 +83,17 @@ class SpringNumbers(Table):
     name: Name | None = Field(default=None, description=CALLED)
     stiffness: Number = Field(description="N/m, or N m/rad")
     cubic: Number | None = Field(
-        default=None, description="N/m3, or N m/rad3, of the third power; negative: it softens"
+        default=None, description="cubic stiffness, N/m3 or N m/rad3; negative: it softens"
     )
     gap: Number | None = Field(
         default=None,
-        description="in m, or rad, over which it does not act; of one side: negative, it is "
-        "preloaded",
+        description="play in which it does not act, m or rad; negative for a preloaded spring of "
+        "one side",
     )
     side: Literal["both", "tension", "compression"] = Field(
         default="both",
-        description="where it acts: tension, where the first has moved along the direction away "
-        "from the second; compression, against it, as a stop",
+        description="when it acts: tension, if the first end has moved along the direction away "
+        "from the second; compression, if against it, as a stop",
     )
 
     @property
@@ -113,9 +115,7 @@ class DamperNumbers(Table):
 
     name: Name | None = Field(default=None, description=CALLED)
     damping: Number = Field(description="N s/m, or N m s/rad")
-    cubic: Number | None = Field(
-        default=None, description="N s3/m3, or N m s3/rad3, of the third power of its rate"
-    )
+    cubic: Number | None = Field(default=None, description="cubic damping, N s3/m3 or N m s3/rad3")
 
     @property
     def linear(self) -> bool:
@@ -139,31 +139,30 @@ class ContactNumbers(Table):
         default=None, description="N/m at 5e11 Pa/m, the default of contact.stiffness"
     )
     area: Number | None = Field(default=None, description="in m2, instead of a stiffness")
-    gap: Number = Field(default=0.0, description="opening without load, m; negative: preloaded")
+    gap: Number = Field(default=0.0, description="gap without load, m; negative: preloaded")
     friction: Coefficient = Field(
         default=True,
-        description="false: it has none; a number: its coefficient, in place of the parameter",
+        description="false: no friction; a number: its coefficient, in place of the parameter",
     )
-    friction_factor: Number = Field(
-        default=1.0, description="its friction coefficient over the parameter friction"
-    )
+    friction_factor: Number = Field(default=1.0, description="factor on the parameter friction")
     friction_law: dict[str, Number] = Field(
         default={},
-        description="its values of parameters of the study's friction law, by what follows "
-        "friction_law. in their names",
+        description="its values of parameters of the study's friction law; keys are their names "
+        "without friction_law.",
     )
-    speed_factor: Number = Field(default=1.0, description="its sliding speed over sliding_speed")
+    speed_factor: Number = Field(default=1.0, description="factor on sliding_speed")
     state: State | None = Field(
         default=None,
-        description="of a bracket or pin, past which nothing slides steadily: stuck or sliding, "
-        "or a parameter that is 1 or 0; in time it sticks and slips by itself",
+        description="for a contact without steady sliding, as of a bracket or pin: stuck or "
+        "sliding, or a parameter that is 1 or 0; in time it sticks and slips by itself",
     )
     tangential: Number | None = Field(
         default=None,
-        description="in N/m, what it holds in its plane in complex modes while it is stuck",
+        description="tangential stiffness in complex modes while it is stuck, N/m",
     )
     radius: Number | None = Field(
-        default=None, description="arm of its friction in torques, m; without any they are forces"
+        default=None,
+        description="lever arm of its friction in torques, m; without any they are forces",
     )
 
     @property
@@ -181,13 +180,13 @@ class ContactTable(ContactNumbers):
     """A contact point of a mass."""
 
     between: Ends = Field(
-        description='a mass and what it touches: a mass, "belt" or "disc" that slide at '
-        'sliding_speed, or "ground" without friction or with a state'
+        description='a mass and the part that it touches: a mass; "belt" or "disc", which slide at '
+        'sliding_speed; or "ground", without friction or with a state'
     )
-    normal: Direction = Field(description=ALONG + "in which the first leaves the second")
+    normal: Direction = Field(description=ALONG + "the first leaves the second this way")
     sliding: Direction | None = Field(
         default=None,
-        description=ALONG + "in which the second slides past the first, and pulls it",
+        description=ALONG + "the second slides past the first this way, and pulls it",
     )
     at: Position | None = Field(default=None, description=PLACE_TEXT)
 
@@ -198,7 +197,7 @@ class LoadNumbers(Table):
     name: Name | None = Field(default=None, description=CALLED)
     force: Number | None = Field(default=None, description="N, or N m")
     area: Number | None = Field(
-        default=None, description="in m2, instead of a force: the parameter 'pressure' acts on it"
+        default=None, description="area on which the parameter 'pressure' acts, m2; else a force"
     )
 
 
@@ -211,13 +210,15 @@ class LoadTable(LoadNumbers):
 
 
 class ParameterTable(Table):
-    """A parameter that numbers of the file are made of, or one of the operating point."""
+    """A parameter that expressions of the file use, or one of the operating point."""
 
     default: NumberWithUnit = Field(description='number in SI units, or with its unit: "7 kN/mm"')
-    unit: str | None = Field(default=None, description="of SI, or deg; empty for a pure number")
-    description: str = Field(default="", description="what tables and screens say of it")
-    minimum: float | None = Field(default=None, description="least value that it may have")
-    maximum: float | None = Field(default=None, description="largest value that it may have")
+    unit: str | None = Field(
+        default=None, description="unit of SI, or deg; empty for a pure number"
+    )
+    description: str = Field(default="", description="text in tables and on screens")
+    minimum: float | None = Field(default=None, description="smallest allowed value")
+    maximum: float | None = Field(default=None, description="largest allowed value")
 
     @model_validator(mode="before")
     @classmethod
@@ -230,11 +231,11 @@ class PartsFile(Table):
 
     description: str = Field(default="", description="free text")
     parameters: dict[str, ParameterTable] = Field(
-        default={}, description="what numbers of the file are made of; `NAME = 0.4` will do"
+        default={}, description="parameters of expressions in the file; `NAME = 0.4` is enough"
     )
 
     def name_of(self, kind: str, number: int) -> str:
-        """Name of a mass, spring, damper, contact or load."""
+        """Name of a term, mass, spring, damper, contact or load."""
         return getattr(self, kind)[number].name or f"{kind}_{number + 1}"
 
 
