@@ -163,6 +163,8 @@ def rank_modes(
         table["threshold"] = thresholds["value"]
         table["threshold_kind"] = thresholds["kind"].reindex(table.index).fillna("")
         table["taken_over"] = table.index.isin(thresholds.index[thresholds["taken_over"]])
+        at_start = (table.index < 0) & (table["threshold"] <= pd.Series(start).min())  # no order
+        table.loc[at_start, "threshold_kind"] = BELOW_RANGE
     table["order"] = table[key]
     table["threshold"] = table["threshold"].mask(table["threshold_kind"] == BELOW_RANGE)
     table = table.sort_values(["order", "frequency_hz"], ascending=[ascending, True])

@@ -17,6 +17,7 @@ from squealstudy.kinds.complex_modes.answer import (
     _over_the_map,
     answer,
     contact_rows,
+    how_many,
 )
 from squealstudy.kinds.complex_modes.design_lines import (
     ALIKE_ONSETS,
@@ -36,6 +37,7 @@ from squealstudy.kinds.complex_modes.onset_words import (
     rows_with_ends,
 )
 from squealstudy.screen import as_text
+from squealstudy.tables.mode_ranking import OVERDAMPED_GROUP, group_kind
 
 
 def results_of(folder, frictions, seconds, more="", tables=""):
@@ -526,3 +528,15 @@ def test_modes_that_are_not_followed_have_an_answer_above_their_table(tmp_path):
     assert answer.startswith("1 group of modes is unstable between 10 and 1000 Hz. Most")
     assert "50 % of the 2 solved points" in " ".join(answer.split())
     assert table.split()[0] == "mode"
+
+
+def test_real_roots_that_grow_are_no_group_of_modes(tmp_path):
+    """Of a bicycle it was "1 mode and 1 group of modes are unstable"."""
+    results = results_of(tmp_path / "r", [0.2, 0.4], [75.0])
+    table = results.rank("share", None, None)
+    kind = {"kind": group_kind(OVERDAMPED_GROUP), "track": OVERDAMPED_GROUP, "family": 0}
+    real = table.iloc[:1].assign(**kind)
+    assert how_many(results, real).startswith("real roots are unstable between 10 and 1000 Hz")
+    both = how_many(results, pd.concat([table, real], ignore_index=True))
+    assert both.startswith("1 mode and real roots are unstable between 10 and 1000 Hz")
+    assert how_many(results, table).startswith("1 mode is unstable between")

@@ -308,7 +308,9 @@ def test_divergence_and_untracked_modes_are_rows_of_their_own():
     kinds = ["non-oscillating", "untracked", "untracked"]
     assert list(ranking.loc[[-1, -2, -3], "kind"]) == kinds
     assert list(ranking.loc[[-1, -2, -3, 1], "unstable_points"]) == [2, 1, 1, 1]
-    assert list(ranking.loc[[-1, -2, -3], "threshold"]) == [0.1, 0.1, 0.3]
+    assert list(ranking.loc[[-1, -2], "threshold_kind"]) == ["below range"] * 2  # it was "<= 0.1"
+    assert ranking.loc[[-1, -2], "threshold"].isna().all()
+    assert ranking.loc[-3, ["threshold", "threshold_kind"]].tolist() == [0.3, "first seen"]
     assert np.isnan(ranking.loc[-1, "frequency_hz"])  # it does not oscillate
     assert (ranking["points"] == 3).all()
 

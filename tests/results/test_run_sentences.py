@@ -86,3 +86,12 @@ def test_a_slope_that_changes_nothing_has_no_error():
     """Of a contact that never sticks it was 'below 2.2 % (its runs tell no less)'."""
     assert _error_share_text({"error": 0.0, "chance": 0.02}) == "none (both runs are the same)"
     assert _error_share_text({"error": 0.001, "chance": 0.02}).startswith("below 2.0 %")
+
+
+@pytest.mark.parametrize(("settled", "text"), [(0.005, "its start"), (24.0, "24 s")])
+def test_of_the_first_period_nobody_says_from_when_on_it_is_steady(settled, text):
+    """A block whose cycle repeats in twelve seconds was "steady from 5 ms on"."""
+    numbers = {"settled_time": settled, "frequency_hz": 0.0833}
+    points = points_table({"friction": [0.5]}, ["limit_cycle"]).assign(**numbers)
+    run = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
+    assert RUNS.verdict(run).endswith(f"was steady from {text} on.")

@@ -33,9 +33,14 @@ from squealstudy.kinds.complex_modes.outside_text import grows_outside
 from squealstudy.kinds.complex_modes.random_screen import random_answer
 from squealstudy.screen import Rows
 from squealstudy.study.sweeps import RANDOM_DESIGNS
-from squealstudy.tables.mode_ranking import frequency_text, group_kind, parameter_columns
+from squealstudy.tables.mode_ranking import (
+    OVERDAMPED_GROUP,
+    frequency_text,
+    group_kind,
+    parameter_columns,
+)
 from squealstudy.tables.stability import BELOW_RANGE
-from squealstudy.wording import amount, band_text, in_digits, plural, track_number
+from squealstudy.wording import all_of, amount, band_text, in_digits, plural, track_number
 
 OPEN, LARGEST_PRESSURE = "open_share", "contact_pressure_max"  # columns of points
 MOST_TOLD_DESIGNS = 3  # in the answer, each with its modes
@@ -49,13 +54,15 @@ def how_many(results: ResultTables, table: pd.DataFrame) -> str:
     """How many modes are unstable, in which band, and where each turns unstable."""
     tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
     named = int(tracked.drop_duplicates("family")["family_modes"].sum())
-    others, points = len(table) - len(tracked), results.points
+    n_real = int((table["kind"] == group_kind(OVERDAMPED_GROUP)).sum())  # grow without oscillation
+    others, points = len(table) - len(tracked) - n_real, results.points
     most = int(points["n_modes"].max()) if "n_modes" in points else named
-    text = (plural(named, "mode") if named else "") + (" and " if named and others else "")
+    first = plural(named, "mode") if named else ""
     if named > most:  # tracks of designs that nothing joins, or modes that pass through the band
-        text = f"{named} tracks of modes, at most {most} at one point,{' and' * bool(others)} "
-    text += plural(others, "group of modes", "groups of modes") if others else ""
-    text = f"{text.rstrip()} {'is' if named + others == 1 else 'are'} unstable "
+        first = f"{named} tracks of modes, at most {most} at one point,"
+    groups = plural(others, "group of modes", "groups of modes") if others else ""
+    text = all_of([part for part in (first, groups, "real roots" * bool(n_real)) if part])
+    text += f" {'is' if named + others == 1 and not n_real else 'are'} unstable "
     text += band_text(results.fact("band_hz"))
     onsets = onsets_in_words(results, table)
     return text + (f": {onsets}" if onsets else "")

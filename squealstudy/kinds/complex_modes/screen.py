@@ -187,7 +187,9 @@ class ComplexModesScreen(KindScreen):
         if not any(len(batch) for batch in results.batches("modes", ["mode"])):
             return super().verdict(results) + grows_outside(results.manifest, results.units)
         doubt = _doubt(results, None)
-        but = (f" But {doubt}." if doubt else "") + grows_outside(results.manifest, results.units)
+        but = (f" But {doubt.partition(' (')[0]}." if doubt else "") + grows_outside(
+            results.manifest, results.units
+        )
         table = self.rank(results, "share", None, None)
         if not len(table):
             return _no_mode(results, None) + but
@@ -205,8 +207,8 @@ class ComplexModesScreen(KindScreen):
         """How to see why modes grow, or where else to look if none does."""
         explored = ("click through", command_text("explore", results.directory))
         if len(self.rank(results, "share", 1, None)):
-            why = [("why they grow", command_text("rank", results.directory, "--why"))]
-            least = ("least change", 'kind = "design" searches the least that silences them')
+            why = [("why unstable", command_text("rank", results.directory, "--why"))]
+            least = ("least change", 'kind = "design" searches the least that silences it')
             shares = [("probability", command_text("robust", results.directory))]
             shares *= results.design in RANDOM_DESIGNS
             return [*shares, *why * (results.manifest["model"] != MATRICES), explored, least]

@@ -124,7 +124,9 @@ def _growth(row: pd.Series) -> str:
         opposite = "grows by " if forecast > 0.0 else "decays by "
         sign = opposite if rate * forecast < 0.0 else ""
         parts[0] += f" (complex mode: {sign}{figure(abs(forecast))})"
-    parts += [f"was steady from {moment(settled)} on"] if settled == settled else []
+    if settled == settled:  # before its first period is over nothing can be told to change
+        early = settled * row.get("frequency_hz", np.nan) < 1.0
+        parts.append(f"was steady from {'its start' if early else moment(settled)} on")
     return f" It {' and '.join(parts)}." if parts else ""
 
 
