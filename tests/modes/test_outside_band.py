@@ -49,6 +49,10 @@ def test_of_few_coordinates_every_growing_mode_is_seen(low, high, tmp_path):
         assert sentence.endswith(
             "above 60 Hz 1 mode grows at friction 0.9, where growth is largest: 100 Hz, 207 1/s."
         )
+        of_more = results.manifest | {"n_points": 400}  # elsewhere it may grow faster
+        text = "at friction 0.9, where growth is largest of the points looked at: 100 Hz, 207 1/s"
+        assert text in grows_outside(of_more, results.units)
+        assert text in outside_text(of_more, results.units)
 
 
 FAMILY = """\

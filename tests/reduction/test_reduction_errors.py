@@ -18,7 +18,7 @@ from squealstudy.engine.cache import load_prepared, save_prepared
 from squealstudy.engine.store import Store
 from squealstudy.engine.workers import Workers
 from squealstudy.kinds.complex_modes import reduction_errors as reduction
-from squealstudy.kinds.complex_modes.error_text import percent_or_times
+from squealstudy.kinds.complex_modes.error_text import full_order_error_text, percent_or_times
 from squealstudy.kinds.complex_modes.errors import mode_errors, widening
 from squealstudy.kinds.complex_modes.kind import ComplexModes
 from squealstudy.kinds.complex_modes.reduction_errors import (
@@ -488,3 +488,13 @@ def test_sample_points_are_spread_over_each_structure():
 )
 def test_what_full_order_adds_to_an_error_is_told_in_words(factor, text):
     assert percent_or_times(factor) == text
+
+
+def test_what_an_audit_checked_is_not_called_unchecked():
+    """Beside 'audit passed ... against the full-order model' stood 'error not checked' against it."""
+    audit = {"error": 1.9e-5, "against": "the full-order model", "points": [3, 5]}
+    facts = {"model": "disc_brake", "reference": [], "fidelity": {"audit": audit}}
+    told = "held against the full-order model by the audit alone ([modes] reference_points = 0)"
+    assert full_order_error_text(facts) == told
+    unaudited = facts | {"fidelity": {"audit": audit | {"error": None}}}
+    assert full_order_error_text(unaudited).startswith("not checked against the full-order model")

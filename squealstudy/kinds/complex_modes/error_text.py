@@ -83,6 +83,11 @@ def full_order_error_text(manifest: Mapping[str, Any]) -> str:
     meshed = manifest["model"] == OF_FILE or "mesh" in manifest.get("options", {})
     other += " of the same mesh" if meshed else ""
     if not reference:
+        audit = (manifest.get("fidelity") or {}).get("audit") or {}
+        if audit.get("error") is not None:
+            return (
+                f"held against {audit['against']} by the audit alone ([modes] reference_points = 0)"
+            )
         failed = ", or those points failed" if manifest.get("n_failed") else ""
         return f"not checked against {other} ([modes] reference_points = 0{failed})"
     if not checks:

@@ -17,7 +17,7 @@ def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
     if not facts["looked"]:
         below = f"below {low:g} or " if low > 0 else ""
         return f"no modes were sought {below}above {high:g} Hz"
-    parts = _growing(facts, manifest["band_hz"], units)
+    parts = _growing(facts, manifest, units)
     where = f"{plural(facts['looked'], 'design point')} of {manifest.get('n_points', 0):,}"
     reach = facts["reach_hz"]
     beyond = f"; none were sought above {reach:g} Hz" if reach else ""
@@ -30,20 +30,22 @@ def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
 def grows_outside(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """A sentence on what grows outside the band; empty where nothing is known to."""
     facts = manifest.get("outside_band")
-    parts = _growing(facts, manifest["band_hz"], units) if facts else []
+    parts = _growing(facts, manifest, units) if facts else []
     return f" Outside the band {'; '.join(parts)}." if parts else ""
 
 
 def _growing(
-    facts: Mapping[str, Any], band_hz: tuple[float, float], units: Mapping[str, str]
+    facts: Mapping[str, Any], manifest: Mapping[str, Any], units: Mapping[str, str]
 ) -> list[str]:
     """Texts on modes that grow below and above the band."""
-    low, high = band_hz
+    low, high = manifest["band_hz"]
+    every = facts["looked"] == manifest.get("n_points")
+    of = "" if every else " of the points looked at"
     sides = [
         ("below", f"below {low:g} Hz"),
         ("above", _above(facts, high)),
     ]
-    return [_side(text, facts[side], units) for side, text in sides if facts[side]]
+    return [_side(text, facts[side], units, of) for side, text in sides if facts[side]]
 
 
 def _above(facts: Mapping[str, Any], high: float) -> str:
@@ -52,10 +54,10 @@ def _above(facts: Mapping[str, Any], high: float) -> str:
     return f"from {high:g} to {reach:g} Hz" if reach else f"above {high:g} Hz"
 
 
-def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str]) -> str:
+def _side(text: str, worst: Mapping[str, Any], units: Mapping[str, str], of: str) -> str:
     """Text on one side of the band: how many modes grow at the worst point, and the fastest."""
     settings = ", ".join(f"{n} {amount(v, units.get(n, ''))}" for n, v in worst["at"].items())
-    setting_text = f" at {settings}, where growth is largest" if settings else ""
+    setting_text = f" at {settings}, where growth is largest{of}" if settings else ""
     grow = "grow" if worst["count"] > 1 else "grows"
     fastest = "the fastest " if worst["count"] > 1 else ""
     how = f"{in_digits(worst['frequency_hz'])} Hz"
