@@ -491,7 +491,7 @@ def test_what_full_order_adds_to_an_error_is_told_in_words(factor, text):
 
 
 def test_what_an_audit_checked_is_not_called_unchecked():
-    """Beside 'audit passed ... against the full-order model' stood 'error not checked' against it."""
+    """Beside 'audit passed ... against full order' stood 'error not checked' against it."""
     audit = {"error": 1.9e-5, "against": "the full-order model", "points": [3, 5]}
     facts = {"model": "disc_brake", "reference": [], "fidelity": {"audit": audit}}
     told = "held against the full-order model by the audit alone ([modes] reference_points = 0)"
