@@ -186,10 +186,8 @@ class ComplexModesScreen(KindScreen):
         """How many modes are unstable, the most widespread, and the one that grows fastest."""
         if not any(len(batch) for batch in results.batches("modes", ["mode"])):
             return super().verdict(results) + grows_outside(results.manifest, results.units)
-        doubt = _doubt(results, None)
-        but = (f" But {doubt.partition(' (')[0]}." if doubt else "") + grows_outside(
-            results.manifest, results.units
-        )
+        doubt = _doubt(results, None).partition(" (")[0]
+        but = (f" But {doubt}." if doubt else "") + grows_outside(results.manifest, results.units)
         table = self.rank(results, "share", None, None)
         if not len(table):
             return _no_mode(results, None) + but
