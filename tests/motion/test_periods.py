@@ -60,6 +60,7 @@ def test_few_rows_a_period_make_no_longer_period(rows):
         ([(1, 60.0, 0.0), (0.3, 90.0, 1.0)], 30.0),  # without a line at it
         ([(1, 313.0, 0.0), (0.2, 494.3, 1.0)], np.nan),  # two frequencies
         ([(1, 100.0, 0.0), (0.4, 161.8034, 1.0)], np.nan),
+        ([(1, 207.0, 0.0), (0.036, 261.855, 1.0)], np.nan),  # 16 periods return no better than 4
     ],
 )
 def test_the_loudest_line_is_not_the_frequency(parts, told):

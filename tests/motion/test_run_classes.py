@@ -101,7 +101,15 @@ def test_a_duration_that_nobody_would_run_is_not_named():
     assert (row["class"], row["undecided_until"]) == ("undecided", np.inf)
 
 
-@pytest.mark.parametrize("periods", [2, 8])
+@pytest.mark.parametrize("duration", [0.05, 0.1, 0.4])
+def test_no_duration_decides_what_neither_grows_nor_decays(duration):
+    """Undamped, below flutter: one of .4 s told that 3.1 s would decide, as would any other."""
+    system = sq.model("hulten", friction=0.2).at()
+    row = system.simulate(duration=duration, step=2e-5).summary().iloc[0]
+    assert (row["class"], row["undecided_until"]) == ("undecided", np.inf)
+
+
+@pytest.mark.parametrize("periods", [0.1, 0.4, 2, 8])
 def test_a_run_of_few_periods_names_a_duration_that_tells(periods):
     """Of 10 ms each: growth is not over, or stick-slip is too short to be seen to repeat."""
     system = sq.model("belt", friction=0.4, sliding_speed=0.3).at()

@@ -97,7 +97,8 @@ def fundamental(step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) ->
     record; between rows displacements are interpolated by cubics with the velocities. It is a
     multiple of that time if that leaves less than a quarter of the residual. A later time with a
     small residual is no period if the residual after twice that time is larger: two motions of
-    different frequencies nearly meet there. The record must have three periods at least.
+    different frequencies nearly meet there. A time after such a one is the period if it leaves less
+    than a quarter of it. The record must have three periods at least.
 
     Parameters
     ----------
@@ -135,9 +136,13 @@ class _Record:
     def frequency(self) -> Fundamental:
         if not self.variance > 0.0 or self._coarse():
             return Fundamental()
+        nearest = np.inf  # least residual of the times before at which two motions nearly meet
         for minimum, first in self._places():
             period, residual = self._best(minimum)
-            if residual > MAX_PERIODIC_RESIDUAL or (not first and self._drifts(period, residual)):
+            if residual > min(MAX_PERIODIC_RESIDUAL, MULTIPLE_RESIDUAL_RATIO * nearest):
+                continue
+            if not first and self._drifts(period, residual):
+                nearest = min(nearest, residual)
                 continue
             shortest = period
             if residual > EXACT_PERIOD_RESIDUAL:

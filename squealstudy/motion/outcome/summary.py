@@ -45,6 +45,7 @@ from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
 LEAST_ROWS = 10  # fewest rows of a history that is summarised
 PASSING = (STABLE, GROWING)  # classes of motion that does not last
 MOST_LONGER = 100.0  # largest duration that is proposed, over that of the run
+LEAST_PERIODS = 20.0  # of the fastest mode, in the least duration that is proposed
 FREQUENCY_ERROR = 0.1  # relative error beyond which another step has another period
 
 
@@ -77,7 +78,7 @@ def summarise(
     energy = moving_energy(run)
     verdict = _class(run, energy)
     if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
-        return Summary(_course(run) | _forecast(run) | _class_columns(verdict, run.time), [], [])
+        return Summary(_course(run) | _forecast(run) | _class_columns(verdict, run), [], [])
     lasts = verdict.name in SUSTAINED
     levels, window = run_levels(run, by_step(lasts), passes=verdict.name in PASSING)
     behaviour = _behaviour(run, energy, verdict)
@@ -255,9 +256,17 @@ def _class(run: Motion, energy: np.ndarray) -> RunClass:
     return run_verdict(run, energy)
 
 
-def _class_columns(verdict: RunClass, time: float) -> dict[str, Any]:
-    """Class, and the duration that would decide; infinite beyond `MOST_LONGER` times the run."""
-    until = np.inf if verdict.until > MOST_LONGER * time else verdict.until
+def _class_columns(verdict: RunClass, run: Motion) -> dict[str, Any]:
+    """Class, and the duration that would decide; infinite beyond `MOST_LONGER` times the run.
+
+    How a level changes within a period does not tell how it goes on: at least `LEAST_PERIODS` of
+    the first complex mode are proposed.
+    """
+    lam, until = run.point.growing.lam, verdict.until
+    least = LEAST_PERIODS * 2 * np.pi / float(abs(lam[0])) if len(lam) else 0.0
+    if until < least:
+        return {"class": verdict.name, "undecided_until": least}
+    until = np.inf if until > MOST_LONGER * run.time else until
     return {"class": verdict.name, "undecided_until": until}
 
 
@@ -267,7 +276,7 @@ def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, 
     is_settled, since = settled(run.times, energy, torque, verdict.name)
     first, last, when = transfer(run.times, run.sensed_v**2, run.sensed, held_energies(run))
     return {
-        **_class_columns(verdict, run.time),
+        **_class_columns(verdict, run),
         "settled": is_settled,
         "settled_time": since,
         "transfer_from": first,

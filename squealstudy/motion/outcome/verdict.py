@@ -34,6 +34,8 @@ RISE_PERIODS = 4.0  # fewest periods of the mode in each of them
 GROWTH_SIGMAS = 5.0  # standard errors that such a rise must exceed, as many modes are tested
 MIN_LN_GROWTH = 0.1  # least rise of ln amplitude over the window
 MIN_GROWTH_HALF_RATIO = 0.6  # least rise in the second half over that in the first
+NEUTRAL_RATIO = 1e-9  # damping ratio of the fastest mode, up to which it is round-off
+NEUTRAL_CHANGE = 0.3  # largest change of the energy from half to half of a run that stays as it is
 SMALLEST_POSITIVE = 1e-300
 MAX_FORECAST_DURATIONS = 1e3  # largest forecast time over the run's duration
 N_TORQUE_BLOCKS = 10  # blocks of the judged part whose torque levels are compared
@@ -67,6 +69,8 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
             repeats = repeats_stick_slip(run) or comes_back(run)
             return RunClass(LIMIT_CYCLE) if repeats else RunClass(UNDECIDED, decided_by(run))
         run_class = RunClass(LIMIT_CYCLE) if comes_back(run) else run_class
+    if run_class.name == UNDECIDED and _neutral(run, energy):
+        return RunClass(UNDECIDED, np.inf)
     if run_class.name == LIMIT_CYCLE:
         until = rises_until(run)
         if not np.isfinite(until) and torque_drifts(run):
@@ -79,6 +83,15 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
         return RunClass(UNDECIDED, np.inf)
     until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
     return RunClass(UNDECIDED, until) if until > 0 else run_class
+
+
+def _neutral(run: Motion, energy: np.ndarray) -> bool:
+    """Whether small motions neither grow nor decay, and neither did that of the run."""
+    lam = run.point.growing.lam
+    if not len(lam) or abs(lam[0].real) > NEUTRAL_RATIO * abs(lam[0]):
+        return False
+    first, second = (float(half.mean()) for half in np.array_split(energy, 2))
+    return abs(second - first) <= NEUTRAL_CHANGE * first
 
 
 def torque_drifts(run: Motion) -> bool:
