@@ -19,7 +19,7 @@ detail.start = () => {
   alongControls(() => drawLine());
   $("quantity").onchange = () => drawLine();
   handlers.line = {tap: i => choose(cycles.row[state.cycles[i]]), text: i => cycleText(state.cycles[i])};
-  fill($("line-legend"), entry("stable cycle", stableColour, "circle"), entry("unstable cycle: from a kick beyond it motions grow", "#FFFFFF", "diamond"),
+  fill($("line-legend"), entry("stable cycle", stableColour, "circle"), entry("unstable cycle: motions grow from a kick beyond it", "#FFFFFF", "diamond"),
     entry("stability not known", data.grey, "triangle"), entry("of a run in time", "#000000", "x"));
 };
 function cycleText(i) {
@@ -62,7 +62,8 @@ function drawLine() {
     const key = `${branches.row[i]} ${branches.cycle_id[i]} ${branches.stable[i]}`, stable = branches.stable[i] === STABLE;
     if (key !== last) {
       lines.xs.push([]); lines.ys.push([]); lines.width.push(2);
-      lines.colour.push(stable ? stableColour : unstableColour); lines.dash.push(stable ? "solid" : "dashed");
+      lines.colour.push(stable ? stableColour : branches.stable[i] === 0 ? unstableColour : data.grey);
+      lines.dash.push(stable ? "solid" : "dashed");
     }
     last = key;
     lines.xs.at(-1).push(branches.value[i] * along.factor); lines.ys.at(-1).push(branches[quantity][i]);
@@ -77,6 +78,6 @@ function drawLine() {
   const heights = padded([...dots.y, ...lines.ys.flat(), ...(quantity === "frequency_hz" ? [] : [0])]);
   limits(plot.y_range, ...heights);
   const others = parameters.filter(p => p !== along);
-  $("line-note").textContent = !dots.x.length ? "No level is known at these design points." :
+  $("line-note").textContent = !dots.x.length ? `No ${QUANTITIES.find(([key]) => key === quantity)[1].split(" [")[0]} of a cycle is known at these design points.` :
     `${state.line.length} design point${state.line.length > 1 ? "s" : ""}${others.length ? ` at ${atText(state.point, others)}` : ""}.`;
 }

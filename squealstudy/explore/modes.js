@@ -92,12 +92,13 @@ function bandMeasure() {  // the fastest mode in the band, of each design point
 }
 detail.taken = () => state.band ? [isFinite(state.band[1]) ? `${digits(state.band[0], 7)} <= frequency_hz <= ${digits(state.band[1], 7)}` : `frequency_hz >= ${digits(state.band[0], 7)}`] : [];
 detail.selected = () => drawOthers();
+const heldHere = own.lightest === null ? "here" : "of this design point on this page";  // not all
 detail.said = row => {
   const n = offsets[row + 1] - offsets[row];
-  if (!n) return points.status.length && points.status[row] !== "ok" ? "" : `No mode ${own.lightest === null ? "here" : "that this page has of it"}.`;
+  if (!n) return points.status.length && points.status[row] !== "ok" ? "" : `No mode ${heldHere}.`;
   let unstable = 0;
   for (let i = offsets[row]; i < offsets[row + 1]; i++) unstable += has(i, UNSTABLE);
-  return `${unstable} of ${n} modes ${own.lightest === null ? "here" : "that this page has of it"} ${unstable === 1 ? "is" : "are"} unstable.`;
+  return `${unstable} of ${n} modes ${heldHere} ${unstable === 1 ? "is" : "are"} unstable.`;
 };
 detail.point = row => {
   const before = state.mode === undefined ? NaN : track[state.mode];
@@ -139,7 +140,7 @@ function chooseMode(i) {
   const none = i === undefined;
   figures.diagram.source("chosen").data = none ? {x: [], y: []} : {x: [hertz[i]], y: [growth[i]]};
   $("mode-title").textContent = none ? "Mode" : `${callName(i)}, ${digits(hertz[i], 6)} Hz`;
-  $("mode-facts").textContent = none ? "This design point has no mode on this page." : modeText(i).split("\n").slice(1).join(", ") + `; mode ${mode[i]} at the point`;
+  $("mode-facts").textContent = none ? `This design point has no mode${state.band ? " in the chosen band" : ""} on this page.` : modeText(i).split("\n").slice(1).join(", ") + `; mode ${mode[i]} at the point`;
   const parts = none ? [] : own.energies.map((name, k) => [name, share(k, i)]).filter(([, v]) => v >= .0005).sort((a, b) => b[1] - a[1]);
   fill($("energies"), ...parts.flatMap(([name, v]) => [element("span", name), element("i", "", {style: `width:${100 * v}%`}), element("span", `${digits(100 * v, 2)} %`)]));
   if (!parts.length) fill($("energies"), element("span", "not known"));
@@ -156,7 +157,7 @@ function shape(i) {
   if (stored.png) parts.push(element("img", "", {class: "shape", alt: name, src: `data:image/png;base64,${stored.png}`}));
   if (!parts.length && i !== undefined) {
     const folder = /^[\w.\/-]+$/.test(data.directory) ? data.directory : `'${data.directory.replaceAll("'", "'\\''")}'`;
-    parts.push(element("p", "No shape of this mode is stored. Where the model has a mesh, this makes one, which a new page then holds:"),
+    parts.push(element("p", "No shape of this mode is stored. If the model has a mesh, this command makes one, and a page made afterwards shows it:"),
       element("pre", `squealstudy shape ${folder} --point ${points.rows[state.point]} --mode ${mode[i]}`));
   }
   fill($("shape"), ...parts);
@@ -208,6 +209,6 @@ function drawLine() {
   source("zero").visible = quantity !== "frequency";
   fill($("line-legend"), ...growing.slice(0, 6).map(t => entry(callName(tracks.get(t)[0]), colours.get(t), "dash")), ...(tracks.size > colours.size ? [entry("other modes", "#C4C4C4", "dash")] : []));
   const others = parameters.filter(p => p !== along);
-  $("line-note").textContent = state.line.length < 2 ? `No other design point differs from this one in ${along ? along.name : "a parameter"} alone.` :
+  $("line-note").textContent = state.line.length < 2 ? `No other design point on this page differs from this one in ${along ? along.name : "a parameter"} alone.` :
     `${state.line.length} design points${others.length ? ` at ${atText(state.point, others)}` : ""}. Filled squares are unstable.`;
 }

@@ -132,8 +132,8 @@ def _notes(results: Results, points: pd.DataFrame, content: Content) -> Iterator
             f"{content['n']} of {content['n_all']} modes are on this page: those that "
             f"grow, and those of a damping ratio up to {content['lightest']:.3g}."
         )
-    if content.get("n_left"):
-        histories = plural(content["n_left"], "history", "histories")
+    if content.get("left"):
+        histories = plural(len(content["left"]), "history", "histories")
         yield f"{histories} found no room, or cannot be read."
 
 

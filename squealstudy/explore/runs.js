@@ -24,16 +24,18 @@ detail.point = row => {
   shown = kept ? {x: numbers(kept.time), y: numbers(kept.torque), ...kept} : null;
   source("points").data = shown ? {x: shown.x, y: shown.y} : {x: [], y: []};
   $("sound").hidden = $("slower-label").hidden = !shown || kept.rows_a_part > 1;
-  $("sound-note").textContent = shown && kept.rows_a_part > 1 ? "No sound: not every row is in this page."
+  $("sound-note").textContent = shown && kept.rows_a_part > 1 ? "No sound: not every row is on this page."
     : shown ? `Plays ${own.what}, at full loudness however large it is.` : "";
   if (!shown) {
-    $("history-note").textContent = "No history of this run is kept: [transient] save_every above 0 keeps them.";
+    $("history-note").textContent = own.left.includes(row) ? "The history of this run is not on this page: it found no room, or cannot be read."
+      : points.status.length && points.status[row] !== "ok" ? "No history of this run is kept: it failed."
+      : "No history of this run is kept: [transient] save_every above 0 keeps them.";
     return;
   }
   limits(plot.x_range, shown.x[0], shown.x.at(-1));
   limits(plot.y_range, ...padded(shown.y));
   ends();
-  const each = kept.rows_a_part > 1 ? `Of each ${kept.rows_a_part} rows the least and the largest value are drawn. ` : "";
+  const each = kept.rows_a_part > 1 ? `The smallest and the largest of every ${kept.rows_a_part} values are drawn. ` : "";
   $("history-note").textContent = `${kept.n} rows are kept. ${each}Values are rounded by at most ${digits(kept.torque.error, 2)} ${own.unit}.`;
 };
 // What is shown as samples of a sound: means of rows where rows are closer than samples, else on the
@@ -60,7 +62,7 @@ function play() {
   const start = Math.max(range.start, shown.x[0]), end = Math.min(range.end, shown.x.at(-1), start + LONGEST_SOUND / slower);
   const sound = end > start ? samples(start, end, slower) : [];
   if (sound.length < 2) {
-    $("sound-note").textContent = "Too short to play: show more of the run, or slower.";
+    $("sound-note").textContent = "Too short to play: show more of the run, or play it slower.";
     return;
   }
   const audio = new AudioContext(), buffer = audio.createBuffer(1, sound.length, SOUND_HZ);
@@ -72,6 +74,6 @@ function play() {
   player.start();
   const speed = slower > 1 ? `, slower by ${slower}: 1000 Hz sound as ${1000 / slower} Hz` : ", as fast as the run";
   $("sound-note").textContent = `Plays ${own.what} from ${digits(start, 4)} to ${digits(end, 4)} s${speed}. ` +
-    "Its mean is left out and its largest value is full loudness: of the brake's own loudness it tells nothing. " +
-    `${SOUND_HZ} samples a second are made of the rows.`;
+    "Its mean is left out and its largest value is full loudness: it does not tell how loud the brake is. " +
+    `It has ${SOUND_HZ} samples a second, made from the rows.`;
 }

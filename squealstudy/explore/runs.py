@@ -43,14 +43,14 @@ def runs_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[
     for row in rows[:max_histories]:
         try:
             history = results.history(str(points["point_id"].iloc[row]))
-        except ResultsError:  # a damaged file; the page says that the point has no history
+        except ResultsError:  # a damaged file; the page says so
             continue
         histories[str(row)] = _extremes(history, bins)
     content: Content = {
         "unit": unit,
         "what": of_friction(unit),
         "histories": histories,
-        "n_left": len(rows) - len(histories),
+        "left": [row for row in rows if str(row) not in histories],
     }
     words, status = points["class"].astype(str).tolist(), points["status"].tolist()
     named = {n: (f"{text} of {of_friction(unit)}", unit) for n, text in LEVELS.items()}

@@ -10,6 +10,8 @@ from explored import brake_map
 from study_runs import solved
 
 import squealstudy as sq
+from squealstudy.colours import GREY
+from squealstudy.explore import runs
 from squealstudy.explore.page import explore
 
 pytestmark = browsed
@@ -232,6 +234,11 @@ def test_a_band_that_is_brushed_is_what_the_map_shows(opened):
     fastest = modes.loc[modes["point_id"] == "0" * 16, "growth_rate"].max()
     assert told.startswith("fastest growth in the band: ")
     assert float(told.split()[-2]) == pytest.approx(fastest, rel=1e-2)
+    for name, value in (("high", "90001"), ("low", "90000")):
+        page.tab.locator(f"#band-{name}").fill(value)
+        page.tab.keyboard.press("Tab")
+    none = "This design point has no mode in the chosen band on this page."
+    assert page.text("mode-facts") == none
     page.tab.get_by_role("button", name="whole band").click()
     assert page.tab.locator("#colour option:checked").inner_text() == "fastest growth"
 
@@ -267,6 +274,17 @@ def test_a_history_is_enlarged(opened, tmp_path):
     )
 
 
+def test_why_a_run_has_no_history_on_the_page_is_told(opened, tmp_path, monkeypatch):
+    results = solved(RUNS, tmp_path / "runs")
+    monkeypatch.setattr(runs, "MOST_ROWS", 2 * runs.LEAST_BINS)  # room for one history
+    page = opened(results)
+    page.tab.mouse.click(*page.place("map", 1))
+    assert page.text("history-note").startswith("The history of this run is not on this page")
+    text = RUNS.replace("save_every = 1", "save_every = 0")
+    page = opened(solved(text, tmp_path / "none"))
+    assert "save_every above 0 keeps them" in page.text("history-note")
+
+
 def test_a_run_is_heard(opened, tmp_path):
     """Samples of what is shown are the run's own, and what is played is said."""
     results = solved(RUNS, tmp_path / "runs")
@@ -290,7 +308,7 @@ def test_a_run_is_heard(opened, tmp_path):
     assert np.allclose(sound, wanted / np.abs(wanted).max(), atol=1e-2)  # times of 16 bits
     note = page.text("sound-note")
     assert "from 0.02 to 0.04 s, slower by 10: 1000 Hz sound as 100 Hz." in note
-    assert "of the brake's own loudness it tells nothing" in note
+    assert "it does not tell how loud the brake is" in note
 
 
 def test_verdicts_and_levels_of_cycles(opened, tmp_path):
@@ -334,6 +352,19 @@ def test_levels_of_runs_and_designs_without_a_level_are_shown(opened, tmp_path):
     page.tab.mouse.click(*page.place("map", 1))
     assert "verdict: undecided" in page.text("facts")
     assert second in page.text("pandas")
+
+
+def test_a_branch_of_unknown_stability_is_not_drawn_as_unstable(opened, tmp_path):
+    results = solved(CYCLES, tmp_path / "cycles")
+    stable = pd.array([True, False, None], dtype="boolean")
+    branches = pd.DataFrame({"stable": stable}).reindex(columns=list(results.table("branches")))
+    branches = branches.assign(point_id=results.points["point_id"][0], cycle_id="1", mode=1)
+    branches = branches.assign(along="friction", value=[0.5, 0.6, 0.7], torque_rms=[9.0, 8.0, 7.0])
+    page = opened(results.with_tables(branches=branches))
+    found = "Bokeh.documents.find(d => d.get_model_by_name('line')).get_model_by_name('lines').data"
+    first, second, third = page.tab.evaluate(f"{found}.colour")
+    assert len({first, second, third}) == 3
+    assert third == GREY
 
 
 def test_of_a_failed_point_no_modes_are_counted(opened, tmp_path):
