@@ -140,7 +140,7 @@ function mapText(place) {
   const row = state.visible[place], here = atText(row).split(", ");
   const same = state.visible.filter(i => state.x[i] === state.x[row] && state.y[i] === state.y[row]).length;
   const lines = [`design point ${points.rows[row]}`, ...here, ...data.measures.map(m => `${m.name}: ${measureText(m, m.x[row])}`)];
-  if (same > 1) lines.push(`${same - 1} more at this place`);
+  if (same > 1) lines.push(`${same - 1} more design point${same > 2 ? "s" : ""} at this place`);
   return lines.join("\n");
 }
 function mapBrush({x0, x1, y0, y1}) {

@@ -263,7 +263,7 @@ const studyText = () => [data.study.trimEnd(), ...parameters.filter(p => p.swept
 function take() {
   const n = state.ranges.size ? selectedRows().length : 0;
   $("selected").textContent = state.ranges.size ? `${n} of ${points.n} design points are selected.` :
-    "Nothing is selected: the lines below are of the chosen design point.";
+    "No design points are selected: the lines below take the chosen one.";
   $("pandas").textContent = pandasAll();
   $("closer").hidden = !data.study || !parameters.some(p => p.swept);
   if (!$("closer").hidden) $("study").textContent = studyText();
