@@ -5,7 +5,7 @@ contact's normal. With k_i = m w_i^2 the linearised stiffness is
 
     K = m [[w1^2, -mu w2^2], [mu w1^2, w2^2]],
 
-which flutters for mu > |w1^2 - w2^2| / (2 w1 w2), both frequencies merged at
+which flutters for mu > ``|w1^2 - w2^2| / (2 w1 w2)``, with both frequencies merged at
 w^2 = (w1^2 + w2^2) / 2.
 
 Another contact law acts over the areas A_i = k_i / 5e11 m2 per Pa/m of the two contacts; it must

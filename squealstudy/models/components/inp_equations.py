@@ -17,7 +17,8 @@ EQUAL_MPC_TYPES = ("TIE", "PIN")  # types of *MPC: the displacements of two node
 ALONG = {"STRAIGHT": 2, "PLANE": 3}  # types of CalculiX: number of nodes that span the line, plane
 TURNED = (
     "directions of a part that turns with its instance: whether they turn too is not known; "
-    "expected *TRANSFORM at its nodes, or the keyword in the assembly"
+    "expected axes of its own (ORIENTATION, of an equation *TRANSFORM), or the keyword in the "
+    "assembly"
 )
 OFF = 1e-6  # largest distance of nodes from their line or plane, over the extent of all nodes
 ROPE = ", a largest distance of two nodes (BEAM keeps their distance)"
