@@ -90,7 +90,8 @@ class LargestFriction:
     def __call__(self, values: Mapping[str, Any]) -> Any:
         """The coefficient at values of all parameters, numbers or arrays (m,).
 
-        Expressions without a value are left out: the design point fails when its model is built.
+        Where a factor has no value, factors count as 1; own friction without a value is left out.
+        Such a design point fails when its model is built.
         """
         try:
             factors = [value_of(factor, values, ()) for factor in self.factors]
