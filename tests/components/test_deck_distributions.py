@@ -83,7 +83,7 @@ def test_a_distribution_that_nothing_names_is_told(tmp_path):
     ("rows", "message"),
     [
         (("*DISTRIBUTION, NAME=E", ", 1., 0., 0., 0., 1., 0."), "there are 0 distributions 'D'"),
-        (("*DISTRIBUTION, NAME=D", "{0}, 1., 0., 0., 0., 1., 0."), "says nothing of 2 elements"),
+        (("*DISTRIBUTION, NAME=D", "{0}, 1., 0., 0., 0., 1., 0."), "has no axes for 2 elements"),
         (("*DISTRIBUTION, NAME=D", ", 1., 0., 0."), "expected an element or a set and two points"),
         (("*DISTRIBUTION, NAME=D", ", 1., 0., 0., 2., 0., 0."), "lie on one line"),
         (("*DISTRIBUTION, NAME=D", ", 1., 0., 0., x, 0., 0."), "expected a coordinate, found 'x'"),

@@ -105,8 +105,8 @@ def _check_directions(card: Card, text: Text) -> None:
     """Raise ModelError where the part turns with its instance."""
     if not np.array_equal(text.turn, np.eye(3)):
         raise card.error(
-            f"{card.shown} has directions, and its part turns with the instance: whether they turn "
-            "too is not known; state it in the model file"
+            f"{card.shown} has directions of a part that turns with its instance: whether they "
+            "turn too is not known; state it in the model file"
         )
 
 
