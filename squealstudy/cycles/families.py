@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -28,7 +29,7 @@ from squealstudy.cycles.growth import (
 )
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
-from squealstudy.cycles.projection import Projection
+from squealstudy.cycles.projection import CURVE_BASIS_ERROR, SIZE_HELD, Projection
 from squealstudy.cycles.verdicts import (
     GIVE_UP_DAMPING_RATIO,
     NOT_FOLLOWED,
@@ -47,6 +48,9 @@ CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # harmonics of curves: small models
 # modes of two designs are the same if their MAC is above the first, with others below the second
 SAME_MODE_MIN_MAC, OTHER_MODE_MAX_MAC = 0.95, 0.8
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
+# largest change of added damping from the linear mode's to that of a curve's first motion, over it
+MAX_REL_START_CHANGE = 0.2
+N_SMALLER_STARTS = 3  # smaller starts that are tried where a first motion is nonlinear, by tens
 EIGENVALUE_REL_ROUND_OFF = 1e-13  # round-off of every root of a dense matrix, over the largest one
 LOST_ROOT = (
     "roots of the model lie too far apart: whether steady sliding diverges is less than the "
@@ -211,8 +215,10 @@ def _family(
     is_complete = projection.complete
     size = START * speed * float(np.linalg.norm(phi * scale)) / velocity
     harmonics = search.harmonics or (CURVE_HARMONICS if is_complete else PROJECTED_HARMONICS)
-    start = linear_motion(phi, lam, scale, size)
     noise = 2.0 * max(tolerance, ROUNDED) * abs(lam)
+    start = linear_motion(phi, lam, scale, size)
+    if is_complete:
+        start = _small_enough(projection, start, harmonics, noise)
 
     def stop(motion: PeriodicMotion) -> str:
         if contact.contact_velocity(motion) > search.reach:
@@ -256,6 +262,24 @@ def _family(
         path=tuple(curve),
         noise=noise,
     )
+
+
+def _small_enough(
+    projection: Projection, start: PeriodicMotion, harmonics: int, noise: float
+) -> PeriodicMotion:
+    """A linear motion, smaller where contact is nonlinear at its size already.
+
+    A light load is lifted by motion that is slow beside sliding. A curve that began there would
+    miss smaller cycles.
+    """
+    for smaller in 0.1 ** np.arange(1 + N_SMALLER_STARTS):
+        tried = replace(start, Q=with_harmonics(smaller * start.Q, harmonics))
+        with contextlib.suppress(ConvergenceError):
+            motion, *_ = projection.improve(tried, CURVE_BASIS_ERROR, SIZE_HELD)
+            change = abs(motion.parameter - start.parameter)
+            if change <= max(MAX_REL_START_CHANGE * abs(start.parameter), noise):
+                return replace(start, Q=smaller * start.Q)
+    return start
 
 
 def _larger_harmonic_counts(harmonics: int) -> list[int]:

@@ -35,6 +35,8 @@ START_ANGLES_RAD = 0.0, 0.5 * np.pi  # angles of the motion at which these runs 
 CYCLE = "the cycle"  # start of a run that continues a cycle, in words
 START_OF_LOST = "the curve's largest motion"  # start of runs of a lost curve, in words
 MADE_AS_LARGE = "scaled to"
+FROM_SMALL = "small motion"  # start of a run as squeal begins by itself, in words
+SMALL_START_RATIO = 0.1  # size with which it begins over the smallest cycle's, at most
 ABOVE = 1.1  # size over an unstable cycle's with which a run begins that shows what is beyond it
 # status of a search
 KICK_FOUND, NO_KICK, KICK_UNDECIDED, KICK_WITHOUT_CYCLE = "ok", "none", "undecided", "no_cycle"
@@ -138,7 +140,8 @@ def decided_in_time(
     """A design whose verdict or level its cycles leave open, after runs in time.
 
     A design that squeals gets the level of a run where no stable cycle is the loudest
-    (`_with_level`), or where a run to a larger motion lasts (`_with_larger`).
+    (`_with_level`), where small motion grows to a louder one (`_from_rest`), or where a run to a
+    larger motion lasts (`_with_larger`).
 
     In a design whose modes are all stable, runs are made for the families that are undecided. They
     begin with the loudest cycle, or above it where that is unstable. Without a cycle they begin
@@ -154,7 +157,8 @@ def decided_in_time(
     if any(family.verdict == NEUTRAL for family in families):
         return followed  # in every run such a mode stays as large as it begins
     if any(family.verdict == SQUEALS for family in families):
-        return _with_larger(contact, _with_level(contact, followed, band, reach), band, reach)
+        with_level = _from_rest(contact, _with_level(contact, followed, band, reach), band)
+        return _with_larger(contact, with_level, band, reach)
     if followed.unstable_outside or contact.point.growing.n_outside > 0:
         return followed
     starts = [list(_starts(contact, family, reach)) for family in families]
@@ -234,6 +238,32 @@ def _with_level(
     return followed._replace(families=list(families.items()))
 
 
+def _from_rest(
+    contact: ContactOscillator, followed: Followed, band: tuple[float, float]
+) -> Followed:
+    """A design that squeals, with the level that small motion grows to where that is louder.
+
+    The run is made for the mode that grows fastest, where no stable cycle of its curve is known:
+    runs that began above its unstable cycle may have come to another motion.
+    """
+    growing = [(n, f) for n, f in followed.families if f.verdict == SQUEALS]
+    mode, family = max(growing, key=lambda numbered: numbered[1].lam.real)
+    if family.loudest is not None or not family.path or contact.point.growing.n_outside > 0:
+        return followed
+    smallest = min((c.motion for c in family.cycles), key=lambda m: m.size, default=None)
+    first = family.path[0].motion
+    factor = 1.0 if smallest is None else min(1.0, SMALL_START_RATIO * smallest.size / first.size)
+    q, v = state_of(first, factor)
+    (motion,) = run_on(contact, [replace(contact.point, q0=q, v0=v)], band)
+    run = with_regularisation(contact, ended(FROM_SMALL, motion, band), motion, band)
+    loudest = max(_level(f) for _, f in followed.families)
+    if run.outcome != LASTS or not run.torque_rms > DISTINCT_LEVEL_RATIO * loudest:
+        return followed
+    reason = f"unstable mode; level of a run in time from {FROM_SMALL}"
+    families = dict(followed.families) | {mode: replace(family, run=run, reason=reason)}
+    return followed._replace(families=list(families.items()))
+
+
 def _with_larger(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
@@ -249,7 +279,8 @@ def _with_larger(
         and family.largest is not None
         and family.end not in (*SEARCHED_ENDS, NOT_FOLLOWED)
         and _level(family) > 0.0
-        and (family.run is None or family.run.start == CYCLE)  # others began above all cycles
+        # others began above all cycles
+        and (family.run is None or family.run.start in (CYCLE, FROM_SMALL))
     }
     if not levels or contact.point.growing.n_outside > 0:
         return followed

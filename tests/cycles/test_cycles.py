@@ -561,3 +561,19 @@ def test_cycles_whose_contact_opens_are_within_their_errors(
     assert abs(cycle.multipliers.modulus - multiplier) < cycle.multipliers.error
     assert cycle.multipliers.error < 0.2 * multiplier
     assert abs(cycle.motion.omega / omega - 1.0) < cycle.frequency_error < 2e-3
+
+
+@pytest.mark.parametrize("speed", [50.0, 5000.0])
+def test_cycles_are_the_same_at_speeds_that_motion_never_reaches(speed):
+    """Curves begin at a share of the sliding speed: at 5000 m/s beyond all cycles."""
+
+    def cycles_at(sliding_speed):
+        model = sq.model("hoffmann", contact_law="unilateral", damping_ratio=0.01)
+        system = model.at(friction=0.78, sliding_speed=sliding_speed)
+        return system.limit_cycles(band=(10.0, 1000.0)).to_pandas()
+
+    slow, fast = cycles_at(5.0), cycles_at(speed)
+    assert len(slow) == 3
+    assert list(fast["stable"]) == [True, False, True]
+    for name in ("frequency_hz", "torque_rms", "contact_velocity"):
+        np.testing.assert_allclose(fast[name], slow[name], rtol=1e-4)

@@ -12,7 +12,8 @@ from made_results import drawn, made
 
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.families import families
-from squealstudy.cycles.kicked import decided_in_time
+from squealstudy.cycles.kicked import _from_rest, decided_in_time
+from squealstudy.cycles.trials import Ended
 from squealstudy.kinds.limit_cycles.kick_words import untold_kicks
 from squealstudy.kinds.limit_cycles.larger import (
     larger_in_words,
@@ -133,6 +134,25 @@ def test_a_kick_beyond_an_unfinished_curve_tells_a_louder_level():
     told = run(replace(quiet, cycles=(replace(family.loudest, levels=levels),)))
     assert told.run is None
     assert told.reason.endswith("m/s comes to no louder motion")
+
+
+def test_small_motion_that_grows_to_a_louder_level_is_told():
+    """Beside a level of a run from above an unstable cycle; squeal begins from small motion."""
+    values = {"damping_ratio": 0.005, "sliding_speed": 0.1, "friction": 0.75}
+    contact = models.Designs("hoffmann", values, "unilateral").at()
+    band = (2 * np.pi * 10.0, 2 * np.pi * 1000.0)
+    followed = families(contact, band, [1], 1e-9, Search(None, 1e-2, 0.8))
+    ((mode, family),) = followed.families
+    for level, is_told in ((10.0, True), (60.0, False)):
+        beside = Ended("1.1 times the unstable cycle", "limit_cycle", torque_rms=level)
+        unknown = replace(family, cycles=(), run=beside)
+        before = followed._replace(families=[(mode, unknown)])
+        ((_, judged),) = _from_rest(contact, before, band).families
+        if is_told:
+            assert judged.run.torque_rms == pytest.approx(family.loudest.levels["torque_rms"], 5e-3)
+            assert judged.reason == "unstable mode; level of a run in time from small motion"
+        else:
+            assert judged is unknown
 
 
 @pytest.mark.parametrize(("level", "is_told"), [(45.1, False), (128.0, True), (np.nan, False)])
