@@ -235,6 +235,9 @@ def _title(line: StudyLine) -> str:
         line.elsewhere,
         unstable if n or loose else none,
         f"{plural(loose, 'unstable mode')} without track (x)" if loose else "",
+        f"real roots grow at {plural(line.n_diverging, 'point')}, not drawn"
+        if line.n_diverging
+        else "",
         f"{plural(failed, 'point')} failed (x)" if failed else "",
     )
 
@@ -258,7 +261,7 @@ def _handles(line: StudyLine, names: Mapping[int, tuple[str, bool]]) -> list[Lin
         handles.append(
             Line2D([], [], linestyle="", color="0.2", label=turns_in_words(line.onsets), **bar)
         )
-    if handles:
+    if handles and len(line.frequency_hz.columns) > len(line.worst):
         handles.append(Line2D([], [], color=GREY, linewidth=0.7, label="stable modes"))
     return handles
 
@@ -323,6 +326,8 @@ class StudyLine:
     onsets : DataFrame
         Refined onsets: values ``x`` along the line, as drawn, at which a ``track`` turns unstable
         or stable (``direction``), with its ``frequency_hz`` there.
+    n_diverging : int
+        Number of points at which a real root grows, which is no mode.
     elsewhere : str
         Text on the values of other parameters, and why they were chosen.
     """
@@ -337,6 +342,7 @@ class StudyLine:
     untracked: pd.DataFrame
     worst: pd.DataFrame
     onsets: pd.DataFrame
+    n_diverging: int
     elsewhere: str
 
     @property
@@ -365,7 +371,8 @@ def study_line(results: Results, along: str, fixed: Mapping[str, float] | None =
     position[rows_in(points, line)] = np.arange(len(line))
     columns = [ROW, *COLUMNS, "overdamped"]
     modes = results.rows("modes", columns, lambda modes: position[modes[ROW].to_numpy()] >= 0)
-    rows = oscillating(modes.assign(row=position[modes[ROW].to_numpy()]))
+    modes = modes.assign(row=position[modes[ROW].to_numpy()])
+    rows, real = oscillating(modes), modes["overdamped"].to_numpy(bool)
     tracked = rows[(rows["track"] > 0).to_numpy()]
     tracked = tracked.assign(doubtful=tracked["track_ambiguous"].astype(float))
 
@@ -384,6 +391,7 @@ def study_line(results: Results, along: str, fixed: Mapping[str, float] | None =
         doubtful=wide("doubtful") == 1.0,
         untracked=rows[(rows["track"] <= 0).to_numpy()],
         worst=worst_tracks(rows),
+        n_diverging=int(modes["row"][real & modes["unstable"].to_numpy(bool)].nunique()),
         onsets=refined_onsets(results, shown, line, others),
         elsewhere=joined(describe(line.iloc[0], points, others, units), why, by=", "),
     )

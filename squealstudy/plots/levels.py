@@ -39,6 +39,7 @@ MAX_LABELLED_POINTS = 36  # design points for whose names there is room
 MAX_COLOURED_MODES = 6  # modes with a colour of their own
 MIN_SHOWN_ENERGY_SHARE = 0.02  # largest energy share from which a mode has a colour
 BAR_WIDTH_RATIO = 0.8  # width of a bar over the least distance between design points
+LOUDEST_LINE = "loudest line"
 LEAST_DRAWN_PERCENT = 0.1  # of energy; a thinner bar is its own edge
 OTHER_MODES, OUTSIDE = "other sensed modes", "outside the sensed modes"
 PALE = {OTHER_MODES: "#C8C8C8", OUTSIDE: "white"}
@@ -251,13 +252,14 @@ def _frequencies(axes: Axes, row: _Row) -> None:
         marker="_",
         markersize=15,
         color=DARK,
-        label="fastest predicted",
+        label="of the fastest complex mode",
     )
     for name in LASTING:
         of_class = row.is_class(name)
         line_hz = line.loc[of_class, "torque_line_hz"].to_numpy(dtype=float)
         if of_class.any():
-            label = "" if any(c.get_label() == "dominant" for c in axes.get_lines()) else "dominant"
+            told = any(c.get_label() == LOUDEST_LINE for c in axes.get_lines())
+            label = "" if told else LOUDEST_LINE
             axes.plot(
                 row.x[of_class], line_hz, linestyle="", markersize=5, label=label, **CLASSES[name]
             )

@@ -19,11 +19,12 @@ from squealstudy.plots.over_time import (
     Run,
     binned,
     end_labels,
+    finish_time,
     histories,
     outline,
     run_of,
 )
-from squealstudy.plots.style import empty_figure, finish, joined, new_figure
+from squealstudy.plots.style import empty_figure, joined, new_figure
 from squealstudy.tables.energy_ranking import component_columns
 from squealstudy.wording import in_digits, plural, real_mode_number
 
@@ -77,7 +78,7 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
     ]
     labels.append(_draw(axes, run, "energy", "#000000", "all modes", "--"))
     labels.append(_draw(axes, run, "energy_outside", DARK, "outside the sensed modes", ":"))
-    finish(axes, "Time [ms]", "Mechanical energy [J]")
+    finish_time(axes, run, "Mechanical energy [J]")
     axes.set_xlim(*run.limits)
     axes.set_ylim(*_limits(axes, run.column("energy")))
     _mark_transfer(axes, run)
@@ -171,7 +172,7 @@ def _transfer_text(run: Run) -> str:
     if not after > 0:
         return ""
     time = run.number("transfer_time")
-    when = f" at {MS_PER_S * time:.3g} ms (dashed)" if np.isfinite(time) else ""
+    when = f" at {run.moment(time)} (dashed)" if np.isfinite(time) else ""
     new, old = (real_mode_number(int(mode)) for mode in (after, before))
     return f"{new} takes over from {old}{when}"
 

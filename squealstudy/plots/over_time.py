@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import Choices
-from squealstudy.plots.style import quantity
+from squealstudy.plots.style import finish, quantity
 from squealstudy.plots.tables import describe
 from squealstudy.tables.energy_ranking import transient_parameters
 from squealstudy.wording import TORQUE
@@ -26,6 +27,7 @@ PALETTE = [c for c in COLOURS if c != "#000000"]  # colours of modes; black is f
 MOST_HISTORIES = 16  # design points whose histories are drawn; `results.plot` draws any other
 N_TIME_BINS = 1500  # parts of a long signal, about as many as an axis has pixels
 MS_PER_S = 1e3
+LEAST_SLOW_S = 10.0  # end of a run [s] from which on its times are shown in seconds
 MOST_NAMED = 2  # largest number of varied parameters that are all named in a title
 # size of labels at line ends, and their distance from the axes, points
 LABEL_FONT_POINTS, LABEL_GAP_POINTS = 8.5, 6.0
@@ -115,10 +117,26 @@ class Run:
         return MS_PER_S * self.column("time")
 
     @property
+    def is_slow(self) -> bool:
+        """Whether the run is so long that its times are shown in seconds."""
+        return bool(self.column("time")[-1] >= LEAST_SLOW_S)
+
+    def moment(self, seconds: float) -> str:
+        """A time of the run in its unit: ``29.7 ms``, of a slow run ``16.2 s``."""
+        return f"{seconds:.3g} s" if self.is_slow else f"{MS_PER_S * seconds:.3g} ms"
+
+    @property
     def limits(self) -> tuple[float, float]:
         """First and last time of the history, ms; one millisecond apart if they are the same."""
         first, last = (float(t) for t in self.milliseconds[[0, -1]])
         return first, last if last > first else first + 1.0
+
+
+def finish_time(axes: Axes, run: Run, y: str) -> None:
+    """Labels of axes over time in milliseconds, which are told in seconds of a slow run."""
+    finish(axes, "Time [s]" if run.is_slow else "Time [ms]", y)
+    if run.is_slow:
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda t, _: f"{t / MS_PER_S:g}"))
 
 
 def run_of(results: Results, point: str | int) -> Run:

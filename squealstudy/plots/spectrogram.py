@@ -16,11 +16,12 @@ from squealstudy.plots.over_time import (
     EndLabel,
     Run,
     end_labels,
+    finish_time,
     friction_label,
     histories,
     run_of,
 )
-from squealstudy.plots.style import empty_figure, finish, head, joined, new_figure
+from squealstudy.plots.style import empty_figure, head, joined, new_figure
 from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
@@ -97,7 +98,9 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     figure.colorbar(
         drawn, ax=axes, label=f"{what.capitalize()} [dB of its maximum]", location="left", pad=0.02
     )
-    finish(axes, "" if run.changes else "Time [ms]", "Frequency [Hz]")
+    finish_time(axes, run, "Frequency [Hz]")
+    if run.changes:
+        axes.set_xlabel("")
     axes.grid(False)
     axes.set_ylim(0.0, top)
     f = run.number("torque_line_hz")
@@ -117,7 +120,7 @@ def _imposed(axes: Axes, run: Run) -> None:
     axes.plot(run.milliseconds, run.column("sliding_speed"), color=DARK)
     axes.set_xlim(*run.limits)
     axes.axhline(0.0, color=DARK, linewidth=0.6)
-    finish(axes, "Time [ms]", "Sliding speed [m/s]")
+    finish_time(axes, run, "Sliding speed [m/s]")
     if "pressure" in run.history:
         right = axes.twinx()
         right.plot(run.milliseconds, run.column("pressure") / PA_PER_BAR, color=COLOURS[0])

@@ -248,7 +248,8 @@ def damping_limits(zeta_percent: np.ndarray) -> tuple[float, float]:
     """Limits [%] that show instabilities and light damping; heavily damped modes are beyond."""
     zeta = zeta_percent[np.isfinite(zeta_percent)]
     low = min(float(zeta.min(initial=0.0)) * 1.15, 0.0)
-    high = max(-1.5 * low, min(float(zeta.max(initial=0.0)) * 1.1, 3.0), 0.5)
+    most = float(zeta.max(initial=0.0)) * 1.1
+    high = max(min(-1.5 * low, most), min(most, 3.0), 0.5)  # no emptier than the modes are
     return min(low, -0.1 * high), high
 
 

@@ -15,6 +15,7 @@ from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import (
     MS_PER_S,
     Run,
+    finish_time,
     friction_label,
     histories,
     outline,
@@ -108,20 +109,23 @@ def phases(run: Run) -> list[Phase]:
     phase_list = []
     if np.isfinite(start) and stop > start:
         kind = "decay" if run.number("growth_rate") < 0 else "growth"
-        text = f"exponential {kind}, {MS_PER_S * start:.3g} to {MS_PER_S * stop:.3g} ms"
+        text = f"exponential {kind}, {_from_to(run, start, stop)}"
         phase_list.append(Phase("growth", text, start, stop))
     until = settled if np.isfinite(settled) else end
     if np.isfinite(stop) and until > stop and class_name != GROWING:
-        text = (
-            f"saturation, to {MS_PER_S * until:.3g} ms" if np.isfinite(settled) else "not settled"
-        )
+        text = f"saturation, to {run.moment(until)}" if np.isfinite(settled) else "not settled"
         text = UNDECIDED if class_name == UNDECIDED else text
         phase_list.append(Phase("saturation", text, stop, until))
     if np.isfinite(settled) and settled < end and class_name != STABLE:
-        phase_list.append(
-            Phase("limit cycle", f"settled from {MS_PER_S * settled:.3g} ms", settled, end)
-        )
+        early = settled * run.number("frequency_hz") < 1.0  # before its first period is over
+        text = f"settled from {'its start' if early else run.moment(settled)}"
+        phase_list.append(Phase("limit cycle", text, settled, end))
     return phase_list
+
+
+def _from_to(run: Run, start: float, stop: float) -> str:
+    """Two times of a run, the unit once."""
+    return f"{run.moment(start).partition(' ')[0]} to {run.moment(stop)}"
 
 
 def _fit_window(growth: pd.DataFrame) -> tuple[float, float]:
@@ -184,7 +188,7 @@ def _force(axes: Axes, run: Run) -> None:
     unit, factor = ("N", 1.0) if np.nanmax(np.abs(force), initial=0.0) < 1e3 else ("kN", 1e-3)
     axes.plot(*outline(run.milliseconds, factor * force), color=DARK, linewidth=0.8)
     axes.ticklabel_format(axis="y", useOffset=False)
-    finish(axes, "Time [ms]", f"Normal force [{unit}]")
+    finish_time(axes, run, f"Normal force [{unit}]")
 
 
 def _shade(axes: Axes, phases: list[Phase], named: bool) -> None:

@@ -237,6 +237,18 @@ def test_phases_end_where_the_run_does():
     assert phases(run_in_time(history, row))[0].name.startswith("exponential decay")
 
 
+def test_times_of_a_slow_run_are_in_seconds_and_it_is_not_settled_within_a_period():
+    """Ticks of a run of 360 s were '240000260000', and it was 'settled from 5 ms'."""
+    history, row = history_table(), one_point().iloc[0].copy()
+    slow = history | {"time": 3600.0 * history["time"]}
+    row["settled_time"], row["frequency_hz"] = 5.0, 0.1
+    told = drawn(torque_history(slow, row))
+    assert told.count("Time [s]") == 2
+    assert "settled from its start" in told
+    row["frequency_hz"] = 1.0
+    assert "settled from 5 s" in drawn(torque_history(slow, row))
+
+
 def test_the_history_of_a_failed_point_says_why():
     row = points_table({"friction": [0.5]}, ["failed"]).iloc[0]
     texts = drawn(torque_history(history_table(200, 0.01), row, GROWTH))

@@ -205,6 +205,7 @@ def test_damping_limits_show_instability_and_leave_out_heavy_damping():
     assert low < -1.0
     assert 0.5 < high < 10
     assert damping_limits(np.array([])) == pytest.approx((-0.05, 0.5))
+    assert damping_limits(np.array([-100.0, 32.0]))[1] == pytest.approx(35.2)  # it was 170
 
 
 def test_labels_keep_off_each_other():
@@ -384,6 +385,17 @@ def test_the_word_unstable_stands_where_no_curve_is(falling, align):
     axes.set_ylim(-1.6, 1.0)
     shade_unstable(axes)
     assert axes.texts[0].get_ha() == align
+
+
+def test_real_roots_that_grow_are_told_where_modes_are_drawn():
+    """Of a bicycle below walking speed the picture said '1 unstable track' and no more."""
+    points, modes = one_line()
+    modes = modes.assign(overdamped=False)
+    first = modes["point_id"] == points["point_id"].iloc[0]
+    row = modes[first].iloc[:1].assign(overdamped=True, unstable=True, growth_rate=3.0, track=-1)
+    told = drawn(evolution(points, pd.concat([modes, row], ignore_index=True), "friction"))
+    assert any("; real roots grow at 1 point, not drawn" in text for text in told)
+    assert not any("real roots" in t for t in drawn(evolution(points, modes, "friction")))
 
 
 def test_a_title_above_a_locus_is_as_wide_as_the_locus(tmp_path):
