@@ -240,7 +240,7 @@ def test_phases_end_where_the_run_does():
 def test_times_of_a_slow_run_are_in_seconds_and_it_is_not_settled_within_a_period():
     """Ticks of a run of 360 s were '240000260000', and it was 'settled from 5 ms'."""
     history, row = history_table(), one_point().iloc[0].copy()
-    slow = history | {"time": 3600.0 * history["time"]}
+    slow = history.assign(time=3600.0 * history["time"])
     row["settled_time"], row["frequency_hz"] = 5.0, 0.1
     told = drawn(torque_history(slow, row))
     assert told.count("Time [s]") == 2
