@@ -258,8 +258,8 @@ def _frequencies(axes: Axes, row: _Row) -> None:
         of_class = row.is_class(name)
         line_hz = line.loc[of_class, "torque_line_hz"].to_numpy(dtype=float)
         if of_class.any():
-            told = any(c.get_label() == LOUDEST_LINE for c in axes.get_lines())
-            label = "" if told else LOUDEST_LINE
+            named = any(c.get_label() == LOUDEST_LINE for c in axes.get_lines())
+            label = "" if named else LOUDEST_LINE
             axes.plot(
                 row.x[of_class], line_hz, linestyle="", markersize=5, label=label, **CLASSES[name]
             )

@@ -16,7 +16,7 @@ from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import friction_label
 from squealstudy.plots.style import MARKERS, finish, labelled, legend_below, new_figure
-from squealstudy.tables.method_quality import cost_of, on_front, usable
+from squealstudy.tables.method_quality import at_tolerances, cost_of, on_front, usable
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -80,11 +80,10 @@ def work_precision(results: Results) -> Figure:
         axes.set_axis_off()
     for axes in panels[max(0, len(quantities) - columns) : len(quantities)]:
         axes.xaxis.set_tick_params(which="both", labelbottom=True)
-    figure.suptitle(
-        f"largest error against {facts['reference']} (its cost: dotted); grey: front; dashed: "
-        "tolerance",
-        fontsize=9.5,
-    )
+    best = at_tolerances(measurements, quantities, (tolerance,)).iloc[-1]["cheapest"]
+    within = f"cheapest within {tolerance:g} in all: {best or 'none'}"
+    lines = f"largest error against {facts['reference']} (its cost: dotted); grey: front"
+    figure.suptitle(f"{within}\n{lines}; dashed: tolerance", fontsize=9.5)
     handles = labelled(panels[0])
     if any(methods[f"within_{q}"].any() for q in quantities):
         tick: dict[str, Any] = {"marker": "_", "ms": 10, "mew": 1.6, "color": DARK}

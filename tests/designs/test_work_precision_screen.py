@@ -25,6 +25,8 @@ def results_of(*rows, tolerance=1e-2, quantity="torque_rms"):
         spurious=0,
         seconds_median=table["cost"],
         setup_seconds=0.0,
+        seconds_min=0.9 * table["cost"],
+        seconds_max=1.1 * table["cost"],
         memory_mb=1.0,
         iterations=1.0,
     )
@@ -50,6 +52,16 @@ def test_the_cheapest_within_the_tolerance_of_the_study_is_told():
     assert "within 0.01 in onset is 'newmark, step 1': 7 s an onset" in SCREEN.verdict(of_onset)
     rough = SCREEN.verdict(results_of(ROUGH, FINE, USUAL, tolerance=0.1))
     assert "the cheapest within 0.1 in RMS is 'newmark, step 4'" in rough
+
+
+def test_methods_whose_times_overlap_are_as_cheap():
+    """Of 5.2 and 5.5 ms, each with a scatter of 10 %, one was the cheapest and that was all."""
+    near, far = (("other", f"other, step {c}", False, c, 1e-3, 2e-3) for c in (4.5, 5.0))
+    told = SCREEN.verdict(results_of(FINE, USUAL, near))
+    assert told.endswith(". As cheap within the scatter of times: 'other, step 4.5'.")
+    assert "As cheap" not in SCREEN.verdict(results_of(FINE, USUAL, far))
+    rough = ("other", "other, step 4.1", False, 4.1, 5e-2, 5e-2)
+    assert "As cheap" not in SCREEN.verdict(results_of(FINE, USUAL, rough))
 
 
 def test_an_error_that_chance_may_hide_is_told_with_its_bound():

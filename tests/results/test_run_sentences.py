@@ -95,3 +95,23 @@ def test_of_the_first_period_nobody_says_from_when_on_it_is_steady(settled, text
     points = points_table({"friction": [0.5]}, ["limit_cycle"]).assign(**numbers)
     run = made(kind="transient", points=points, modes=modes_table({}), growth=growth_table([]))
     assert RUNS.verdict(run).endswith(f"was steady from {text} on.")
+
+
+@pytest.mark.parametrize(
+    ("shares", "text"),
+    [
+        ([0.0, 4.1e-7, 7.4e-4], " in 2 of these 3, for up to about 0.074 % of area and time: at"),
+        ([0.0, 4.1e-7, 5e-7], " in 2 of these 3, for less than 0.01 % of area and time: at"),
+        ([0.1, 0.2, 0.3], " in all 3 of these, for about 10 % to 30 % of area and time."),
+    ],
+)
+def test_a_contact_that_hardly_sticks_is_told_without_digits(shares, text):
+    """It was "for about 4.1e-05 % to 0.074 % of area and time"."""
+    points = points_table({"friction": [0.4, 0.5, 0.6]}, ["limit_cycle"] * 3)
+    runs = made(
+        kind="transient",
+        points=points.assign(stick_share=shares),
+        modes=modes_table({}),
+        growth=growth_table([]),
+    )
+    assert f"The contact sticks{text}" in RUNS.verdict(runs)

@@ -24,6 +24,7 @@ from squealstudy.wording import (
 )
 
 MOST_MODES = 4  # leading modes named in a sentence
+LEAST_SHARE = 1e-4  # of area and time, from which on how long contact sticks is told
 MOST_SETTINGS = 3  # parameters named at the loudest run
 # spread of swings, relative to their mean, above which a sentence says that no period was seen
 UNEVEN_SWINGS = 0.1
@@ -153,8 +154,13 @@ def _sticking(row: pd.Series) -> str:
     share = row.get("stick_share", np.nan)
     if not share >= 0.0:  # not known
         return ""
-    how = f"sticks for about {_percent(share)} of area and time" if share else "never sticks"
+    how = f"sticks for {_about(share)} of area and time" if share else "never sticks"
     return f"; its contact {how}"
+
+
+def _about(share: float) -> str:
+    """A share in percent as far as it is worth telling: ``about 11 %``, ``less than 0.01 %``."""
+    return f"about {_percent(share)}" if share >= LEAST_SHARE else f"less than {LEAST_SHARE:.2%}"
 
 
 def _percent(share: float) -> str:
@@ -169,8 +175,11 @@ def _where_it_sticks(lasting: pd.DataFrame, name: str, unit: str) -> str:
         return ""
     if not shares.any():
         return f" The contact never sticks in these {len(lasting)} runs."
-    ends = [_percent(s) for s in (shares[shares > 0].min(), shares.max())]
+    least, most = shares[shares > 0].min(), shares.max()
+    ends = [_percent(s) for s in (least, most)]
     how = f"for about {' to '.join(dict.fromkeys(ends))} of area and time"
+    if least < LEAST_SHARE:
+        how = f"for {'up to ' * bool(most >= LEAST_SHARE)}{_about(most)} of area and time"
     if shares.all():
         return f" The contact sticks in all {len(lasting)} of these, {how}."
     values = ", ".join(amount(float(v), unit) for v in lasting[name][shares > 0])

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.screen import grid, notes
 from squealstudy.tables.method_quality import at_tolerances, usable
-from squealstudy.wording import all_of, figure, plural
+from squealstudy.wording import all_of, figure, listed, plural
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,6 +42,7 @@ WORDS = {
     "dominant_frequency": "loudest line",
     "energy_share": "energy shares",
 }
+MOST_NAMED = 3  # methods that are as cheap
 MOST_ROWS = 24  # measurements listed; where there are more, one of each method is
 SHOWN_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
@@ -91,7 +92,28 @@ class WorkPrecisionScreen(KindScreen):
         high = max(float(chosen[f"high_{q}"]) for q in quantities if f"high_{q}" in measured)
         if high > max(row["error"], tolerance):
             text += f", but the bounds (95 %) of both results allow up to {high:.1e}"
-        return f"{text}."
+        return f"{text}.{_as_cheap(measured, quantities, tolerance, chosen)}"
+
+
+def _as_cheap(
+    measurements: pd.DataFrame, quantities: Sequence[str], tolerance: float, chosen: pd.Series
+) -> str:
+    """A sentence on other methods whose times are not told apart from the cheapest one's.
+
+    Their times of several rounds overlap. Empty for none, and for onsets, which have one time.
+    """
+    if "onset" in quantities:
+        return ""
+    others = (measurements["method"] != chosen["method"]) & ~measurements["reference"]
+    others &= _largest_errors(measurements, quantities) <= tolerance
+    rows = measurements[others.to_numpy(bool)]
+    least = rows["cost"] - rows["seconds_median"] + rows["seconds_min"]
+    most = chosen["cost"] - chosen["seconds_median"] + chosen["seconds_max"]
+    rows = rows[(least <= most).to_numpy(bool)].sort_values("cost", kind="stable")
+    labels = [f"'{label}'" for label in rows.drop_duplicates("method")["label"]]
+    if not labels:
+        return ""
+    return f" As cheap within the scatter of times: {listed(labels, MOST_NAMED)}."
 
 
 def _largest_errors(measurements: pd.DataFrame, quantities: Sequence[str]) -> np.ndarray:
@@ -131,6 +153,7 @@ def _one_of_each_method(results: ResultTables) -> pd.DataFrame:
 def _measurements(results: ResultTables) -> list[RenderableType]:
     quantities = results.fact("quantities")
     lines = ["onset_seconds"] if "onset" in quantities else []
+    has_setup = bool((results.measurements["setup_seconds"] > 0).any())
     has_passes = bool(results.measurements["iterations"].notna().any())
 
     def cells(row: dict[Hashable, Any]) -> list[str]:
@@ -139,14 +162,14 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
             row["label"] + (" (reference)" if row["reference"] else ""),
             f"{row['seconds_median']:.3g}",
             *(f"{row[name]:.3g}" for name in lines),
-            f"{row['setup_seconds']:.3g}",
+            *([f"{row['setup_seconds']:.3g}"] if has_setup else []),
             f"{row['memory_mb']:.0f}",
             *([figure(row["iterations"], ".2f")] if has_passes else []),
             *(_error(row[f"error_{q}"], row[f"within_{q}"]) for q in quantities),
             ", ".join([row["status"], *bad]),
         ]
 
-    titles = ["s a point", *("s an onset" for _ in lines), "set-up s", "MB"]
+    titles = ["s a point", *("s an onset" for _ in lines), *["set-up s"] * has_setup, "MB"]
     titles += ["passes"] * has_passes
     titles += [SHORT[q] for q in quantities]
     table = _one_of_each_method(results)
@@ -162,7 +185,9 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
     if has_passes:
         abbreviations.append("passes: evaluations of contact forces a step")
     legend = notes(
-        "s a point: of the processor, for a design point; set-up s: for what points share",
+        "s a point: of the processor, for a design point"
+        + "; set-up s: for what points share" * has_setup
+        + "; MB: largest memory, above that before (0 where earlier methods had taken it already)",
         "; ".join(abbreviations),
         "*: no more than the 95 % bounds of both explain" if within else "",
         f"errors against {results.fact('reference')}, the largest of all measured points; cost: "
