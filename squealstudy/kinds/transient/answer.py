@@ -160,7 +160,9 @@ def _sticking(row: pd.Series) -> str:
 
 def _about(share: float) -> str:
     """A share in percent as far as it is worth telling: ``about 11 %``, ``less than 0.01 %``."""
-    return f"about {_percent(share)}" if share >= LEAST_SHARE else f"less than {LEAST_SHARE:.2%}"
+    return (
+        f"about {_percent(share)}" if share >= LEAST_SHARE else f"less than {_percent(LEAST_SHARE)}"
+    )
 
 
 def _percent(share: float) -> str:
