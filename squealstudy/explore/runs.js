@@ -23,8 +23,9 @@ detail.point = row => {
   const kept = own.histories[row], {plot, source} = figures.history;
   shown = kept ? {x: numbers(kept.time), y: numbers(kept.torque), ...kept} : null;
   source("points").data = shown ? {x: shown.x, y: shown.y} : {x: [], y: []};
-  $("sound").hidden = $("slower-label").hidden = !shown || kept.rows_a_part > 1;
-  $("sound-note").textContent = shown && kept.rows_a_part > 1 ? "No sound: not every row is on this page."
+  $("sound").hidden = $("slower-label").hidden = !shown || kept.rows_a_part > 1 || !kept.shows_motion;
+  $("sound-note").textContent = shown && !kept.shows_motion ? "No sound: the motion is too fast for the rows that are kept; a lower save_every keeps more."
+    : shown && kept.rows_a_part > 1 ? "No sound: not every row is on this page."
     : shown ? `Plays ${own.what}, at full loudness however large it is.` : "";
   if (!shown) {
     $("history-note").textContent = own.left.includes(row) ? "The history of this run is not on this page: it found no room, or cannot be read."
@@ -35,7 +36,8 @@ detail.point = row => {
   limits(plot.x_range, shown.x[0], shown.x.at(-1));
   limits(plot.y_range, ...padded(shown.y));
   ends();
-  const each = kept.rows_a_part > 1 ? `The smallest and the largest of every ${kept.rows_a_part} values are drawn. ` : "";
+  const of = kept.rows_a_part > 1 ? `of every ${kept.rows_a_part} values` : "of the steps from row to row";
+  const each = kept.rows_a_part > 1 || !kept.shows_motion ? `The smallest and the largest ${of} are drawn. ` : "";
   $("history-note").textContent = `${kept.n} rows are kept. ${each}Values are rounded by at most ${digits(kept.torque.error, 2)} ${own.unit}.`;
 };
 // What is shown as samples of a sound: means of rows where rows are closer than samples, else on the

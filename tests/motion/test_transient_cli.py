@@ -317,7 +317,7 @@ BAD = [
     ("save_every = 5", "perturb_modes = [9]", 19, "transient.perturb_modes", "modes 1 to 2"),
     ("save_every = 5", "perturb_modes = [true]", 19, "transient.perturb_modes", "whole number"),
     ("perturbation = 1e-3", "perturbation = -1.0", 18, "transient.perturbation", "at least 0"),
-    ("save_every = 5", 'start = "nowhere"', 19, "transient.start", "results directory"),
+    ("save_every = 5", 'start = "nowhere"', 19, "transient.start", "results of a transient study"),
     ("save_every = 5", 'start_point = "ab"', 15, "transient", "needs a results directory"),
     ("save_every = 5", "pod_vectors = 3", 15, "transient", "modes_below"),
     ("save_every = 5", "modes_below = 5.0", 19, "transient.modes_below", "no assembly mode"),

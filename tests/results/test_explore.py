@@ -224,6 +224,33 @@ def test_histories_keep_their_extremes(monkeypatch):
     assert drawn.min() == pytest.approx(torque.min(), abs=told["torque"]["error"])
 
 
+@pytest.mark.parametrize(("every", "shows"), [(1, True), (8, True), (30, False), (57, False)])
+def test_rows_that_do_not_show_the_motion_are_drawn_by_their_extremes(every, shows):
+    """Of 20 steps a period: one of 57 rows would be heard as a sixth of its frequency."""
+    time = 1e-3 * np.arange(60_001)
+    torque = np.sin(2 * np.pi * 50.0 * time)
+    rows = np.arange(0, len(time), every)
+    low, high = (
+        np.array([torque[0]] + [f(torque[k - every + 1 : k + 1]) for k in rows[1:]])
+        for f in (np.min, np.max)
+    )
+    history = pd.DataFrame(
+        {"time": time[rows], "torque": torque[rows], "torque_min": low, "torque_max": high}
+    )
+    told = runs._extremes(history, 40_000)
+    assert told["shows_motion"] == shows
+    drawn = unpacked(told["torque"])
+    assert len(drawn) == len(rows) * (1 if shows else 2)
+    assert np.ptp(drawn[:100]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_times_of_a_history_are_those_of_its_rows():
+    """Rounded to 16 bits they were off by .3 of the distance of rows, which was heard as noise."""
+    time = np.linspace(0.0, 1.0, 40_000)
+    told = runs._extremes(pd.DataFrame({"time": time, "torque": np.sin(9e3 * time)}), 20_000)
+    assert np.abs(unpacked(told["time"]) - time).max() < 0.01 * time[1]
+
+
 @pytest.mark.parametrize("kind", ["design", "sensitivity", "work_precision", "method_stability"])
 def test_kinds_without_a_page_get_one_sentence(kind):
     with pytest.raises(ResultsError) as caught:
