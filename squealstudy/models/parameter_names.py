@@ -145,9 +145,9 @@ def parse_parameter(name: str, model: ModelDefinition) -> StudyParameter:
     if "modes[" in name or ".modes" in name:
         return _parse_mode_parameter(name, model)
     if name.split(".")[0] in ADDED:
-        what = "a [[variable]] of a design study"
-        text = f"'{name}' belongs to {what}, which starts from 0: expected no value of it"
-        raise ParameterError(name, text)
+        mass = "its [parameters], a [[sweep]] or " * (name.split(".")[0] == ADDED[0])
+        text = f"'{name}' is added by a study, in {mass}a [[variable]] of a design"
+        raise ParameterError(name, f"{text}: expected no value of it")
     hint = f": {model.absent[name]}" if name in model.absent else ""
     hint = hint or did_you_mean(name, plain) or "; 'squealstudy models' lists its parameters"
     raise ParameterError(name, f"model '{model.name}' has no parameter '{name}'{hint}")

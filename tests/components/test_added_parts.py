@@ -14,7 +14,7 @@ from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.export import export_model
 from squealstudy.engine.structures import build_structure, build_task
 from squealstudy.engine.workers import Workers
-from squealstudy.errors import StudyFileError
+from squealstudy.errors import ParameterError, StudyFileError
 from squealstudy.kinds.design.kind import request
 from squealstudy.kinds.design.rows import design_row
 from squealstudy.models.catalogue import MODELS
@@ -271,6 +271,14 @@ def test_what_is_added_has_no_value_before(tmp_path):
     variant = f'[[variant]]\nname = "a"\nparameters = {{"{NAMES[0]}" = 1e-6}}\n'
     with pytest.raises(StudyFileError, match=r"variant 'a': .* expected no value"):
         read(tmp_path, STUDY + PARTS + variant)
+
+
+def test_it_is_said_where_masses_can_be_added():
+    """In Python there is none; a study of any kind has them, not a design alone."""
+    with pytest.raises(ParameterError, match=r"by a study, in its \[parameters\], a \[\[sweep\]\]"):
+        sq.model("disc_brake", **{"added_mass.caliper.BRIDGE": "50 g"})
+    with pytest.raises(ParameterError, match=r"by a study, in a \[\[variable\]\] of a design"):
+        sq.model("disc_brake", **{"stiffener.caliper.BRIDGE": 1.0})
 
 
 def test_springs_of_a_set_to_itself_are_refused(tmp_path):
