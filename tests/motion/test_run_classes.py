@@ -109,6 +109,14 @@ def test_no_duration_decides_what_neither_grows_nor_decays(duration):
     assert (row["class"], row["undecided_until"]) == ("undecided", np.inf)
 
 
+def test_round_off_has_no_frequency():
+    """Steady sliding that nothing disturbs was told to move at 89 Hz, with an RMS of 0."""
+    system = sq.model("belt", sliding_speed=0.5).at()
+    row = system.simulate(duration=0.4, step=2e-5, save_every=5, perturbation=0.0).summary().iloc[0]
+    assert (row["class"], row["torque_rms"]) == ("undecided", pytest.approx(0.0, abs=1e-9))
+    assert row[["frequency_hz", "frequency_error", "torque_line_hz"]].isna().all()
+
+
 @pytest.mark.parametrize("periods", [0.1, 0.4, 2, 8])
 def test_a_run_of_few_periods_names_a_duration_that_tells(periods):
     """Of 10 ms each: growth is not over, or stick-slip is too short to be seen to repeat."""

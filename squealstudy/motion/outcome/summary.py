@@ -12,6 +12,7 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import RunClass, too_short
 from squealstudy.motion.outcome.energies import (
     ModalShares,
+    energy_round_off,
     first_window,
     held_energies,
     mean_shares,
@@ -81,6 +82,8 @@ def summarise(
         return Summary(_course(run) | _forecast(run) | _class_columns(verdict, run), [], [])
     lasts = verdict.name in SUSTAINED
     levels, window = run_levels(run, by_step(lasts), passes=verdict.name in PASSING)
+    if energy.max() <= energy_round_off(run):
+        levels |= dict.fromkeys(("frequency_hz", "frequency_error", "torque_line_hz"), np.nan)
     behaviour = _behaviour(run, energy, verdict)
     fits = mode_fits(run)
     energies, total = energies_of_steps(run)
