@@ -24,7 +24,7 @@ from squealstudy.cycles.floquet import SMALL_MAX_COORDINATES, Floquet
 from squealstudy.cycles.growth import MIN_REL_FREQUENCY, STANDSTILL
 from squealstudy.cycles.harmonics import most_finer
 from squealstudy.cycles.projection import Projection
-from squealstudy.cycles.time_nodes import N_NODES, cycle_at_nodes, has_corners
+from squealstudy.cycles.time_nodes import cycle_at_nodes, has_corners, with_half_the_nodes
 from squealstudy.errors import ConvergenceError
 
 OK, INACCURATE = "ok", "inaccurate"
@@ -323,7 +323,7 @@ def errors_at_nodes(contact: ContactOscillator, cycle_levels: CycleLevels) -> Se
         return None
     limit, omega = contact.levels_of_states(fine.q, fine.v), fine.omega
     with contextlib.suppress(ConvergenceError):  # then the rule's error stays in, a part of 1e5
-        coarse = cycle_at_nodes(osc, motion, N_NODES // 2)
+        coarse = with_half_the_nodes(osc, fine)
         few = contact.levels_of_states(coarse.q, coarse.v)
         limit = {name: level + (level - few[name]) / 3.0 for name, level in limit.items()}
         omega += (omega - coarse.omega) / 3.0

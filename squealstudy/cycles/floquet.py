@@ -1,9 +1,7 @@
 """Floquet multipliers of a cycle: what becomes of small deviations in a period.
 
-The monodromy matrix is the product of steps of the linearised equation, each the diagonal [3/3]
-Pade approximant of the exponential of the fourth-order Magnus term: deviations that only turn keep
-their size, however fast (Iserles & Norsett 1999). Its error is estimated from three smaller numbers
-of steps, and from the multiplier that must be one.
+The error of the monodromy matrix (`propagators`) is estimated from three smaller numbers of steps,
+and from the multiplier that must be one.
 """
 
 from __future__ import annotations
@@ -19,6 +17,7 @@ from squealstudy.cycles.balance import sampled
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import sampling, series_at
 from squealstudy.cycles.oscillator import Oscillator
+from squealstudy.cycles.propagators import monodromy
 from squealstudy.cycles.time_nodes import has_corners, monodromy_at_nodes
 from squealstudy.errors import ConvergenceError
 from squealstudy.root_pairs import least_assignment
@@ -40,7 +39,6 @@ LEAST_MULTIPLIER = 0.5  # smaller multipliers do not count in errors
 OTHER_SERIES_SAFETY_FACTOR = 1.5
 FINER_SERIES_SHARE = 0.5  # error of the finer series over that change: in that model .12
 SAMPLES_PER_STEP = 4  # samples of the contact points' tangents in each step
-CHUNK_BYTES = 64_000_000
 # a multiplier is beyond -1, beyond 1, or a pair is beyond the circle
 FLIP, FOLD, TORUS = "flip", "fold", "torus"
 
@@ -147,14 +145,15 @@ def floquet(osc: Oscillator, cycle: PeriodicMotion, other: PeriodicMotion | None
     of the other are returned. In a small model with corners of forces in the period, errors also
     include the change to the multipliers at nodes (`_held_against_nodes`).
     """
-    multipliers = _in_all_coordinates(osc, cycle)
+    multipliers = _with_error_of_steps(osc, cycle, _without_error(osc, cycle))
     if other is None:
         return multipliers
     if other.harmonics != cycle.harmonics:
-        of_other = _in_all_coordinates(osc, other)
+        of_other = _without_error(osc, other)
         change = _size_change(multipliers, of_other)
         multipliers = _with_least_error(multipliers, OTHER_SERIES_SAFETY_FACTOR * change)
         if multipliers.stable is None and other.harmonics > cycle.harmonics:
+            of_other = _with_error_of_steps(osc, other, of_other)
             cycle, multipliers = other, _with_least_error(of_other, FINER_SERIES_SHARE * change)
     return _held_against_nodes(osc, cycle, multipliers)
 
@@ -179,16 +178,26 @@ def _with_least_error(multipliers: Floquet, error: float) -> Floquet:
     return replace(multipliers, errors=np.maximum(multipliers.errors, error))
 
 
-def _in_all_coordinates(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
+def _without_error(osc: Oscillator, cycle: PeriodicMotion) -> Floquet:
     if osc.n > TRAPEZOIDAL_MIN_COORDINATES:
         return floquet_on(osc, np.eye(osc.n), osc.n, cycle, cycle)
-    min_steps = MIN_STEPS_SMALL if osc.n <= SMALL_MAX_COORDINATES else MIN_STEPS_PER_PERIOD
-    steps = max(min_steps, STEPS_A_HARMONIC * cycle.harmonics)
-    fine = _ordered_multipliers(osc, cycle, monodromy(osc, cycle, steps))
+    return _ordered_multipliers(osc, cycle, monodromy(osc, cycle, _n_steps(osc, cycle)))
+
+
+def _with_error_of_steps(osc: Oscillator, cycle: PeriodicMotion, fine: Floquet) -> Floquet:
+    """The multipliers with their error by fewer steps, not less than that of the trivial one."""
+    if osc.n > TRAPEZOIDAL_MIN_COORDINATES:
+        return fine
+    steps = _n_steps(osc, cycle)
     coarse = (np.linalg.eigvals(monodromy(osc, cycle, round(c * steps))) for c in COARSER_STEPS)
     changes = (_difference(fine.multipliers, multipliers) for multipliers in coarse)
     error = max(abs(fine.trivial - 1.0), STEPS_SAFETY_FACTOR * max(changes))
     return replace(fine, errors=np.full(len(fine.multipliers), error))
+
+
+def _n_steps(osc: Oscillator, cycle: PeriodicMotion) -> int:
+    min_steps = MIN_STEPS_SMALL if osc.n <= SMALL_MAX_COORDINATES else MIN_STEPS_PER_PERIOD
+    return max(min_steps, STEPS_A_HARMONIC * cycle.harmonics)
 
 
 def floquet_on(
@@ -344,56 +353,3 @@ def _averaged(
         return osc.projected(np.tensordot(weights, samples, 1))
 
     return (lambda step: C - mean(by_w, step), lambda step: K - mean(by_y, step))
-
-
-def _stiffness(
-    osc: Oscillator, cycle: PeriodicMotion, theta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Damping / omega and stiffness / omega^2 (S, n, n) at angles theta (S,)."""
-    synthesis, slope = series_at(theta, cycle.harmonics)
-    C, K = osc.tangent(synthesis @ cycle.Q, cycle.omega * (slope @ cycle.Q))
-    return C / cycle.omega, K / cycle.omega**2
-
-
-def monodromy(osc: Oscillator, cycle: PeriodicMotion, steps: int) -> np.ndarray:
-    """Matrix (2 n, 2 n) from deviations (omega q, q') at theta = 0 to those a period later."""
-    m = 2 * osc.n
-    product = np.eye(m)
-    chunk = max(1, min(steps, CHUNK_BYTES // (8 * m * m)))
-    for first in range(0, steps, chunk):
-        product = _product(_steps(osc, cycle, steps, first, min(first + chunk, steps))) @ product
-    return product
-
-
-def _product(steps: np.ndarray) -> np.ndarray:
-    """Last @ .. @ first of matrices (k, m, m), by pairs."""
-    while len(steps) > 1:
-        paired = steps[1 : 2 * (len(steps) // 2) : 2] @ steps[: 2 * (len(steps) // 2) : 2]
-        steps = np.concatenate([paired, steps[-1:]]) if len(steps) % 2 else paired
-    product: np.ndarray = steps[0]
-    return product
-
-
-def _steps(osc: Oscillator, cycle: PeriodicMotion, count: int, first: int, last: int) -> np.ndarray:
-    """Propagators (last - first, 2 n, 2 n) of steps first to last - 1 of `count` in a period."""
-    h = 2 * np.pi / count
-    middle = h * (np.arange(first, last) + 0.5)
-    offset = h * np.sqrt(3.0) / 6.0
-    A1, A2 = (_rates(osc, cycle, middle + side * offset) for side in (-1, 1))
-    A = 0.5 * h * (A1 + A2) + np.sqrt(3.0) / 12.0 * h**2 * (A2 @ A1 - A1 @ A2)
-    square, identity = A @ A, np.eye(2 * osc.n)
-    even = identity + square / 10.0
-    odd = A @ (0.5 * identity + square / 120.0)
-    propagators: np.ndarray = np.linalg.solve(even - odd, even + odd)
-    return propagators
-
-
-def _rates(osc: Oscillator, cycle: PeriodicMotion, theta: np.ndarray) -> np.ndarray:
-    """Matrices (S, 2 n, 2 n) of the linearised equation by theta, for (omega q, q')."""
-    n = osc.n
-    C, K = _stiffness(osc, cycle, theta)
-    A = np.zeros((len(theta), 2 * n, 2 * n))
-    A[:, :n, n:] = np.eye(n)
-    A[:, n:, :n] = -K
-    A[:, n:, n:] = -C
-    return A

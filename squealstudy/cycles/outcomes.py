@@ -12,9 +12,9 @@ import numpy as np
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import LEAST_DAMPING
 from squealstudy.motion.outcome.energies import moving_energy
-from squealstudy.motion.outcome.levels import last_window, torque_levels
+from squealstudy.motion.outcome.levels import last_window
 from squealstudy.motion.outcome.periods import comes_back
-from squealstudy.motion.outcome.settling import LEAST_ROWS, SETTLED, known_outcome
+from squealstudy.motion.outcome.settling import LEAST_ROWS, SETTLED, known_outcome, levels_of_rows
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import LASTING, UNDECIDED
 
@@ -42,7 +42,7 @@ def known_so_far(run: Motion, duration: float, tolerance: float) -> str:
     if outcome or len(run.times) < LEAST_ROWS or not np.isfinite(torque).all():
         return outcome
     window = last_window(run.times, torque)
-    levels = torque_levels(run.times[window], torque[window])
+    levels = levels_of_rows(run, window)
     if not 0.5 * (levels.rms_high - levels.rms_low) <= tolerance * levels.rms:
         return ""  # the tests below cost more
     if not comes_back(run):

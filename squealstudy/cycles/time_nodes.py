@@ -8,6 +8,8 @@ of small deviations from one node to the next, with the period as one unknown mo
 
 from __future__ import annotations
 
+from collections import deque
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +17,11 @@ import numpy as np
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import period_at
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
+from squealstudy.cycles.propagators import product
 from squealstudy.errors import ConvergenceError
 
 N_NODES = 1024  # of a period
+N_PARTS = 32  # parts of a period whose steps are multiplied side by side
 # change of a tangent from one node to the next, over its range: of a series of 59 harmonics less
 MIN_CORNER = 0.25
 MIN_RANGE = 1e-6  # range of a tangent over the largest coefficient from which it changes at all
@@ -25,6 +29,7 @@ MAX_NEWTON_STEPS = 20
 SOLVED = 1e-8  # residual over the largest velocity
 DAMPED_SHARE = 0.5  # of a step of Newton's method that would make the residual larger
 MAX_FREQUENCY_CHANGE = 0.02  # relative: beyond it another motion was found
+N_STORED = 2  # cycles at nodes that are stored: errors of levels and of multipliers need the same
 
 
 class NodeStates(NamedTuple):
@@ -48,6 +53,10 @@ class NodeStates(NamedTuple):
     pull: np.ndarray
 
 
+# oscillators, series, and the cycle at nodes, if there is one
+_latest: deque[tuple[Oscillator, PeriodicMotion, NodeStates | None]] = deque(maxlen=N_STORED)
+
+
 class NodeChange(NamedTuple):
     """Changes of `NodeStates`: q, v (N, n) and omega."""
 
@@ -69,27 +78,54 @@ def has_corners(osc: Oscillator, cycle: PeriodicMotion) -> bool:
     return False
 
 
-def cycle_at_nodes(osc: Oscillator, cycle: PeriodicMotion, count: int = N_NODES) -> NodeStates:
-    """The cycle at `count` nodes that a series leads to.
+def cycle_at_nodes(osc: Oscillator, cycle: PeriodicMotion) -> NodeStates:
+    """The cycle at `N_NODES` nodes that a series leads to; the last ones are stored.
 
     Raises
     ------
     ConvergenceError
         Where Newton's method does not end near the series.
     """
-    states = _states_of(osc, cycle, count)
-    size, lacks = np.inf, _lacks(states)
+    for last_osc, last_cycle, stored in tuple(_latest):
+        if last_osc is osc and last_cycle is cycle:
+            solved = stored
+            break
+    else:
+        solved = None
+        with suppress(ConvergenceError):
+            solved = _converged(osc, _states_of(osc, cycle), cycle.omega)
+        _latest.append((osc, cycle, solved))
+    if solved is None:
+        raise ConvergenceError("not_converged", "no cycle at nodes near the series")
+    return solved
+
+
+def with_half_the_nodes(osc: Oscillator, states: NodeStates) -> NodeStates:
+    """The cycle at every other node, by the rule over twice the distance.
+
+    Raises
+    ------
+    ConvergenceError
+        Where Newton's method does not end near the states.
+    """
+    return _converged(osc, _states(osc, states.q[::2], states.v[::2], states.omega), states.omega)
+
+
+def _converged(osc: Oscillator, states: NodeStates, omega: float) -> NodeStates:
+    """States that satisfy the rule, by Newton's method; ConvergenceError if not near omega."""
+    lacks = _lacks(states)
+    size = _size(lacks, states)
     for _ in range(MAX_NEWTON_STEPS):
-        size = _size(lacks, states)
         if size < SOLVED or not np.isfinite(size):
             break
         change = _newton_step(osc, states, lacks)
         for share in (1.0, DAMPED_SHARE):
             tried = _changed(osc, states, change, share)
-            if _size(_lacks(tried), tried) < size:
+            tried_lacks = _lacks(tried)
+            if (tried_size := _size(tried_lacks, tried)) < size:
                 break
-        states, lacks = tried, _lacks(tried)
-    if not (size < SOLVED and abs(states.omega / cycle.omega - 1.0) < MAX_FREQUENCY_CHANGE):
+        states, lacks, size = tried, tried_lacks, tried_size
+    if not (size < SOLVED and abs(states.omega / omega - 1.0) < MAX_FREQUENCY_CHANGE):
         raise ConvergenceError("not_converged", "no cycle at nodes near the series")
     return states
 
@@ -103,14 +139,11 @@ def monodromy_at_nodes(osc: Oscillator, cycle: PeriodicMotion) -> np.ndarray:
         Where there is no cycle at nodes near the series.
     """
     before, after = _step_matrices(osc, cycle_at_nodes(osc, cycle))
-    period_map = np.eye(2 * osc.n)
-    for step in np.linalg.solve(after, before):
-        period_map = step @ period_map
-    return period_map
+    return product(np.linalg.solve(after, before))
 
 
-def _states_of(osc: Oscillator, cycle: PeriodicMotion, count: int = N_NODES) -> NodeStates:
-    synthesis, slope = period_at(count, cycle.harmonics)
+def _states_of(osc: Oscillator, cycle: PeriodicMotion) -> NodeStates:
+    synthesis, slope = period_at(N_NODES, cycle.harmonics)
     return _states(osc, synthesis @ cycle.Q, cycle.omega * (slope @ cycle.Q), cycle.omega)
 
 
@@ -170,18 +203,50 @@ def _newton_step(osc: Oscillator, states: NodeStates, lacks: np.ndarray) -> Node
     )
     right = np.stack([-lacks, -by_omega], axis=2)
     steps = np.linalg.solve(after, np.concatenate([before, right], axis=2))
-    paths = np.empty((len(steps) + 1, 2 * n, 2 * n + 2))
-    paths[0] = np.eye(2 * n, 2 * n + 2)
-    for k, step in enumerate(steps):
-        paths[k + 1] = step[:, : 2 * n] @ paths[k]
-        paths[k + 1, :, 2 * n :] += step[:, 2 * n :]
+    within, ahead = _paths(steps)
     closing = np.zeros((2 * n + 1, 2 * n + 1))
-    closing[:-1] = np.delete(paths[-1], 2 * n, axis=1)
+    closing[:-1] = np.delete(ahead[-1], 2 * n, axis=1)
     closing[:-1, :-1] -= np.eye(2 * n)
     closing[-1, :-1] = np.concatenate([states.v[0], states.pull[0] / omega])
     try:
-        begin = np.linalg.solve(closing, np.append(-paths[-1, :, 2 * n], 0.0))
+        begin = np.linalg.solve(closing, np.append(-ahead[-1, :, 2 * n], 0.0))
     except np.linalg.LinAlgError as error:
         raise ConvergenceError("singular", "a cycle at nodes is singular") from error
-    change = paths[:-1] @ np.concatenate([begin[:-1], [1.0], begin[-1:]])
+    rest = np.array([1.0, begin[-1]])
+    firsts = ahead[:-1] @ np.concatenate([begin[:-1], rest])
+    change = (
+        within[:, :, :, : 2 * n] @ firsts[:, None, :, None] + within[..., 2 * n :] @ rest[:, None]
+    )
+    change = change.reshape(-1, 2 * n)
     return NodeChange(change[:, :n] / omega, change[:, n:], float(omega * begin[-1]))
+
+
+def _paths(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Products of steps (N, m, m + 2), each a matrix and two columns that it adds.
+
+    Returns
+    -------
+    within : ndarray (G, N / G, m, m + 2)
+        From the first node of each of G equal parts to every node of the part.
+    ahead : ndarray (G + 1, m, m + 2)
+        From the first node of all to the first of each part, and to the end.
+    """
+    count, m, width = steps.shape
+    parts = steps.reshape(N_PARTS, count // N_PARTS, m, width)
+    within = np.empty((N_PARTS, parts.shape[1] + 1, m, width))
+    within[:, 0] = np.eye(m, width)
+    for k in range(parts.shape[1]):
+        within[:, k + 1] = _next(parts[:, k], within[:, k])
+    ahead = np.empty((N_PARTS + 1, m, width))
+    ahead[0] = np.eye(m, width)
+    for k in range(N_PARTS):
+        ahead[k + 1] = _next(within[k, -1], ahead[k])
+    return within[:, :-1], ahead
+
+
+def _next(step: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """Path (.., m, m + 2) with one step more."""
+    m = step.shape[-2]
+    further: np.ndarray = step[..., :m] @ path
+    further[..., m:] += step[..., m:]
+    return further

@@ -27,6 +27,7 @@ from squealstudy.motion.outcome.growth import fit_growth
 from squealstudy.motion.outcome.levels import (
     JUDGED_SHARE,
     LEAST_PERIODS,
+    TorqueLevels,
     last_window,
     torque_levels,
 )
@@ -37,6 +38,7 @@ from squealstudy.wording import STABLE, SUSTAINED
 
 MIN_AGREEMENT_HALF_WIDTH = 0.05  # least half-width of the band within which levels agree
 SETTLED, DECAYED = "settled", "decayed"
+ROW_LEVELS = "levels of rows"  # key of what is computed once for a run
 LEAST_ROWS = 200  # fewest rows of a record that is judged
 N_AGREEING_WINDOWS = 3  # parts of the last window whose levels must agree
 VANISHED_ENERGY_RATIO = 1e-6  # last energy over the first, below which the vibration is gone
@@ -169,12 +171,19 @@ def known_outcome(run: Motion, duration: float, tolerance: float) -> str:
         return ""
     if run.outcome != "ok" or not np.isfinite(run.modal_energy).all():
         return ""
+    level_stays = _level_stays(run, tolerance)
+    if modes.n_unstable and not level_stays:
+        return ""  # the tests below cost more
     energy = moving_energy(run)
     name = run_verdict(run, energy).name
     if name == STABLE:
         return DECAYED if modes.n_unstable == 0 and _has_decayed(run, energy) else ""
-    settles = name in SUSTAINED and _has_settled(run, energy, name, duration, tolerance)
-    return SETTLED if settles else ""
+    if not (level_stays and name in SUSTAINED):
+        return ""
+    if not settled(run.times, energy, run.history["torque"], name)[0]:
+        return ""
+    rise = expected_rise(run, judged_window(run), duration)
+    return SETTLED if rise <= 2 * tolerance else ""  # energy is a level squared
 
 
 def _has_decayed(run: Motion, energy: np.ndarray) -> bool:
@@ -192,23 +201,25 @@ def _has_decayed(run: Motion, energy: np.ndarray) -> bool:
     return fit.status == "ok" and error <= MAX_REL_RATE_DIFFERENCE * abs(lam.real)
 
 
-def _has_settled(
-    run: Motion, energy: np.ndarray, name: str, duration: float, tolerance: float
-) -> bool:
-    """Whether a run has settled (`known_outcome`); the cheap tests come first."""
-    torque = run.history["torque"]
+def _level_stays(run: Motion, tolerance: float) -> bool:
+    """Whether the torque's level is known within `tolerance`, and equal over thirds."""
     window = judged_window(run)
-    levels = torque_levels(run.times[window], torque[window])
+    levels = levels_of_rows(run, window)
     length = float(run.times[-1] - run.times[window][0])
     if not (levels.rms > 0 and length * levels.frequency_hz >= LEAST_PERIODS):
         return False
     if 0.5 * (levels.rms_high - levels.rms_low) > tolerance * levels.rms:
         return False
-    if level_drift(torque[window]) > tolerance:
-        return False
-    if not settled(run.times, energy, torque, name)[0]:
-        return False
-    return expected_rise(run, window, duration) <= 2 * tolerance  # energy is a level squared
+    return level_drift(run.history["torque"][window]) <= tolerance
+
+
+def levels_of_rows(run: Motion, window: slice) -> TorqueLevels:
+    """`torque_levels` of the rows of a window, without sums over steps, computed once."""
+    key = ROW_LEVELS, window.start, window.stop
+    if key not in run.windows:
+        run.windows[key] = torque_levels(run.times[window], run.history["torque"][window])
+    levels: TorqueLevels = run.windows[key]
+    return levels
 
 
 def longer_window(run: Motion, window: slice) -> slice:
