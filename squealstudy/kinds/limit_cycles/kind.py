@@ -35,7 +35,6 @@ from squealstudy.engine.store import (
 )
 from squealstudy.engine.workers import Solved, Workers
 from squealstudy.errors import ParameterError
-from squealstudy.kinds.limit_cycles.continuing import build_tables
 from squealstudy.kinds.limit_cycles.designs import (
     MAX_COORDINATES,
     CyclesRequest,
@@ -166,6 +165,8 @@ class LimitCycles(ModelKind):
         self, plan: Plan, store: Store, workers: Workers
     ) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Continue cycles to other designs; write points, verdicts, cycles, branches and curves."""
+        from squealstudy.kinds.limit_cycles.continuing import build_tables  # needs pandas
+
         return build_tables(plan, store, workers)
 
     def settings(self, plan: Plan) -> list[tuple[str, str]]:

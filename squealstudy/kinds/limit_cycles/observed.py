@@ -14,7 +14,6 @@ import numpy as np
 from squealstudy.cycles.harmonics import orders, series_at
 from squealstudy.engine.cache import load_prepared
 from squealstudy.engine.cycle_states import CycleSeries
-from squealstudy.engine.mode_shapes import expansion, same_coordinates
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import REAL, TEXT, WHOLE_NUMBER
 from squealstudy.kinds.limit_cycles.section import NamedPoint
@@ -138,6 +137,8 @@ class Observers:
         return observer.power(series.Q, series.omega), rows
 
     def _observer_of(self, key: str) -> Observer | None:
+        from squealstudy.engine.mode_shapes import expansion, same_coordinates  # needs pandas
+
         plan, section = self._plan, self._plan.study.section
         row = next(
             int(rows[0]) for key_there, rows in plan.tasks.of_structures() if key_there == key
