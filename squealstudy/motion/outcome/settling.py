@@ -171,14 +171,13 @@ def known_outcome(run: Motion, duration: float, tolerance: float) -> str:
         return ""
     if run.outcome != "ok" or not np.isfinite(run.modal_energy).all():
         return ""
-    level_stays = _level_stays(run, tolerance)
-    if modes.n_unstable and not level_stays:
+    if modes.n_unstable and not _level_stays(run, tolerance):
         return ""  # the tests below cost more
     energy = moving_energy(run)
     name = run_verdict(run, energy).name
     if name == STABLE:
         return DECAYED if modes.n_unstable == 0 and _has_decayed(run, energy) else ""
-    if not (level_stays and name in SUSTAINED):
+    if not (name in SUSTAINED and _level_stays(run, tolerance)):
         return ""
     if not settled(run.times, energy, run.history["torque"], name)[0]:
         return ""
