@@ -32,8 +32,8 @@ def product(steps: np.ndarray) -> np.ndarray:
     while len(steps) > 1:
         paired = steps[1 : 2 * (len(steps) // 2) : 2] @ steps[: 2 * (len(steps) // 2) : 2]
         steps = np.concatenate([paired, steps[-1:]]) if len(steps) % 2 else paired
-    whole: np.ndarray = steps[0]
-    return whole
+    period_map: np.ndarray = steps[0]
+    return period_map
 
 
 def _steps(A1: np.ndarray, A2: np.ndarray, h: float) -> np.ndarray:
