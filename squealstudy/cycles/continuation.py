@@ -6,7 +6,6 @@ where that does not converge and grows where it converges fast (Keller 1977).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -144,8 +143,7 @@ class Bordered:
     def solve(self, F: np.ndarray, plane: float) -> np.ndarray:
         """Solve J x = F and normal . x = plane for x (m + 1,); ConvergenceError if singular."""
         lu, rows = self._factors
-        b = np.empty(len(F) + 1, lu.dtype)
-        b[:-1], b[-1] = F, plane
+        b = np.append(F, plane).astype(lu.dtype)
         x, _ = _lapack(lu.dtype.char)[1](lu, rows, b)
         return np.asarray(x, float)
 
@@ -153,17 +151,12 @@ class Bordered:
     def tangent(self) -> np.ndarray:
         """Unit tangent t (m + 1,) of the curve, J t = 0, on the side of the normal."""
         t = self.solve(np.zeros(len(self._J)), 1.0)
-        unit: np.ndarray = t / _norm(t)
+        unit: np.ndarray = t / np.linalg.norm(t)
         return unit
 
     def towards(self, along: np.ndarray) -> np.ndarray:
         """The tangent, with the sign that has it point to the side of `along`."""
         return self.tangent if self.tangent @ along >= 0.0 else -self.tangent
-
-
-def _norm(x: np.ndarray) -> float:
-    """Norm of a real vector (m,), without the checks of numpy's, which take as long."""
-    return math.sqrt(x @ x)
 
 
 def newton(
@@ -222,11 +215,13 @@ def _searched(
 
     Where contact points switch between sticking and sliding full steps can go round in circles.
     """
-    before = math.hypot(_norm(F), plane)
+    before = float(np.hypot(np.linalg.norm(F), plane))
     share = 1.0
     while share > MIN_NEWTON_SHARE:
         trial: np.ndarray = u - share * change
-        residual_norm = math.hypot(_norm(equations.residual(trial)), (1.0 - share) * plane)
+        residual_norm = float(
+            np.hypot(np.linalg.norm(equations.residual(trial)), (1.0 - share) * plane)
+        )
         if (
             before < equations.tolerance
             or residual_norm < (1.0 - MIN_DECREASE_SHARE * share) * before
@@ -316,7 +311,9 @@ def next_point(
     while h >= min_step:
         try:
             following, iterations = _corrected(equations, current, h)
-            distance_from_tangent = _norm(following.u - current.u - h * current.tangent)
+            distance_from_tangent = float(
+                np.linalg.norm(following.u - current.u - h * current.tangent)
+            )
             smooth = (
                 following.tangent @ current.tangent >= MIN_TANGENT_COSINE
                 and distance_from_tangent <= FAR_OFF * h
