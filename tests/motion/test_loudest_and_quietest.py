@@ -46,3 +46,12 @@ def test_the_quietest_is_told_where_errors_part_it_from_the_loudest():
 )
 def test_the_loudest_line_is_told_in_hertz_beside_what_repeats(hz, line, text):
     assert heard(pd.Series({"frequency_hz": hz, "torque_line_hz": line})) == text
+
+
+def test_runs_that_may_be_as_loud_as_the_loudest_are_told():
+    """Of 128.9 +- 2.5 and 125.8 +- 1.5 N the first was the loudest, and that was all."""
+    one = said(runs(44.26, 43.4, 36.0))
+    assert ", within its error no louder than at damping = 0.05; the quietest" in one
+    assert ", within its error no louder than 2 others." in said(runs(44.26, 43.4, 43.2))
+    assert "no louder" not in said(runs(44.26, 39.44, 36.25))
+    assert "no louder" not in said(runs(44.26))

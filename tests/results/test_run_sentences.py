@@ -85,7 +85,7 @@ def test_a_dash_in_place_of_growth_says_why(method, why):
 
 def test_a_slope_that_changes_nothing_has_no_error():
     """Of a contact that never sticks it was 'below 2.2 % (its runs tell no less)'."""
-    assert _error_share_text({"error": 0.0, "chance": 0.02}) == "none (both runs are the same)"
+    assert _error_share_text({"error": 0.0, "chance": 0.02}) == "0 % (both runs are the same)"
     assert _error_share_text({"error": 0.001, "chance": 0.02}).startswith("below 2.0 %")
 
 

@@ -50,6 +50,7 @@ def lasting_in_words(
     where = _settings(row, varied, units)
     loudest = f"The loudest that lasts{f', at {where}' if where else ''}: " * (len(table) > 1)
     text = f" {loudest}RMS of the {what} {level} {unit}, {heard(row)}"
+    text += _as_loud(lasting, row, varied, units)
     quiet = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmin())]
     bounds = float(row["torque_rms"]) - level_error(row), float(quiet["torque_rms"])
     if varied and bounds[0] > bounds[1] + level_error(quiet):  # known errors do not overlap
@@ -63,6 +64,24 @@ def lasting_in_words(
     (name,) = varied
     of_name = name, units.get(name, "")
     return f"{text}.{uneven}{_leading(lasting, *of_name)}{_where_it_sticks(lasting, *of_name)}"
+
+
+def _as_loud(
+    lasting: pd.DataFrame, loudest: pd.Series, varied: Sequence[str], units: Mapping[str, str]
+) -> str:
+    """At which other runs the level may be that of the loudest within the errors; '' of none."""
+    least = float(loudest["torque_rms"]) - level_error(loudest)
+    others = [
+        row
+        for _, row in lasting.iterrows()
+        if row.name != loudest.name
+        and float(row["torque_rms"]) + level_error(row) >= least
+    ]
+    if not others or not varied:
+        return ""
+    if len(others) > 1:
+        return f", within its error no louder than {len(others)} others"
+    return f", within its error no louder than at {_settings(others[0], varied, units)}"
 
 
 def _settings(row: pd.Series, varied: Sequence[str], units: Mapping[str, str]) -> str:

@@ -389,7 +389,7 @@ def _pilot(pilot: Mapping[str, Any]) -> str:
 def _error_share_text(error: Mapping[str, float]) -> str:
     """An error in percent; where the scatter of its runs is larger, that as its bound."""
     if error["error"] == 0.0:
-        return "none (both runs are the same)"
+        return "0 % (both runs are the same)"
     if error["error"] < error["chance"]:
         if error["chance"] >= CHANCE_THAT_TELLS_NOTHING:
             return "not known (its runs scatter too much)"
