@@ -46,15 +46,16 @@ def design_history(results: Results) -> Figure:
     facts = results.fact("design_study")
     margin, targets = 100.0 * float(facts["margin"]), designs["origin"].str.startswith("target")
     alone = targets.to_numpy(bool) & ~scan
+    others = ~scan & ~alone & ~chosen & ~today  # these have marks of their own
     figure = new_figure(9.0, 6.4)
     axes = figure.subplots(2, 1)
     groups: list[tuple[np.ndarray, dict[str, Any]]] = [
         (scan, {"marker": ".", "color": GREY, "label": "scan, at few operating points"}),
         (
-            ~scan & ~meets & ~alone,
+            others & ~meets,
             {"marker": "o", "color": COLOURS[0], "label": "does not meet the demands"},
         ),
-        (~scan & meets & ~alone, {"marker": "o", "color": COLOURS[2], "label": "meets them"}),
+        (others & meets, {"marker": "o", "color": COLOURS[2], "label": "meets them"}),
         (alone, {"marker": "^", "color": COLOURS[3], "label": "targets alone"}),
         (today, {"marker": "s", "color": DARK, "label": "today"}),
         (

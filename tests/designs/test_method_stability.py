@@ -86,6 +86,10 @@ def test_the_answer_names_the_method_and_counts_right_cells_and_warnings():
     )
     manifest |= {"unflagged_wrong": 2, "agreement": None}
     assert "it is wrong or has no result, 2 of these without a warning." in SCREEN.verdict(results)
+    manifest["counts"] = {"converged": 1, "failed": 11}
+    assert " In 11 it has no result, " in SCREEN.verdict(results)
+    manifest["counts"] = {"converged": 1, "wrong": 11}
+    assert " In 11 it is wrong, " in SCREEN.verdict(results)
     manifest["counts"], cells["flagged"] = {"converged": 1}, False
     assert SCREEN.verdict(results) == "Roots of small matrices: right in 1 of 1 cell."
 

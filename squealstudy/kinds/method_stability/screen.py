@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
-from squealstudy.laboratory.method_stability.contract import CONVERGED, RECOVERED, SLOW
+from squealstudy.laboratory.method_stability.contract import (
+    CONVERGED,
+    FAILED,
+    RECOVERED,
+    SLOW,
+    WRONG,
+)
 from squealstudy.screen import facts
 from squealstudy.wording import plural
 
@@ -48,7 +54,9 @@ class MethodStabilityScreen(KindScreen):
         if n_others:
             warned = "and each says so" if n_others > 1 else "and says so"
             warned = f"{n_silent} of these without a warning" if n_silent else warned
-            text += f" In {n_others} it is wrong or has no result, {warned}."
+            is_wrong, is_lost = counts.get(WRONG, 0) > 0, counts.get(FAILED, 0) > 0
+            what = " or ".join(["is wrong"] * is_wrong + ["has no result"] * is_lost)
+            text += f" In {n_others} it {what}, {warned}."
         cells = results.table("cells")
         flagged = cells["outcome"].isin((CONVERGED, SLOW)) & cells["flagged"].astype(bool)
         if n_flagged := int(flagged.sum()):

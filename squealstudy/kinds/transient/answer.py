@@ -74,8 +74,7 @@ def _as_loud(
     others = [
         row
         for _, row in lasting.iterrows()
-        if row.name != loudest.name
-        and float(row["torque_rms"]) + level_error(row) >= least
+        if row.name != loudest.name and float(row["torque_rms"]) + level_error(row) >= least
     ]
     if not others or not varied:
         return ""
