@@ -59,6 +59,7 @@ MAX_LOCI = 2  # root loci in a picture
 # relative distance in frequency within which other tracks are shown in a locus
 SHOWN_REL_FREQUENCY_DISTANCE = 0.03
 STABLE_SIDE_OVER_GROWTH = 2.0  # extent of the stable side of a locus over the fastest growth
+TITLE_LINE_CHARACTERS = 125  # in a line above a picture with loci, which is wider
 LOCUS_LINE_CHARACTERS = 56  # in a line above a locus
 LONGEST_NAME = 36  # characters that fit the title of a locus
 VERTICAL = {
@@ -139,7 +140,7 @@ def evolution(
     rows = min(MAX_LOCI, len(tracks))
     for row_number, track in enumerate(tracks[:rows]):
         _locus(right[0].add_subplot(rows, 1, row_number + 1), line, track)
-    figure.suptitle(_title(line), fontsize=10)
+    figure.suptitle(fill(_title(line), TITLE_LINE_CHARACTERS if tracks else 90), fontsize=10)
     legend_below(figure, _handles(line, results.track_names), 2 if results.track_names else 5)
     return figure
 

@@ -387,6 +387,18 @@ def test_the_word_unstable_stands_where_no_curve_is(falling, align):
     assert axes.texts[0].get_ha() == align
 
 
+def test_a_long_title_of_an_evolution_is_whole():
+    """Of first_brake it was cut at both ends: two names of a caliper mode, and three onsets."""
+    points, modes = grid()
+    name = (
+        "caliper.modes[12-14].frequency_scale_of_each_mode_and_of_those_that_follow_it_in_the_file"
+    )
+    figure = evolution(points.rename(columns={"pressure": name}), modes, "friction")
+    drawn(figure)
+    assert "\n" in figure.get_suptitle()
+    assert figure._suptitle.get_window_extent().x1 <= figure.bbox.x1
+
+
 def test_real_roots_that_grow_are_told_where_modes_are_drawn():
     """Of a bicycle below walking speed the picture said '1 unstable track' and no more."""
     points, modes = one_line()
