@@ -117,6 +117,19 @@ def test_round_off_has_no_frequency():
     assert row[["frequency_hz", "frequency_error", "torque_line_hz"]].isna().all()
 
 
+@pytest.mark.parametrize("duration", [0.8, 1.5])
+def test_a_cycle_far_below_the_kick_is_not_rest(duration):
+    """Lift-off that lasts: RMS 1.16 N of .53 N, 1 % of what the kick began with."""
+    values = {"friction": 0.7, "sliding_speed": 0.3, "damping_ratio": 0.01, "normal_force": 1.0}
+    system = sq.model("hoffmann", contact_law="unilateral", **values).at()
+    run = {"step": 2e-5, "save_every": 5, "perturbation": 0.5}
+    row = system.simulate(duration=duration, **run).summary().iloc[0]
+    assert row["class"] != "stable"
+    if row["class"] == "undecided":
+        row = system.simulate(duration=row["undecided_until"], **run).summary().iloc[0]
+    assert row["class"] == "limit_cycle"
+
+
 @pytest.mark.parametrize("periods", [0.1, 0.4, 2, 8])
 def test_a_run_of_few_periods_names_a_duration_that_tells(periods):
     """Of 10 ms each: growth is not over, or stick-slip is too short to be seen to repeat."""

@@ -325,7 +325,8 @@ def _grows(envelope: Envelope, course: LevelTrend) -> bool:
 
 def _falls(envelope: Envelope, course: LevelTrend) -> bool:
     """Whether the level falls to rest."""
-    if course.rise >= 0:
+    mean = envelope.windows.course(1.0).rise * JUDGED_SHARE / 3  # of a third of the judged part
+    if course.rise >= 0 or max(map(abs, course.thirds[1:])) <= -0.1 * mean:  # the fall has ended
         return False
     for share in (JUDGED_SHARE, 0.7, 1.0):
         stretch = envelope.windows.course(share)
