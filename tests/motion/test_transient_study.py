@@ -236,7 +236,7 @@ def test_a_final_state_goes_on(tmp_path, finished):
 
 
 def test_start_of_nothing(tmp_path):
-    with pytest.raises(StudyFileError, match="is none"):
+    with pytest.raises(StudyFileError, match="there are none in"):
         run_study(continued(tmp_path / "nowhere", ""), tmp_path / "out", jobs=1)
 
 
