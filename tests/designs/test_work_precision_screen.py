@@ -121,3 +121,16 @@ def test_an_exact_method_errs_by_0_and_modes_have_no_passes():
 @pytest.mark.parametrize("quantity", [*FREQUENCY_QUANTITIES, *TIME_QUANTITIES])
 def test_every_quantity_has_words(quantity):
     assert WORDS[quantity]
+
+
+def test_what_a_cost_consists_of_is_told_with_the_reduction_where_it_has_one():
+    """An onset of 0.55 s cost 1.6 s, and the legend told neither of the line nor of reductions."""
+    plain = results_of(FINE, USUAL)
+    assert "cost: seconds a point and 1/2 of the set-up" in as_text(SCREEN.findings(plain))
+    plain.measurements["cost"] += 1.0
+    told = as_text(SCREEN.findings(plain), 200)
+    assert "cost: seconds a point and 1/2 of the set-up and the reduction" in told
+    onsets = results_of(FINE, USUAL, quantity="onset")
+    onsets.measurements[["cost_onset", "onset_seconds"]] = 7.0
+    told = as_text(SCREEN.findings(onsets), 200)
+    assert "cost: seconds an onset, and for each point of its line 1/2 of the set-up" in told

@@ -190,14 +190,25 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
         + "; MB: largest memory, above that before (0 where earlier methods had taken it already)",
         "; ".join(abbreviations),
         "*: no more than the 95 % bounds of both explain" if within else "",
-        f"errors against {results.fact('reference')}, the largest of all measured points; cost: "
-        f"seconds a point and 1/{results.fact('over')} of the set-up",
+        f"errors against {results.fact('reference')}, the largest of all measured points; "
+        f"{_cost_in_words(results)}",
         f"of each method the cheapest within {results.fact('tolerance'):g}, or the most exact; "
         f"{left_out} more in the measurements table"
         if left_out
         else "",
     )
     return [shown, legend]
+
+
+def _cost_in_words(results: ResultTables) -> str:
+    """What the cost of a measurement consists of."""
+    table, over = results.measurements, results.fact("over")
+    rest = table["cost"] - table["seconds_median"] - table["setup_seconds"] / max(over, 1)
+    has_reduction = (rest > 1e-6 * table["cost"]).any()
+    shared = f"1/{over} of the set-up{' and the reduction' * bool(has_reduction)}"
+    if "onset" in results.fact("quantities"):
+        return f"cost: seconds an onset, and for each point of its line {shared}"
+    return f"cost: seconds a point and {shared}"
 
 
 def _error(value: float, within: bool) -> str:
