@@ -53,7 +53,7 @@ def test_some_directions_in_axes_of_their_own_are_those_of_calculix(tmp_path, sy
     hz = np.array([float(r[3]) for r in rows if len(r) == 5 and r[0].isdigit()])
     mesh = read(tmp_path, lines)[0]
     places, K, M = matrices(mesh)
-    free = np.flatnonzero((places >= 0) & ~np.isin(places // 3, mesh.references))
+    free = np.flatnonzero((places >= 0) & ~np.isin(places // 3, mesh.used_without_element))
     w2 = la.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)], eigvals_only=True)
     ours = np.sqrt(np.abs(w2[:14])) / (2 * np.pi)
     assert len(hz) == 14
@@ -80,7 +80,7 @@ def test_a_mean_motion_in_axes_of_its_own(tmp_path, system):
     lines = (*TIE, *ORIENTATIONS[system], COUPLING, "*DISTRIBUTING", "1")
     mesh, e, *_ = read(tmp_path, lines)
     whole = read(tmp_path, (*TIE, COUPLING.partition(", ORIENTATION")[0], "*DISTRIBUTING"))[1]
-    at = 3 * mesh.references[0] + np.arange(3)
+    at = 3 * mesh.used_without_element[0] + np.arange(3)
     c = mesh.constraints[1]
     (axis,) = c.along(np.array(REFERENCE))
     q = np.random.default_rng(4).standard_normal(whole.E.shape[1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.models.components.mesh import OF_CONTACT
+from squealstudy.models.components.mesh import CONTACT_NOT_READ
 
 MODEL_FILE, STUDY = "stated in the model file", "stated in the study"
 
@@ -27,7 +27,7 @@ SOLIDS: dict[int, tuple[int, int, dict[int, str], tuple[int, ...]]] = {
 NON_STRUCTURAL_ELEMENTS: dict[int, str] = {
     200: "elements for meshing alone",
     **dict.fromkeys(range(151, 157), "loads are " + STUDY),
-    **dict.fromkeys(range(169, 180), OF_CONTACT),
+    **dict.fromkeys(range(169, 180), CONTACT_NOT_READ),
 }
 READ = ("ET", "KEYOP", "KEYOPT", "ETBLOCK", "NBLOCK", "EBLOCK", "CMBLOCK", "MP", "MPDATA")
 ENDS = ("N", "EN")  # commands that end a block, with the number -1

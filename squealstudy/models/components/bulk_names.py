@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.models.components.mesh import OF_CONTACT
+from squealstudy.models.components.mesh import CONTACT_NOT_READ
 
 MODEL_FILE, STUDY = "stated in the model file", "stated in the study"
 
@@ -39,7 +39,7 @@ PASSED_OVER = {
         "BCBODY1 BCBDPRP BCSURF BCPROP BCPROPS BCGRID BCSEG BCHANGE BCMOVE BCAUTOP BCRIGID "
         "BCONTACT BCONTR BEDGE BGSET BGADD BGPARM BCRESULTS BGRESULTS BLSEG BFRIC BWIDTH "
         "BOUTPUT CONTACT PCONT PCONTHT",
-        OF_CONTACT,
+        CONTACT_NOT_READ,
     ),
     **_each(
         "DESVAR DRESP1 DRESP2 DRESP3 DCONSTR DCONADD DOPTPRM DVPREL1 DVPREL2 DVMREL1 DVMREL2 "

@@ -7,7 +7,7 @@ import numpy as np
 from squealstudy.models.components.faces import boundary, shared_too_often
 from squealstudy.models.components.formulations import integration
 from squealstudy.models.components.jacobians import CHUNK, jacobians
-from squealstudy.models.components.mesh import OF_CONTACT, SolidMesh
+from squealstudy.models.components.mesh import CONTACT_NOT_READ, SolidMesh
 
 DOUBLED = "DOUBLED NODES"  # the name by which `pass_over` allows them
 MERGED = 1e-4  # distance over the shortest edge below which two nodes count as one written twice
@@ -50,7 +50,7 @@ def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> 
     unused = np.ones(len(mesh.nodes), dtype=bool)
     for block in mesh.blocks:
         unused[block.nodes] = False
-    unused[mesh.references] = False
+    unused[mesh.used_without_element] = False
     if unused.any() and not points:
         raise mesh.error(f"{mesh.nodes_named(np.flatnonzero(unused))}: no element has this node")
     if not doubled and mesh.blocks:
@@ -91,13 +91,13 @@ def _check_doubled(mesh: SolidMesh) -> None:
             owner = np.repeat(rows + start, len(face))
             outer.append(np.column_stack([nodes.ravel(), owner]))
     outer_faces = np.vstack(outer)
-    outer_faces = outer_faces[~np.isin(outer_faces[:, 0], mesh.tied)]
+    outer_faces = outer_faces[~np.isin(outer_faces[:, 0], mesh.may_coincide)]
     nodes, first = np.unique(outer_faces[:, 0], return_index=True)
     pairs = cKDTree(mesh.nodes[nodes]).query_pairs(MERGED * shortest, output_type="ndarray")
     if len(pairs):
         owners = mesh.body_of[outer_faces[first, 1]]
         of_two_bodies = owners[pairs[:, 0]] != owners[pairs[:, 1]]
-        if of_two_bodies.all() and any(note.why == OF_CONTACT for note in mesh.passed_over):
+        if of_two_bodies.all() and any(note.why == CONTACT_NOT_READ for note in mesh.passed_over):
             return  # bodies in contact
         pairs = pairs[np.argsort(of_two_bodies, kind="stable")]
         a, b = nodes[pairs[0]]

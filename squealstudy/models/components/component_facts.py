@@ -129,7 +129,7 @@ def component_facts(
             text = f"mass {point_mass.name}: {mass:g} {weight}, {where} {point_mass.on}"
             inspection.tell("", text)
     if mesh.discrete:
-        masses = len(mesh.weighed)
+        masses = len(mesh.mass_nodes)
         many = [plural(len(mesh.discrete) - masses, "spring")] * (len(mesh.discrete) > masses)
         many += [plural(masses, "mass", "masses")] * (masses > 0)
         inspection.tell("", f"{' and '.join(many)} of the deck")

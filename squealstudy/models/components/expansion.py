@@ -157,7 +157,7 @@ def expanded(mesh: SolidMesh) -> tuple[SolidMesh, Expansion]:
     moves = np.diff(E.tocsc().indptr)  # a reference node without structure moves itself alone
     is_single = np.zeros(n_full, dtype=bool)
     bare = mesh.bare
-    bare[mesh.weighed] = False
+    bare[mesh.mass_nodes] = False
     is_single[: 3 * n] = np.repeat(bare, 3)
     independent = free[moves[free] > is_single[free]]
     E = E[:, independent].tocsr()

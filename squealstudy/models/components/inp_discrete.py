@@ -78,7 +78,7 @@ def read_discrete(
                 constraints += _older(card, reference, at, abaqus)
     mesh = replace(mesh, discrete=tuple(discrete), constraints=tuple(constraints))
     ground = mesh.bare
-    ground[mesh.references] = False
+    ground[mesh.used_without_element] = False
     for card, elements in springs:
         for line, kind, nodes in elements:
             if kind.startswith("SPRING"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from squealstudy.models.components.mesh import OF_CONTACT
+from squealstudy.models.components.mesh import CONTACT_NOT_READ
 
 _MODEL_FILE = "stated in the model file"
 
@@ -62,7 +62,7 @@ PASSED_OVER: dict[str, str] = {
         "CONTACTSTABILIZATION SURFACEINTERACTION SURFACEBEHAVIOR SURFACEPROPERTYASSIGNMENT "
         "SURFACESMOOTHING FRICTION CHANGEFRICTION CHANGESURFACEBEHAVIOR CHANGECONTACTTYPE "
         "CLEARANCE GAPCONDUCTANCE GAPHEATGENERATION GAPRADIATION COHESIVEBEHAVIOR DEBOND",
-        OF_CONTACT,
+        CONTACT_NOT_READ,
     ),
     **_each(
         "CONDUCTIVITY SPECIFICHEAT LATENTHEAT EXPANSION ELECTRICALCONDUCTIVITY "
@@ -133,7 +133,7 @@ MATTERS: dict[str, tuple[str, ...]] = {
 # elements that are passed over, and why
 NON_STRUCTURAL_ELEMENTS: dict[str, str] = {
     "D": "of a flow network",
-    "GAPUNI": OF_CONTACT,
+    "GAPUNI": CONTACT_NOT_READ,
 }
 
 # elements that are refused, with advice, unless `treat_as` gives their formulation

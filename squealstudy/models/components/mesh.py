@@ -25,7 +25,8 @@ from squealstudy.models.components.materials import Elastic, Orientation, Unfini
 from squealstudy.models.components.set_names import found_name, has_name
 
 N_NAMED_IN_MESSAGE = 5  # elements or nodes that a message names
-OF_CONTACT = "contact is stated in the model file"  # reason why contact keywords are passed over
+# reason why contact keywords are passed over
+CONTACT_NOT_READ = "contact is stated in the model file"
 
 
 class PassedOver(NamedTuple):
@@ -83,12 +84,12 @@ class SolidMesh:
     numbers : ndarray (n,) of int
         Numbers of the nodes in the file.
     blocks : tuple of ElementBlock
-        Empty for the nodes of matrices without solids.
+        An empty tuple where the file has only the nodes of matrices.
     node_sets, element_sets : dict of str -> ndarray of int
-        Places of nodes and elements here, ascending.
+        Ascending rows of `nodes`, and ascending places of elements.
     surfaces : dict of str -> ndarray (p, 2) of int
         Places of elements, and numbers of their faces from 1, as S1 to S6 in files.
-    materials : dict of str -> Isotropic or Orthotropic
+    materials : dict of str -> Isotropic, Orthotropic or Anisotropic
     unfinished : dict of str -> Unfinished
         Materials that the file states in part only; the model file may state the rest.
     material : ndarray (n_elements,) of str
@@ -96,7 +97,7 @@ class SolidMesh:
     orientations : dict of str -> Orientation
     orientation : ndarray (n_elements,) of str
         Name of each element's material axes; empty where they are the global ones.
-    constraints : tuple of Tie or Coupling
+    constraints : tuple of Tie, Coupling or Relation
         Constraints by which nodes follow others.
     passed_over : tuple of PassedOver
         Parts of the file that are left out of the mesh.
@@ -105,7 +106,7 @@ class SolidMesh:
     discrete : tuple of Discrete
         Springs and masses beside the solids.
     added_density : ndarray (n_elements,)
-        Density of mass beside the material's, such as paint.
+        Density of mass without stiffness, such as paint; it adds to the material's.
     """
 
     origin: Path
@@ -153,24 +154,24 @@ class SolidMesh:
         """
         from scipy.sparse.csgraph import connected_components
 
-        n, ends = len(self.nodes), [np.zeros((0, 2), dtype=np.int64)]
+        n, edges = len(self.nodes), [np.zeros((0, 2), dtype=np.int64)]  # pairs of joined nodes
         for block in self.blocks:
-            ends += [block.nodes[:, [0, k]] for k in range(1, block.nodes.shape[1])]
+            edges += [block.nodes[:, [0, k]] for k in range(1, block.nodes.shape[1])]
         for c in self.constraints:
             if isinstance(c, Tie):
-                others = np.append(c.nodes, self.node_of_face(c.faces))
+                members = np.append(c.nodes, self.node_of_face(c.faces))
             else:
-                others = c.joined
-            ends.append(np.column_stack([np.full(len(others), others[0]), others]))
-        members = (d.nodes for d in self.discrete)
-        ends += [np.column_stack([np.full(len(m), m[0]), m]) for m in members]
-        starts, ends_of_edges = np.vstack(ends).T
-        graph = sp.coo_matrix((np.ones(len(starts)), (starts, ends_of_edges)), (n, n))
-        _, label = connected_components(graph, directed=False)
-        body_of_block = [label[block.nodes[:, 0]] for block in self.blocks]
-        body_numbers = np.concatenate([np.zeros(0, dtype=np.int64), *body_of_block])
-        _, first, number = np.unique(body_numbers, return_index=True, return_inverse=True)
-        return np.argsort(np.argsort(first))[number]
+                members = c.joined
+            edges.append(np.column_stack([np.full(len(members), members[0]), members]))
+        node_groups = (d.nodes for d in self.discrete)
+        edges += [np.column_stack([np.full(len(m), m[0]), m]) for m in node_groups]
+        starts, ends = np.vstack(edges).T
+        graph = sp.coo_matrix((np.ones(len(starts)), (starts, ends)), (n, n))
+        _, body_of_node = connected_components(graph, directed=False)
+        bodies = [body_of_node[block.nodes[:, 0]] for block in self.blocks]
+        body = np.concatenate([np.zeros(0, dtype=np.int64), *bodies])
+        _, first, index = np.unique(body, return_index=True, return_inverse=True)
+        return np.argsort(np.argsort(first))[index]  # bodies in the order of their first elements
 
     def node_of_face(self, faces: np.ndarray) -> np.ndarray:
         """One node (p,) of the element of each face (p, 2)."""
@@ -182,14 +183,14 @@ class SolidMesh:
         )
 
     @property
-    def references(self) -> np.ndarray:
-        """Reference nodes of couplings, nodes of relations and masses; some have no element."""
+    def used_without_element(self) -> np.ndarray:
+        """Reference nodes of couplings, and nodes of relations and masses: some have no element."""
         node_lists = [np.array([c.reference]) for c in self.constraints if isinstance(c, Coupling)]
         node_lists += [c.nodes for c in self.constraints if isinstance(c, Relation)]
-        return np.concatenate([np.zeros(0, dtype=np.int64), *node_lists, self.weighed])
+        return np.concatenate([np.zeros(0, dtype=np.int64), *node_lists, self.mass_nodes])
 
     @property
-    def weighed(self) -> np.ndarray:
+    def mass_nodes(self) -> np.ndarray:
         """Nodes with masses of their own."""
         node_lists = [d.nodes for d in self.discrete if d.M.any()]
         return np.concatenate([np.zeros(0, dtype=np.int64), *node_lists])
@@ -203,8 +204,8 @@ class SolidMesh:
         return is_bare
 
     @property
-    def tied(self) -> np.ndarray:
-        """Slave nodes of ties and nodes of relations, which may coincide with other nodes."""
+    def may_coincide(self) -> np.ndarray:
+        """Nodes that may lie where others do: slave nodes of ties, and nodes of relations."""
         parts = [c.nodes for c in self.constraints if isinstance(c, Tie | Relation)]
         return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
@@ -235,7 +236,7 @@ class SolidMesh:
         return f"node{'s' * (len(nodes) > 1)} {_numbers_text(self.numbers[nodes])}"
 
     def find(self, collection: str, name: str) -> np.ndarray:
-        """A node set, element set or surface; capitals count only where names differ by them.
+        """A node set, element set or surface by its name; `found_name` says when capitals count.
 
         Parameters
         ----------
@@ -254,19 +255,20 @@ class SolidMesh:
     def node_set(self, name: str) -> np.ndarray:
         """Nodes of a node set, or of the faces of a surface where no node set has this name."""
         if has_name(self.surfaces, name) and not has_name(self.node_sets, name):
-            return np.unique(np.concatenate(self._corner_lists(self.find("surfaces", name))))
+            return np.unique(np.concatenate(self._nodes_of_faces(self.find("surfaces", name))))
+        # the error about an unknown name lists surfaces as well; none of them is returned here
         everything = {**dict.fromkeys(self.surfaces, np.zeros(0, int)), **self.node_sets}
         return found_name(everything, name, "node set or surface", self.origin)
 
-    def _corner_lists(self, faces: np.ndarray) -> list[np.ndarray]:
-        corner_lists = []
+    def _nodes_of_faces(self, faces: np.ndarray) -> list[np.ndarray]:
+        node_lists = []
         for block, start, end in zip(self.blocks, self.starts, self.starts[1:], strict=False):
             inside = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
             for k, face in enumerate(block.kind.shape.faces):
-                corner_lists.append(
+                node_lists.append(
                     block.nodes[inside[inside[:, 1] == k + 1, 0] - start][:, list(face)].ravel()
                 )
-        return corner_lists
+        return node_lists
 
     def with_material(
         self,
@@ -281,7 +283,7 @@ class SolidMesh:
         ----------
         name : str
             Name of the material.
-        material : Isotropic, Orthotropic or Unfinished
+        material : Isotropic, Orthotropic, Anisotropic or Unfinished
         elements : str or None
             Name of an element set; None for all elements.
         orientation : tuple (str, Orientation) or None
@@ -297,15 +299,15 @@ class SolidMesh:
             axes = axes.astype(object)
             axes[rows] = orientation[0]
             orientations = {**orientations, orientation[0]: orientation[1]}
-        other_materials = {k: m for k, m in self.materials.items() if k != name}
+        finished = {k: m for k, m in self.materials.items() if k != name}
         unfinished = {k: m for k, m in self.unfinished.items() if k != name}
         if isinstance(material, Unfinished):
             unfinished[name] = material
         else:
-            other_materials[name] = material
+            finished[name] = material
         return replace(
             self,
-            materials=other_materials,
+            materials=finished,
             unfinished=unfinished,
             material=names,
             orientations=orientations,
@@ -313,18 +315,18 @@ class SolidMesh:
         )
 
     def used_nodes(self) -> np.ndarray:
-        """Whether each node (n,) belongs to an element or to `references`.
+        """Whether each node (n,) belongs to an element or to `used_without_element`.
 
         Raises ModelError where a constraint is on other nodes.
         """
         used = np.zeros(len(self.nodes), dtype=bool)
         for block in self.blocks:
             used[block.nodes] = True
-        used[self.references] = True
+        used[self.used_without_element] = True
         for c in self.constraints:
             if not used[c.nodes].all():
                 bare = self.nodes_named(c.nodes[~used[c.nodes]])
-                raise self.error(f"{c.name}: {bare}: no element has what it couples")
+                raise self.error(f"{c.name} couples {bare}, which no element has")
         return used
 
     def part(self, elements: np.ndarray, nodes: np.ndarray | None = None) -> SolidMesh:
@@ -344,26 +346,12 @@ class SolidMesh:
         used = np.zeros(len(self.nodes), dtype=bool) if nodes is None else nodes.copy()
         for b in blocks:
             used[b.nodes] = True
-        constraints = []
-        bare = self.bare
-        for c in self.constraints[::-1] + self.constraints:  # one may couple what another moves
-            if isinstance(c, Coupling) and used[c.nodes].all():
-                used[c.reference] = True
-            elif isinstance(c, Relation):
-                used[c.nodes] |= bare[c.nodes] & used[c.nodes[~bare[c.nodes]]].any()
-        for d in self.discrete:
-            used[d.nodes] |= bare[d.nodes] & used[d.nodes].any()
+        self._add_joined(used)
         node_at, element_at = np.cumsum(used) - 1, np.cumsum(keep) - 1
-        for c in self.constraints:
-            try:
-                inside = c.kept(MeshSelection(used, node_at, keep, element_at))
-            except ModelError as error:
-                raise self.error(str(error)) from error
-            if inside is not None:
-                constraints.append(inside)
-        numbering = MeshSelection(used, node_at, keep, element_at)
+        selection = MeshSelection(used, node_at, keep, element_at)
         try:
-            discrete = [part for d in self.discrete if (part := d.kept(numbering)) is not None]
+            constraints = [p for c in self.constraints if (p := c.kept(selection)) is not None]
+            discrete = [p for d in self.discrete if (p := d.kept(selection)) is not None]
         except ModelError as error:
             raise self.error(str(error)) from error
         faces = {k: f[keep[f[:, 0]]] for k, f in self.surfaces.items()}
@@ -386,6 +374,20 @@ class SolidMesh:
             discrete=tuple(discrete),
         )
 
+    def _add_joined(self, used: np.ndarray) -> None:
+        """Add to the nodes `used` (n,) of bool those without an element that are joined to them.
+
+        Constraints are gone through in both orders, since one may couple what another moves.
+        """
+        bare = self.bare
+        for c in self.constraints[::-1] + self.constraints:
+            if isinstance(c, Coupling) and used[c.nodes].all():
+                used[c.reference] = True
+            elif isinstance(c, Relation):
+                used[c.nodes] |= bare[c.nodes] & used[c.nodes[~bare[c.nodes]]].any()
+        for d in self.discrete:
+            used[d.nodes] |= bare[d.nodes] & used[d.nodes].any()
+
 
 def _without_empty(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: members for name, members in sets.items() if len(members)}
@@ -393,8 +395,5 @@ def _without_empty(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def _numbers_text(numbers: np.ndarray) -> str:
     shown = ", ".join(str(n) for n in numbers[:N_NAMED_IN_MESSAGE])
-    return shown + (
-        f" and {len(numbers) - N_NAMED_IN_MESSAGE} more"
-        if len(numbers) > N_NAMED_IN_MESSAGE
-        else ""
-    )
+    more = len(numbers) - N_NAMED_IN_MESSAGE
+    return f"{shown} and {more} more" if more > 0 else shown

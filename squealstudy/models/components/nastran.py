@@ -359,7 +359,7 @@ class _Deck:
         springs_and_masses = tuple(read.springs_and_masses(self._weight))
         mesh = replace(mesh, constraints=constraints, discrete=springs_and_masses)
         ground = bare.copy()
-        ground[mesh.references] = False
+        ground[mesh.used_without_element] = False
         for spring in springs_and_masses:
             if ground[spring.nodes].any():
                 named = mesh.nodes_named(spring.nodes[ground[spring.nodes]])
