@@ -231,3 +231,19 @@ def test_null_spaces_are_those_of_the_box(tmp_path):
     found = matrices(tmp_path)
     same((found[0] / 1e3, found[1] * 1e3 / 1e3), (K, M * 1e3))
     assert apart(found[0], K * 1e3) < 1e-12
+
+
+def test_chain_of_masses_in_either_order(tmp_path):
+    """Springs may precede those that join them to the solid, with an unused node beside them."""
+    x, y, z = BOX.nodes[11]
+    nodes = [f"{1001 + k}, {x + k}, {y + k}, {z + 2 * k}" for k in (1, 2, 3)]
+    masses = ["*ELEMENT, TYPE=MASS, ELSET=W", "900, 1002", "901, 1003", "*MASS, ELSET=W", "2e-6"]
+    springs = [f"{BOX.numbers[11]}, 1002", "1002, 1003"]
+    spectra = []
+    for order in (springs, springs[::-1]):
+        lines_of = [f"{902 + k}, {ends}" for k, ends in enumerate(order)]
+        lines = ["*NODE", *nodes, *masses, "*ELEMENT, TYPE=SPRINGA, ELSET=K", *lines_of]
+        K, M, body = matrices(tmp_path, *lines, "*SPRING, ELSET=K", "", "7.")
+        assert len(body.mesh.nodes) == len(BOX.nodes) + 2
+        spectra.append([np.linalg.eigvalsh(K), np.linalg.eigvalsh(M)])
+    np.testing.assert_allclose(spectra[1], spectra[0], atol=1e-9 * abs(spectra[0][0]).max())

@@ -265,9 +265,8 @@ class SolidMesh:
         for block, start, end in zip(self.blocks, self.starts, self.starts[1:], strict=False):
             inside = faces[(faces[:, 0] >= start) & (faces[:, 0] < end)]
             for k, face in enumerate(block.kind.shape.faces):
-                node_lists.append(
-                    block.nodes[inside[inside[:, 1] == k + 1, 0] - start][:, list(face)].ravel()
-                )
+                rows = inside[inside[:, 1] == k + 1, 0] - start
+                node_lists.append(block.nodes[rows][:, list(face)].ravel())
         return node_lists
 
     def with_material(
@@ -375,18 +374,20 @@ class SolidMesh:
         )
 
     def _add_joined(self, used: np.ndarray) -> None:
-        """Add to the nodes `used` (n,) of bool those without an element that are joined to them.
+        """Add nodes without an element that constraints and springs join to those `used` (n,).
 
-        Constraints are gone through in both orders, since one may couple what another moves.
+        One may join what another adds, so they are gone through until none adds a node.
         """
-        bare = self.bare
-        for c in self.constraints[::-1] + self.constraints:
-            if isinstance(c, Coupling) and used[c.nodes].all():
-                used[c.reference] = True
-            elif isinstance(c, Relation):
-                used[c.nodes] |= bare[c.nodes] & used[c.nodes[~bare[c.nodes]]].any()
-        for d in self.discrete:
-            used[d.nodes] |= bare[d.nodes] & used[d.nodes].any()
+        bare, n_before = self.bare, -1
+        while (n_used := np.count_nonzero(used)) != n_before:
+            n_before = n_used
+            for c in self.constraints:
+                if isinstance(c, Coupling) and used[c.nodes].all():
+                    used[c.reference] = True
+                elif isinstance(c, Relation):
+                    used[c.nodes] |= bare[c.nodes] & used[c.nodes[~bare[c.nodes]]].any()
+            for d in self.discrete:
+                used[d.nodes] |= bare[d.nodes] & used[d.nodes].any()
 
 
 def _without_empty(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
