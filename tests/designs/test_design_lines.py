@@ -485,6 +485,10 @@ def test_what_designs_change_of_the_contact_is_told_at_the_same_friction(tmp_pat
         "2.0 to 16.0 % of its area is open in steady sliding; between designs at the same friction "
         "that differs by up to 6.0 % of the area, and the largest pressure by up to 10.0 %"
     )
+    # designs of other loads: friction_pressure said that the pressure differs by 1466.6 %
+    loads = [line._replace(design={"pressure": 2e5 * (k + 1)}) for k, line in enumerate(lines)]
+    ((_, text),) = contact_rows(SimpleNamespace(points=opened, along="friction"), loads)
+    assert text.endswith("that differs by up to 6.0 % of the area")
     alike = opened.assign(open_share=0.1, contact_pressure_max=[1e5, 4e5] * 2)
     assert contact_rows(SimpleNamespace(points=alike, along="friction"), lines) == []
     assert contact_rows(SimpleNamespace(points=opened, along="friction"), []) == []

@@ -42,6 +42,7 @@ from squealstudy.tables.mode_ranking import (
 from squealstudy.tables.stability import BELOW_RANGE
 from squealstudy.wording import all_of, amount, band_text, in_digits, plural, track_number
 
+LOADS = {"pressure", "normal_force"}  # parameters that press the contact
 OPEN, LARGEST_PRESSURE = "open_share", "contact_pressure_max"  # columns of points
 MOST_TOLD_DESIGNS = 3  # in the answer, each with its modes
 LEAST_CONTACT_CHANGE = 0.1  # percent; smaller changes are not told
@@ -224,7 +225,8 @@ def contact_rows(results: ResultTables, lines: list[DesignLine]) -> Rows:
     ends = [in_digits(100 * float(end), 1) for end in (low[OPEN].min(), high[OPEN].max())]
     text = (
         f"{' to '.join(dict.fromkeys(ends))} % of its area is open in steady sliding; between "
-        f"designs at the same {along} that differs by up to {in_digits(opened, 1)} % of the area, "
-        f"and the largest pressure by up to {in_digits(pressed, 1)} %"
+        f"designs at the same {along} that differs by up to {in_digits(opened, 1)} % of the area"
     )
+    if not LOADS & set(lines[0].design):  # else it differs because the load does
+        text += f", and the largest pressure by up to {in_digits(pressed, 1)} %"
     return [("contact", text)]
