@@ -373,7 +373,7 @@ def test_what_cannot_be_paired_says_so(quadrature):
 
     away = moved(slave, 0, 0, 0.5)
     tried(r"pad.LINING on disc.OUTER: nothing lies within 0.01 m; 100 % .* 0.5 to 0.5 m", away)
-    tried("no normal of the one meets", moved(slave, 5.0, 0, 0))
+    tried("no normal of the slave meets", moved(slave, 5.0, 0, 0))
     tried("point the same way", plane(8, (2, 2), up=True))
     tried("search must be", search=0.0)
     tried("search must be", search=np.nan)

@@ -233,7 +233,7 @@ def test_surfaces_of_optistruct(tmp_path):
     }
     nodes = BOX.blocks[0].nodes[-1][list(BOX.blocks[0].kind.shape.faces[3])]
     assert (X0[nodes, 0] == 3.0).all()
-    assert "a SURF that is no list of ELFACE or FACE" in [n.why for n in mesh.passed_over]
+    assert "a SURF that lists neither ELFACE nor FACE" in [n.why for n in mesh.passed_over]
     with pytest.raises(ModelError, match=rf"{LABELS[-1]}: {a}, {b} does not say which"):
         read(tmp_path, f"SURF,3,ELFACE,,,,,,,+\n+,{LABELS[-1]},{a},{b}")
 

@@ -61,6 +61,21 @@ def test_axes_element_by_element(tmp_path, rows):
     assert len(found.orientations) == 2  # of equal rows one
 
 
+def test_axes_beside_an_orientation_of_the_name_they_would_get(tmp_path):
+    axes = ("*ORIENTATION, NAME=O@3", "0, 0, 1, 1, 0, 0", "*ORIENTATION, NAME=O", "D")
+    rows = (f", {ROW[FIRST]}", f"{{2}}, {ROW[SECOND]}", "*ELSET, ELSET=ONE", "{1}")
+    deck(tmp_path, "*DISTRIBUTION, NAME=D", *rows, orientation=axes)
+    lines = (tmp_path / "a.inp").read_text().splitlines()
+    (at,) = (i for i, line in enumerate(lines) if line.upper().startswith("*SOLID SECTION"))
+    sections = [f"*SOLID SECTION, MATERIAL=S, ELSET={e}" for e in ("ONE", "TWO")]
+    lines[at] = f"{sections[0]}, ORIENTATION=O@3\n{sections[1]}, ORIENTATION=O"
+    (tmp_path / "a.inp").write_text("\n".join(lines))
+    mesh = read_mesh(tmp_path / "a.inp", ComponentTable(mesh="a.inp"))
+    assert [mesh.orientations[name] for name in mesh.orientation[[0, 2]]] == [FIRST, SECOND]
+    assert mesh.orientation[1] == "O@3"
+    assert len(mesh.orientations) == 3
+
+
 def test_system_and_turn_are_those_of_the_orientation(tmp_path):
     axes = ("*ORIENTATION, NAME=O, SYSTEM=CYLINDRICAL", "D", "1, 30.")
     rows = ("*DISTRIBUTION, NAME=D", ", -9., 0., 0., -9., 0., 1.", "{1}, 0., -9., 0., 1., -9., 0.")

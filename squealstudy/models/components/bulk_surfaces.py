@@ -43,7 +43,7 @@ class BulkSurfaces:
         self._order = np.argsort(mesh.labels)
 
     def read(self, plates: Sequence[str]) -> SolidMesh:
-        """The mesh with its surfaces; `plates` are cards that mark faces.
+        """The mesh with its surfaces; `plates` are the names of cards that mark faces.
 
         ModelError about a card that is wrong.
         """
@@ -59,28 +59,33 @@ class BulkSurfaces:
             elif kind == "FACE":
                 _add(surfaces, name, self._faces_by_corners(card))
             else:
-                self._note([card], "a SURF that is no list of ELFACE or FACE")
+                self._note([card], "a SURF that lists neither ELFACE nor FACE")
         return replace(self._mesh, surfaces=surfaces, passed_over=(*self._mesh.passed_over, *notes))
 
     def _marked(self, plates: Sequence[str]) -> tuple[dict[str, np.ndarray], list[PassedOver]]:
-        """Surfaces of plates by property (PID5) and by BSURF, and notes on faces left out."""
-        marked, labels = MarkedFaces(), dict[str, list[int]]()
-        number_of: dict[int, int] = {}
-        for number, card in enumerate(self._cards(*plates)):
+        """Surfaces that plates mark, and notes on faces left out.
+
+        Plates of property 5 mark the surface PID5, those that BSURF 2 lists the surface BSURF2.
+        """
+        marked, plates_of_surface = MarkedFaces(), dict[str, list[int]]()
+        plate_of_element: dict[int, int] = {}
+        for plate, card in enumerate(self._cards(*plates)):
             nodes = [card.whole(2 + k, "a node number") for k in range(PLATES[card.name])]
-            marked.add(np.array([number]), self._places(card, nodes)[None])
-            labels.setdefault(f"PID{card.whole(1, 'a property')}", []).append(number)
-            number_of[card.whole(0, "an element number")] = number
+            marked.add(np.array([plate]), self._places(card, nodes)[None])
+            name = f"PID{card.whole(1, 'a property')}"
+            plates_of_surface.setdefault(name, []).append(plate)
+            plate_of_element[card.whole(0, "an element number")] = plate
         for card in self._cards("BSURF"):
-            listed = card.listed(1, "an element number")
-            if all(label in number_of for label in listed):
-                elements = labels.setdefault(f"BSURF{card.whole(0, 'a number of the surface')}", [])
-                elements += [number_of[label] for label in listed]
+            elements = card.listed(1, "an element number")
+            if all(element in plate_of_element for element in elements):
+                name = f"BSURF{card.whole(0, 'a number of the surface')}"
+                surface_plates = plates_of_surface.setdefault(name, [])
+                surface_plates += [plate_of_element[element] for element in elements]
             else:
-                self._note([card], "faces of plates, which treat_as does not call faces")
+                self._note([card], "it lists plates that are not faces; treat_as can make them so")
         surfaces, notes = {}, []
-        for name, numbers in labels.items():
-            faces, note = marked.surface(self._mesh, name, np.array(numbers))
+        for name, surface_plates in plates_of_surface.items():
+            faces, note = marked.surface(self._mesh, name, np.array(surface_plates))
             notes += [note] if note else []
             if len(faces):
                 surfaces[name] = faces
@@ -103,7 +108,10 @@ class BulkSurfaces:
         return element, block.nodes[element - mesh.starts[b]], block.kind.shape.faces
 
     def _listed_faces(self, card: BulkCard) -> np.ndarray:
-        """Faces of a BSURFS, each given by an element and three nodes of its face."""
+        """Faces of a BSURFS, each given by an element and three nodes of its face.
+
+        Behind the number of the surface are three empty fields, then four fields for each face.
+        """
         pairs = []
         for first_field in range(4, len(card.fields), 4):
             if not card.at(first_field):
@@ -122,20 +130,23 @@ class BulkSurfaces:
         """Faces of SURF, ELFACE: for each an element, a corner of its face and the opposite corner.
 
         As in PLOAD4, a triangle of a wedge has no second corner, and for a tetrahedron the second
-        is the corner that is not on the face.
+        is the corner that is not on the face. A face takes a line of eight fields, after the first.
         """
         pairs = []
         for first_field in range(8, len(card.fields), 8):
             if not card.at(first_field):
                 continue
             element, element_nodes, faces = self._element(card, first_field)
-            numbers = [card.whole(first_field + i, "a corner", 0) for i in (1, 2)]
+            numbers = [card.whole(first_field + i, "a corner", 0) for i in (1, 2)]  # 0 if empty
             named_nodes = self._places(card, [n for n in numbers if n])
-            corners = [
-                [int(element_nodes[i]) for i in f[: 4 if len(f) in (4, 8) else 3]] for f in faces
+            corners_of = [  # middle nodes follow the corners
+                [int(element_nodes[i]) for i in face[: 4 if len(face) in (4, 8) else 3]]
+                for face in faces
             ]
             matching = [
-                i for i, f in enumerate(corners, 1) if self._names_face(f, named_nodes, len(faces))
+                number
+                for number, corners in enumerate(corners_of, 1)
+                if self._names_face(corners, named_nodes, is_tetrahedron=len(faces) == 4)
             ]
             if len(matching) != 1:
                 shown = ", ".join(str(n) for n in numbers if n) or "no corner"
@@ -145,20 +156,22 @@ class BulkSurfaces:
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     @staticmethod
-    def _names_face(corners: list[int], stated_nodes: np.ndarray, n_faces: int) -> bool:
+    def _names_face(corners: list[int], stated_nodes: np.ndarray, is_tetrahedron: bool) -> bool:
+        """Whether the one or two nodes of a line name the face that has these corners."""
         if not len(stated_nodes) or stated_nodes[0] not in corners:
             return False
-        if n_faces == 4:
+        if is_tetrahedron:
             return len(stated_nodes) == 2 and stated_nodes[1] not in corners
         if len(stated_nodes) == 1:
             return len(corners) == 3
         if len(corners) == 3 or stated_nodes[1] not in corners:
             return False
-        return abs(corners.index(int(stated_nodes[0])) - corners.index(int(stated_nodes[1]))) == 2
+        first, second = (corners.index(int(node)) for node in stated_nodes)
+        return abs(first - second) == 2  # opposite corners of a quadrilateral
 
     def _faces_by_corners(self, card: BulkCard) -> np.ndarray:
-        """Faces of SURF, FACE, each given by three or four corners."""
-        rows = []
+        """Faces of SURF, FACE, each given by three or four corners on a line, after the first."""
+        rows = []  # of corners, with -1 for the fourth of a triangle
         for first_field in range(8, len(card.fields), 8):
             numbers = [card.whole(first_field + i, "a corner", 0) for i in range(4)]
             named_nodes = self._places(card, [n for n in numbers if n])

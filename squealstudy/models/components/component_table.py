@@ -68,7 +68,7 @@ class MaterialTable(Table):
         return self
 
     @property
-    def moduli(self) -> bool:
+    def has_all_moduli(self) -> bool:
         """Whether the table states E and nu, and so all moduli."""
         return self.E is not None and self.nu is not None
 

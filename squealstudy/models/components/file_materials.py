@@ -19,6 +19,7 @@ from squealstudy.models.file_table import KeyPath, PlacedError
 
 AXES = ("E", "nu", "G")
 BARE = re.compile(r"[A-Za-z0-9_-]+")  # keys that need no quotes
+N_MATERIAL_KEYS = 4  # of a key path: "components", component, "materials", material; then its key
 
 
 def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numbers) -> SolidMesh:
@@ -27,34 +28,38 @@ def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numb
     Raises
     ------
     PlacedError
-        Something is wrong at a key; elements of the component have no material, or one of which
-        the model file and the mesh's file together do not state all numbers.
+        A material of the model file is wrong, or its element set does not exist. Elements of a
+        component without matrices have no material, or one with numbers that neither file states.
     """
     for label, material in table.materials.items():
         keys: KeyPath = ("components", name, "materials", label)
-        word = material.elements or label
-        if label in _labels(mesh) and material.elements is None:
+        set_name = material.elements or label
+        if label in _labels(mesh) and material.elements is None:  # the mesh's elements have it
             materials = {**mesh.materials, label: _elastic(numbers, keys, mesh, label)}
             unfinished = {k: m for k, m in mesh.unfinished.items() if k != label}
             mesh = replace(mesh, materials=materials, unfinished=unfinished)
-        elif has_name(mesh.element_sets, word):
-            mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label), word)
+        elif has_name(mesh.element_sets, set_name):
+            mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label), set_name)
         elif material.elements is None and len(table.materials) == 1 and not _labels(mesh):
+            # the only material there is: of all elements
             mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label))
         else:
             names = tuple(sorted({*mesh.element_sets, *_labels(mesh)}))
             listed = f"it has {', '.join(names)}" if names else "it has none"
             raise PlacedError(
-                keys, f"{mesh.origin.name} has no element set '{word}'; {listed}", word, names
+                keys,
+                f"{mesh.origin.name} has no element set '{set_name}'; {listed}",
+                set_name,
+                names,
             )
-    if table.mesh is None:
+    if table.mesh is None:  # its matrices hold stiffness and mass: elements need no material
         return mesh
-    bare = np.flatnonzero(mesh.material == "")
-    if len(bare):
-        has = "has" if len(bare) == 1 else "have"
+    without = np.flatnonzero(mesh.material == "")
+    if len(without):
+        has = "has" if len(without) == 1 else "have"
         raise PlacedError(
             ("components", name),
-            f"{mesh.elements_named(bare)} of {mesh.origin.name} {has} no material; give "
+            f"{mesh.elements_named(without)} of {mesh.origin.name} {has} no material; give "
             f"[components.{name}.materials.NAME] with E, nu and rho",
         )
     lacking = [label for label in sorted(set(mesh.material)) if label in mesh.unfinished]
@@ -76,21 +81,23 @@ def _quoted(label: str) -> str:
 
 
 def _elastic(numbers: Numbers, keys: KeyPath, mesh: SolidMesh, label: str) -> Elastic:
-    """The material at a key of the model file; the mesh's file gives numbers that it lacks."""
+    """The material at a key of the model file; the mesh's file gives what is missing there."""
     table = numbers.file.at(keys)
-    before, file = mesh.materials.get(label), mesh.unfinished.get(label)
-    density = file.density if file else before.density if before else None
-    density = density if table.rho is None else numbers.at(*keys, "rho")
-    moduli = file.moduli if file else before
-    if density is None or (moduli is None and not table.moduli):
+    complete, unfinished = mesh.materials.get(label), mesh.unfinished.get(label)
+    moduli = unfinished.moduli if unfinished else complete
+    with_density = unfinished or complete
+    density = with_density.density if with_density else None
+    if table.rho is not None:
+        density = numbers.at(*keys, "rho")
+    if density is None or (moduli is None and not table.has_all_moduli):
         lacking = ["rho"] * (density is None)
         if moduli is None:
             lacking = [k for k in ("E", "nu") if getattr(table, k) is None] + lacking
         be = "is" if len(lacking) == 1 else "are"
-        said = f"; {file.missing}" if file else f"; {mesh.origin.name} has no material '{label}'"
-        raise PlacedError(keys, f"{' and '.join(lacking)} {be} missing{said}")
+        why = unfinished.missing if unfinished else f"{mesh.origin.name} has no material '{label}'"
+        raise PlacedError(keys, f"{' and '.join(lacking)} {be} missing; {why}")
     try:
-        if not table.moduli:
+        if not table.has_all_moduli:  # single moduli replace those of the mesh's file
             assert moduli is not None
             overrides: dict[KeyPath, float] = {}
             for key in AXES:
@@ -124,8 +131,8 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
     ----------
     material : Elastic
     values : dict of key path -> float
-        In SI units. The paths end in E, nu, G or rho, for an orthotropic material in E and an
-        index from 0.
+        In SI units. The paths end in rho, E or nu; those of moduli of an orthotropic material in
+        E, nu or G and an index from 0.
     name : str
         For messages.
 
@@ -137,23 +144,26 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
         No material can have these values.
     """
     if isinstance(material, Anisotropic):
-        other = next((keys for keys in values if keys[4:] != ("rho",)), None)
+        other = next((keys for keys in values if keys[N_MATERIAL_KEYS:] != ("rho",)), None)
         if other is not None:
             raise PlacedError(other, f"material {name} has 21 moduli: its rho alone can be changed")
-        return replace(material, density=next(iter(values.values()), material.density))
+        (density,) = values.values() or (material.density,)
+        return replace(material, density=density)
     E, nu, G = ([*v] for v in engineering(material))
     density = material.density
-    wrong = "one" if isinstance(material, Isotropic) else "three of each, such as E[3]"
+    is_orthotropic = isinstance(material, Orthotropic)
+    expected = "three of each, such as E[3]" if is_orthotropic else "one"
     for keys, number in values.items():
-        key = keys[4:]
+        key = keys[N_MATERIAL_KEYS:]
         if key == ("rho",):
             density = number
             continue
         target = {"E": E, "nu": nu, "G": G}[str(key[0])]
-        index = int(key[1]) if len(key) > 1 else 0
-        if (len(key) > 1) != isinstance(material, Orthotropic) or index >= len(target):
-            place_text = f"[{index + 1}]" if len(key) > 1 else ""
-            text = f"material {name} has {wrong}, not {key[0]}{place_text}"
+        has_index = len(key) > 1
+        index = int(key[1]) if has_index else 0
+        if has_index != is_orthotropic or index >= len(target):
+            place_text = f"[{index + 1}]" if has_index else ""
+            text = f"material {name} has {expected}, not {key[0]}{place_text}"
             raise PlacedError(keys, text)
         target[index] = number
     try:
@@ -173,7 +183,7 @@ def engineering(
     """
     if isinstance(material, Isotropic):
         return (material.young_modulus,), (material.poisson_ratio,), ()
-    S = np.linalg.inv(material.stiffness())
+    S = np.linalg.inv(material.stiffness())  # compliance, order 11 22 33 23 13 12
     E = 1 / np.diag(S)[:3]
     nu = (-S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1])
     G = (1 / S[5, 5], 1 / S[4, 4], 1 / S[3, 3])

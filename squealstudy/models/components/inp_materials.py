@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, count, pairwise
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from squealstudy.models.components.materials import (
 from squealstudy.models.components.mesh import SolidMesh
 from squealstudy.models.fem.solid import Isotropic
 
-KINDS = {  # values of TYPE, without blanks
+KINDS = {  # kind of material by the value of TYPE, without blanks
     "ISO": "isotropic",
     "ISOTROPIC": "isotropic",
     "ORTHO": "orthotropic",
@@ -32,9 +33,10 @@ KINDS = {  # values of TYPE, without blanks
     "ANISO": "anisotropic",
     "ANISOTROPIC": "anisotropic",
 }
-SECTION = ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
+SECTION_PARAMETERS = ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
+# number of numbers on *ELASTIC, and what they are
 COUNTS = {"isotropic": 2, "orthotropic": 9, "engineering": 9, "anisotropic": 21}
-MEANINGS = {  # of the numbers of *ELASTIC
+MEANINGS = {
     "isotropic": "Young's modulus, Poisson's ratio",
     "orthotropic": ", ".join(f"D{entry}" for entry in ENTRIES),
     "anisotropic": ", ".join(f"D{entry}" for entry in ALL_ENTRIES),
@@ -79,7 +81,7 @@ class MaterialText:
         if self.density is None:
             lacking.append(str(self.card.error(f"material '{self.name}' has no *DENSITY")))
         else:
-            self.density.check(())
+            self.density.check(())  # *DENSITY has no parameter that is read
             rows = _rows(self.density, "a density", 1)
             density = _at(self.density, rows, temperature, lacking)
             if density is not None and not density[0] > 0:
@@ -90,11 +92,16 @@ class MaterialText:
         return Unfinished(moduli, density[0] if density else None, "; ".join(lacking))
 
     def _moduli(self, temperature: float | None, lacking: list[str]) -> Elastic | None:
-        """A material of density 1; None, and a sentence in `lacking`, where moduli are missing."""
+        """Moduli as a material of density 1, since the density is read apart.
+
+        None, and a sentence in `lacking`, where moduli are missing.
+        """
         if self.elastic is None:
-            card = self.other or self.card
-            what = f"is {card.shown}, which is not read" if self.other else "has no *ELASTIC"
-            lacking.append(str(card.error(f"material '{self.name}' {what}")))
+            if self.other is not None:
+                what = f"is {self.other.shown}, which is not read"
+            else:
+                what = "has no *ELASTIC"
+            lacking.append(str((self.other or self.card).error(f"material '{self.name}' {what}")))
             return None
         self.elastic.check(("TYPE", "MODULI"))
         written = "".join(self.elastic.parameters.get("TYPE", "ISO").split()).upper()
@@ -127,11 +134,12 @@ def _isotropic(E: float, nu: float) -> Isotropic:
     return Isotropic(E, nu, 1.0)
 
 
-Rows = list[tuple[Line, list[float]]]  # of each row its first line, and numbers and temperature
+# rows of numbers: the first line of each, and its numbers, the last of which is the temperature
+Rows = list[tuple[Line, list[float]]]
 
 
-def _rows(card: Card, meaning: str, count: int) -> Rows:
-    """The rows of a card: `count` numbers and a temperature, 0 where it is not written.
+def _rows(card: Card, meaning: str, n_values: int) -> Rows:
+    """The rows of a card: `n_values` numbers and a temperature, 0 where it is not written.
 
     A row starts on a new line and may take several. ModelError about a line that is wrong.
     """
@@ -143,17 +151,17 @@ def _rows(card: Card, meaning: str, count: int) -> Rows:
             rows.append((line, []))
         row = rows[-1][1]
         row += [line.real(word, meaning) for word in words if word]
-        is_complete = len(row) >= count
-        if len(row) > count + 1:
+        is_complete = len(row) >= n_values
+        if len(row) > n_values + 1:
             raise line.error(
-                f"{card.shown}: expected {count} numbers ({meaning}) and a temperature, found "
+                f"{card.shown}: expected {n_values} numbers ({meaning}) and a temperature, found "
                 f"{len(row)}"
             )
     if not rows or not is_complete:
         line = card.data[-1] if card.data else card.line
-        n_numbers = len(rows[-1][1]) if rows else 0
-        raise line.error(f"{card.shown}: expected {count} numbers ({meaning}), found {n_numbers}")
-    return [(line, [*row, 0.0][: count + 1]) for line, row in rows]
+        n_found = len(rows[-1][1]) if rows else 0
+        raise line.error(f"{card.shown}: expected {n_values} numbers ({meaning}), found {n_found}")
+    return [(line, row if len(row) > n_values else [*row, 0.0]) for line, row in rows]
 
 
 def _at(
@@ -166,14 +174,14 @@ def _at(
     """
     table = np.array([row for _, row in rows])
     T, values = table[:, -1], table[:, :-1]
-    for (line, row), before in zip(rows[1:], T, strict=False):
-        if not row[-1] > before:
+    for (_, before), (line, row) in pairwise(rows):
+        if not row[-1] > before[-1]:
             raise line.error(f"{card.shown}: expected temperatures that rise")
     if (values == values[0]).all():
         return [float(v) for v in values[0]]
     if temperature is None:
         text = f"{card.shown} has values at {len(T)} temperatures: expected temperature = NUMBER"
-        lacking.append(str(card.error(f"{text}, between {T[0]:g} and {T[-1]:g} or so")))
+        lacking.append(str(card.error(f"{text}; the table goes from {T[0]:g} to {T[-1]:g}")))
         return None
     return [float(np.interp(temperature, T, column)) for column in values.T]
 
@@ -194,38 +202,32 @@ def with_sections(
     orientation = material.copy()
     materials: dict[str, Elastic | Unfinished] = {}
     orientations: dict[str, Orientation] = {}
-    axes = {c.value("NAME").upper(): c for c in cards if c.keyword == "ORIENTATION"}
+    axes_cards = {c.value("NAME").upper(): c for c in cards if c.keyword == "ORIENTATION"}
     for card in cards:
         if card.keyword != "SOLIDSECTION":
             continue
-        card.check(SECTION)
+        card.check(SECTION_PARAMETERS)
         elements = elements_of(card.line, card.value("ELSET"))
         name = card.value("MATERIAL")
-        text = materials_of_file.get(name.upper())
-        if text is not None:
-            name = text.name
-        if name not in materials and text is not None:
-            materials[name] = text.read(temperature)
-        elif name not in materials:
+        stated = materials_of_file.get(name.upper())
+        if stated is None:
             names = ", ".join(m.name for m in materials_of_file.values()) or "none"
             missing = card.error(f"there is no material '{name}'; there is {names}")
-            materials[name] = Unfinished(None, None, str(missing))
+            materials.setdefault(name, Unfinished(None, None, str(missing)))
+        else:
+            name = stated.name  # in the capitals of *MATERIAL
+            if name not in materials:
+                materials[name] = stated.read(temperature)
         if (material[elements] != "").any():
             twice = elements[material[elements] != ""]
             raise card.error(f"{mesh.elements_named(twice)}: a section is given already")
         material[elements] = name
-        if turned := card.parameters.get("ORIENTATION"):
-            if turned.upper() not in axes:
-                raise card.error(f"there is no orientation '{turned}'")
-            orientation_card = axes[turned.upper()]
-            key = orientation_card.value("NAME")
-            for places, element_axes in orientations_of(
-                orientation_card, cards, elements, elements_of
-            ):
-                name = key
-                while orientations.setdefault(name, element_axes) != element_axes:
-                    name = f"{key}@{len(orientations) + 1}"
-                orientation[places] = name
+        if axes_name := card.parameters.get("ORIENTATION"):
+            axes_card = axes_cards.get(axes_name.upper())
+            if axes_card is None:
+                raise card.error(f"there is no orientation '{axes_name}'")
+            for places, axes in orientations_of(axes_card, cards, elements, elements_of):
+                orientation[places] = _name_of(axes, axes_card.value("NAME"), orientations)
     return replace(
         mesh,
         materials={k: m for k, m in materials.items() if not isinstance(m, Unfinished)},
@@ -234,3 +236,12 @@ def with_sections(
         orientations=orientations,
         orientation=orientation,
     )
+
+
+def _name_of(axes: Orientation, name: str, orientations: dict[str, Orientation]) -> str:
+    """`name`, or `name@number` where other axes have it; the axes are put into `orientations`.
+
+    An ``*ORIENTATION`` has several axes where a distribution gives them to its elements.
+    """
+    others = (f"{name}@{number}" for number in count(len(orientations) + 1))
+    return next(n for n in chain([name], others) if orientations.setdefault(n, axes) == axes)

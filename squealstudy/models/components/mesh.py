@@ -350,7 +350,7 @@ class SolidMesh:
         selection = MeshSelection(used, node_at, keep, element_at)
         try:
             constraints = [p for c in self.constraints if (p := c.kept(selection)) is not None]
-            discrete = [p for d in self.discrete if (p := d.kept(selection)) is not None]
+            discrete = [q for d in self.discrete if (q := d.kept(selection)) is not None]
         except ModelError as error:
             raise self.error(str(error)) from error
         faces = {k: f[keep[f[:, 0]]] for k, f in self.surfaces.items()}
@@ -379,7 +379,7 @@ class SolidMesh:
         One may join what another adds, so they are gone through until none adds a node.
         """
         bare, n_before = self.bare, -1
-        while (n_used := np.count_nonzero(used)) != n_before:
+        while (n_used := int(np.count_nonzero(used))) != n_before:
             n_before = n_used
             for c in self.constraints:
                 if isinstance(c, Coupling) and used[c.nodes].all():

@@ -2,9 +2,9 @@
 
 Points are on the slave and are projected on the master along the slave's normals. ``gauss`` takes
 the Gauss points of the slave's facets, which is simple, but does not transfer a uniform pressure
-exactly. ``clipped`` takes means over segments, the parts of a slave facet that single master facets
-cover, on both sides alike. It transfers a uniform pressure exactly between parallelograms and
-triangles with straight edges of any size, and nearly between others.
+exactly. ``clipped`` cuts a slave facet into segments, each opposite one master facet, and takes the
+same means over them on both sides. It transfers a uniform pressure exactly between parallelograms
+and triangles with straight edges, whatever their sizes, and nearly between other facets.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ from squealstudy.models.components.segment_points import Segments, segment_means
 from squealstudy.models.fem.sampling import Surface
 
 QUADRATURES = ("clipped", "gauss")
-FULL_REACH_SHARE = (
-    1 - 1e-3
-)  # share in reach of a slave that is all in reach but for chords at its edges
+# share of a slave in reach from which all of it counts as in reach: chords cut curved edges short
+FULL_REACH_SHARE = 1 - 1e-3
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Pair:
     Attributes
     ----------
     slave, master : Surface
-        The two sides: equal points and areas, opposite normals, and each side's shape functions.
+        The two sides: the same points and areas, opposite normals, their own shape functions.
     gap0 : ndarray (n,)
         Initial gap that the contact law sees, m.
     geometric_gap : ndarray (n,)
@@ -41,8 +40,8 @@ class Pair:
     in_reach : float
         Share of the slave's area with the master opposite and no further than `search`.
     covered : float
-        Share of the slave's area with the master opposite at any distance. Where not all is in
-        reach it is estimated at up to 2000 of the slave's Gauss points.
+        Share of the slave's area with the master opposite at any distance. Where part of the slave
+        is out of reach, this share is estimated at up to 2000 of its Gauss points.
     gap_range : tuple of float
         Least and greatest gap found, at any distance, m.
     """
@@ -85,18 +84,20 @@ def pair(
     slave, master : Facets
         Two surfaces whose normals oppose each other.
     search : float
-        Greatest distance at which the two are in contact, to either side, m.
+        Greatest distance of points in contact, whether they are apart or overlap, m.
     quadrature : str
         ``clipped`` or ``gauss``.
     initial_gap : str or float
         ``zero``, ``geometric`` or a number [m].
     points_per_side : int
-        n x n points on a quadrilateral; 1, 3, 6 on a triangle for n = 1, 2, 3. At most 3 if
-        clipped.
-    pieces, degree : int
-        For ``clipped``: chords on a curved edge, at least 1, and degree of the quadrature on
-        segments, 2 to 12. On parallelograms and straight triangles of the second degree, sums of
-        forces are exact from degree 4, the rows themselves from degree 8.
+        n x n points on a quadrilateral; on a triangle 1, 3, 6 for n = 1, 2, 3, and n x n above.
+        At most 3 for ``clipped``, 32 for ``gauss``.
+    pieces : int
+        For ``clipped``: number of chords that replace a curved edge, at least 1.
+    degree : int
+        For ``clipped``: degree of the quadrature on segments, 2 to 12. On quadratic facets that are
+        parallelograms or triangles with straight edges, sums of forces are exact from degree 4,
+        the shape functions of each point from degree 8.
 
     Returns
     -------
@@ -116,15 +117,16 @@ def pair(
         settings = Segments(points_per_side, pieces, degree, search)
         opposite = segment_means(slave, master, neighbours, settings)
     names = f"{slave.name} on {master.name}"
-    if opposite.same_way > opposite.area.sum():
+    if opposite.same_way > opposite.area.sum():  # both areas of the slave, m2
         raise ModelError(
             f"{names}: the normals of the two surfaces point the same way; facets are numbered so "
             "that normals point out of the body, or one surface is the far side of its body"
         )
     in_reach = min(1.0, opposite.area.sum() / slave.areas.sum())  # round-off may add a hair
-    covered, gaps = (
-        (in_reach, opposite.gap) if in_reach >= FULL_REACH_SHARE else survey(slave, master)
-    )
+    if in_reach >= FULL_REACH_SHARE:
+        covered, gaps = in_reach, opposite.gap
+    else:
+        covered, gaps = survey(slave, master)
     if not len(opposite.area):
         raise ModelError(f"{names}: nothing lies within {search:.3g} m; {_where(covered, gaps)}")
     gaps = np.concatenate([gaps, opposite.gap])
@@ -149,9 +151,9 @@ def _initial(initial_gap: float | str, opposite: Opposite) -> np.ndarray:
 def _where(covered: float, gaps: np.ndarray) -> str:
     """Words about the master's distance, for a message."""
     if not len(gaps):
-        return "no normal of the one meets the other: is a part placed wrongly?"
+        return "no normal of the slave meets the master: is a part placed wrongly?"
     return (
-        f"{100 * covered:.3g} % of it has the other opposite, {gaps.min():.4g} to "
+        f"{100 * covered:.3g} % of the slave has the master opposite, {gaps.min():.4g} to "
         f"{gaps.max():.4g} m away: is a part placed wrongly, or the unit of length another?"
     )
 
