@@ -16,7 +16,7 @@ import numpy as np
 
 from squealstudy.machine.resources import BYTES_PER_MB, available_memory_mb
 
-LEAST_BYTES = 8  # bytes of memory counted for a number, which may be shorter in the file
+LEAST_BYTES = 8  # bytes of memory counted for a number, at least: short ones may be converted
 MAX_UNCHECKED_BYTES = 2**28  # bytes that are taken without asking how much memory there is
 HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -33,7 +33,7 @@ def read_arrays(source: Path | IO[bytes]) -> dict[str, np.ndarray]:
         Where the file is missing or cannot be read.
     ValueError
         Where the file is damaged, has pickles or arrays of another size than declared, or needs
-        more memory than there is, which is known before any is taken.
+        more memory than there is. Sizes are compared before any array is read.
     """
     try:
         expect_room(source)
@@ -48,7 +48,7 @@ def expect_room(source: Path | IO[bytes]) -> None:
     needed = 0
     with zipfile.ZipFile(source) as archive:
         for member in archive.infolist():
-            with _as_written(member.filename), archive.open(member) as handle:
+            with _damage_told(member.filename), archive.open(member) as handle:
                 count, size = _claimed(handle)
                 if handle.tell() + size != member.file_size:
                     raise ValueError(f"'{member.filename}' is not as long as its shape says")
@@ -67,7 +67,7 @@ def expect_memory(needed: float) -> None:
 
 
 @contextlib.contextmanager
-def _as_written(name: str) -> Iterator[None]:
+def _damage_told(name: str) -> Iterator[None]:
     """Raise ValueError if a member of an archive is damaged."""
     try:
         yield
@@ -88,6 +88,7 @@ def _claimed(handle: IO[bytes]) -> tuple[int, int]:
 
 
 def _bytes_of(kind: np.dtype[Any]) -> int:
+    """Bytes of an element; ValueError about Python objects, which are stored as pickles."""
     if kind.hasobject:
         raise ValueError("pickles are not read")
     return kind.itemsize

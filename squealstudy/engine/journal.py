@@ -35,8 +35,9 @@ Owner = tuple[str, str, str]  # name, kind and model of the study
 MAX_LINE_BYTES = 2**26  # bytes of a line; 4,096 points with their files need 2**20
 # bytes of a journal; a million points with histories and states need 2**28
 MOST_BYTES = 2**29
-ENTRY_ROOM = 12.0  # bytes of memory needed for each byte of the journal
-MOST_NAMED, MOST_SHOWN = 4, 100  # number of names in a message, and of letters of each
+MEMORY_RATIO = 12.0  # bytes of memory needed for each byte of the journal
+MOST_NAMED = 4  # refused names that a message shows
+MAX_NAME_LETTERS = 100  # letters of such a name that it shows
 DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
 
 
@@ -65,15 +66,15 @@ class Journal:
     Attributes
     ----------
     owner : tuple of str or None
-        Name, kind and model of the study that began it; None without a journal, or where that line
-        is lost.
+        Name, kind and model of the study that began it; None without a journal, or where the line
+        with its owner is lost.
     entries : dict of str -> Entry
         Finished files by name.
     unreadable : int
         Number of lines that are ignored: they cannot be read, or have a name that is `refused`.
     refused : list of str
-        Names because of which lines are ignored: no run writes such a file, or a link leads out of
-        the directory.
+        Names whose lines are ignored: no run writes such a file, or a link leads out of the
+        directory.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -82,7 +83,7 @@ class Journal:
         self.entries: dict[str, Entry] = {}
         self.unreadable = 0
         self.refused: list[str] = []
-        self._leads_out: dict[str, bool] = {}  # by folder
+        self._leads_out: dict[str, bool] = {}  # whether a folder leads out, by its name
         for line in _read(self._path):
             if line is None:
                 self.unreadable += 1
@@ -90,10 +91,10 @@ class Journal:
                 self.unreadable += 1
                 self.refused += refused
             else:
-                self._take(line)
+                self._apply(line)
 
     def _refused(self, line: Line) -> list[str]:
-        """Names of a line that no file of a run has, or that lead out of the directory."""
+        """The names in a line that no run writes, or that lead out of the directory."""
         names = [*line.files, *line.gone]
         return [n for n in names if not FINISHED.fullmatch(n) or self._is_outside(n)]
 
@@ -103,7 +104,8 @@ class Journal:
             self._leads_out[folder] = bool(folder) and leads_out(self._directory, folder)
         return self._leads_out[folder]
 
-    def _take(self, line: Line) -> None:
+    def _apply(self, line: Line) -> None:
+        """Change owner and entries as a line says."""
         self.owner = line.owner or self.owner
         for name in line.gone:
             self.entries.pop(name, None)
@@ -137,17 +139,18 @@ class Journal:
             self._append(Line(gone=recorded))
 
     def _append(self, line: Line) -> None:
-        if self._path.exists() and self._path.stat().st_nlink > 1:  # a backup has it too
+        # a backup of hard links shares the file, and must not change: go on with a copy
+        if self._path.exists() and self._path.stat().st_nlink > 1:
             write_bytes(self._path, self._path.read_bytes())
         with named(self._path), self._path.open("ab+") as handle:
             if handle.tell():
                 handle.seek(-1, os.SEEK_END)
-                torn = handle.read(1) != b"\n"
-                handle.write(b"\n" if torn else b"")
+                if handle.read(1) != b"\n":  # the last line was cut short
+                    handle.write(b"\n")
             handle.write(_text(line).encode())
             handle.flush()
             os.fsync(handle.fileno())
-        self._take(line)
+        self._apply(line)
 
     def fault(self, name: str, thoroughly: bool = True) -> str:
         """Fault of a file: DAMAGED, MISSING or UNFINISHED; empty where it is as it was written.
@@ -161,21 +164,23 @@ class Journal:
             state = path.lstat()
         except OSError:
             return MISSING
-        has_stated_size = (
-            stat.S_ISREG(state.st_mode) and state.st_size == entry.size
-        )  # never a link
-        if has_stated_size and thoroughly:
-            has_stated_size = _hash_of(path, state) == entry.sha256
-        return "" if has_stated_size else DAMAGED
+        is_file = stat.S_ISREG(state.st_mode)  # a link is none
+        if not is_file or state.st_size != entry.size:
+            return DAMAGED
+        if thoroughly and _hash_of(path, state) != entry.sha256:
+            return DAMAGED
+        return ""
 
 
 def refused_names(journal: Journal) -> str:
-    """The first names because of which lines are ignored, as a text."""
-    return listed([printable(name)[:MOST_SHOWN] for name in journal.refused], MOST_NAMED)
+    """Text with the first names whose lines are ignored."""
+    return listed([printable(name)[:MAX_NAME_LETTERS] for name in journal.refused], MOST_NAMED)
 
 
 _hashes: dict[Path, tuple[tuple[int, int], str]] = {}  # size and time of files, and their hashes
-MIN_TIMESTAMP_AGE_NS = 10**9  # ns: a file changed more recently may change again with the same time
+# ns since its last change from which the hash of a file is remembered: before, a further change
+# may leave its time as it is
+MIN_TIMESTAMP_AGE_NS = 10**9
 
 
 def _hash_of(path: Path, state: os.stat_result) -> str:
@@ -201,12 +206,12 @@ def _read(path: Path) -> Iterator[Line | None]:
     try:
         if size > MOST_BYTES:
             raise UnusableFileError(f"{size:,} bytes")
-        expect_room(ENTRY_ROOM * size)
+        expect_room(MEMORY_RATIO * size)
     except OSError as error:
         raise ResultsError(f"{path}: too long for a journal: {error}") from None
     with path.open("rb") as handle:
         while line := handle.readline(MAX_LINE_BYTES):
-            if len(line) == MAX_LINE_BYTES:  # too long; its rest will not be a line either
+            if len(line) == MAX_LINE_BYTES:  # too long: what follows of it is no JSON
                 yield None
             elif line := line.rstrip(b"\n"):
                 try:

@@ -178,7 +178,7 @@ class ResultTables(NamedTables):
         return self._expect_fit(name).names
 
     def batches(self, name: str, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
-        """Yield columns of a table, some thousand rows at a time, indexed by the rows' numbers.
+        """Yield columns of a table, up to 2**17 rows at a time, indexed by the rows' numbers.
 
         `columns` of ``modes`` may include ROW (tables.point_rows): each mode's row in `points`.
         """

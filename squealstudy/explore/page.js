@@ -53,7 +53,7 @@ function options(select, names, chosen) {
   fill(select, ...names.map(([value, text]) => element("option", text, {value})));
   select.value = chosen;
 }
-const GLYPHS = {square: "■", circle: "●", diamond: "◆", triangle: "▲", circle_cross: "⊕", ring: "○", x: "✕", inverted_triangle: "▼", dash: "━"};
+const GLYPHS = {square: "■", circle: "●", diamond: "◆", triangle: "▲", circle_cross: "⊕", ring: "○", x: "✕", star: "★", inverted_triangle: "▼", dash: "━"};
 function entry(text, colour, marker) {
   const made = element("span");
   made.append(element("b", GLYPHS[marker], {style: `color:${colour}`}), text);

@@ -20,7 +20,7 @@ from squealstudy.engine.exploration import Exploration
 from squealstudy.errors import ResultsError
 from squealstudy.explore.complex_modes import modes_content
 from squealstudy.explore.limit_cycles import cycles_content
-from squealstudy.explore.points import Content, points_content, question, study_head
+from squealstudy.explore.points import Content, description, points_content, study_head
 from squealstudy.explore.runs import runs_content
 from squealstudy.explore.shapes import shapes_content
 from squealstudy.tables.ranking_query import query
@@ -146,7 +146,7 @@ def _filled(results: Results, kind: KindPage, content: Content, library: str) ->
     content_json = json.dumps(content, separators=(",", ":"), allow_nan=False)
     shown: dict[str, str] = {
         "title": escape(str(results.manifest.get("name", ""))),
-        "question": escape(question(results)),
+        "question": escape(description(results)),
         "verdict": escape(f"{first} {results.screen.verdict(results)}".strip()),
         "kind": escape(f"{kind.name} of {results.manifest.get('model', '')}"),
         "style": _file("explore.css"),

@@ -18,30 +18,27 @@ if TYPE_CHECKING:
 
 Content = dict[str, Any]  # what JSON can hold
 NOT_OK = "no result"
-LONG = 1e5  # size from which a prefix does not make a number short
-CLOSER = "_closer"  # ending of the name of a study that looks closer at a part
-# markers, beside colours, of words in the order of their importance
-MARKERS = ("square", "diamond", "triangle", "circle_cross", "circle", "x")
+LONG = 1e5  # numbers that would be this large even with a prefix are shown without it
+CLOSER = "_closer"  # ending of the name of a study of a part of the map
+# markers of words, beside their colours; the most important word has the first one
+MARKERS = ("square", "diamond", "triangle", "circle_cross", "circle", "star")
+NOT_OK_MARKER, NOT_OK_FILL = "x", "#000000"
 
 
 def points_content(results: Results, points: pd.DataFrame) -> Content:
     """Ids, parameters, statuses and notes of some design points of results."""
     status = points["status"].astype(str)
-    said = points["message"].astype(str).where(status != "ok", "").tolist()
-    broken = (
-        points["invalid_reason"].fillna("").astype(str)
-        if "invalid_reason" in points
-        else [""] * len(points)
-    )
-    notes = [
-        " ".join(filter(None, (text, why and f"Outside validity: {why}.")))
-        for text, why in zip(said, broken, strict=True)
-    ]
+    failures = points["message"].astype(str).where(status != "ok", "").tolist()
+    outside = [""] * len(points)  # why a point is outside the validity of its model
+    if "invalid_reason" in points:
+        reasons = points["invalid_reason"].fillna("").astype(str)
+        outside = [f"Outside validity: {reason}." if reason else "" for reason in reasons]
+    notes = [f"{failure} {why}".strip() for failure, why in zip(failures, outside, strict=True)]
     return {
         "n": len(points),
         "ids": points["point_id"].astype(str).tolist(),
-        "rows": points.index.tolist(),  # of the points table, which Python counts from 0
-        "status": status.tolist() if (status != "ok").any() else [],
+        "rows": points.index.tolist(),  # numbers of rows in the points table, from 0
+        "status": status.tolist() if (status != "ok").any() else [],  # empty: all are ok
         "notes": {str(row): text for row, text in enumerate(notes) if text},
         "parameters": [_parameter(results, points, name) for name in _shown(results, points)],
     }
@@ -50,19 +47,20 @@ def points_content(results: Results, points: pd.DataFrame) -> Content:
 def _shown(results: Results, points: pd.DataFrame) -> list[str]:
     """Parameters that are swept or vary, in the order of the sweeps; the first one if none is.
 
-    A sweep of a single value is among them, as a study that looks closer must have that value.
+    A sweep of a single value is among them: a study of a part of the map needs that value.
     """
     names = [n for n in dict.fromkeys([*results.swept, *results.parameters]) if n in points]
     return [n for n in names if n in results.swept or len(points[n].unique()) > 1] or names[:1]
 
 
 def _parameter(results: Results, points: pd.DataFrame, name: str) -> Content:
+    """Values of a parameter, and how the page shows them."""
     values = points[name].to_numpy(dtype=float)
     finite = values[np.isfinite(values)]
-    unit_there, largest = results.units.get(name, ""), float(np.abs(finite).max(initial=0.0))
-    unit, factor = prefixed(unit_there, largest)
+    unit_of_table, largest = results.units.get(name, ""), float(np.abs(finite).max(initial=0.0))
+    unit, factor = prefixed(unit_of_table, largest)
     if largest * factor >= LONG:
-        unit, factor = unit_there, 1.0
+        unit, factor = unit_of_table, 1.0
     return {
         "name": name,
         "unit": unit,
@@ -76,7 +74,11 @@ def _parameter(results: Results, points: pd.DataFrame, name: str) -> Content:
 
 
 def _by_factors(x: np.ndarray) -> bool:
-    """Whether ascending values over a decade or more are spaced by factors rather than by steps."""
+    """Whether ascending values over a decade or more are spaced by factors rather than by steps.
+
+    It is by factors where steps of the logarithm vary, relative to their mean, less than half as
+    much as steps of the values.
+    """
     if len(x) < 3 or x[0] <= 0 or x[-1] < 10 * x[0]:
         return False
     steps, factors = np.diff(x), np.diff(np.log(x))
@@ -95,16 +97,20 @@ def measure(
     `unstable` is the number of unstable modes of each point. By it, if it is given, a map tells
     unstable points from others: the sign of a growth rate may be that of round-off.
     """
-    map_number = {"name": name, "unit": unit, "values": packed_single(values), **more}
+    content = {"name": name, "unit": unit, "values": packed_single(values), **more}
     if unstable is not None:
-        map_number["unstable"] = packed_whole((unstable.fillna(0) > 0).to_numpy(dtype=int))
-    return map_number
+        content["unstable"] = packed_whole((unstable.fillna(0) > 0).to_numpy(dtype=int))
+    return content
 
 
 def classes(
     name: str, words: Sequence[str], status: Sequence[str], fills: Mapping[str, str]
 ) -> Content:
-    """A word of each design point, with a colour and a marker; failed points have a word, too."""
+    """A word of each design point, such as its class, which a map shows by colour and marker.
+
+    `fills` are the colours of the possible words, at most as many as MARKERS. Failed points, and
+    those with any other word, have the word NOT_OK.
+    """
     shown_words = [
         w if s == "ok" and w in fills else NOT_OK for w, s in zip(words, status, strict=True)
     ]
@@ -112,14 +118,14 @@ def classes(
     return {
         "name": name,
         "words": [word.replace("_", " ") for word in order],
-        "fills": [*fills.values(), "#000000"],
-        "markers": [*MARKERS[: len(fills)], MARKERS[-1]],
+        "fills": [*fills.values(), NOT_OK_FILL],
+        "markers": [*MARKERS[: len(fills)], NOT_OK_MARKER],
         "values": packed_words(shown_words, order),
     }
 
 
 def study_head(results: Results) -> str:
-    """The study file without sweeps, to look closer at a part; empty if the file is not known."""
+    """The study file without sweeps, for a study of a part of the map; empty if it is not known."""
     try:
         tables = tomllib.loads(str(results.manifest.get("study", "")))
         tables["study"]["name"] += CLOSER
@@ -131,7 +137,7 @@ def study_head(results: Results) -> str:
     return toml_text(without_sweeps)
 
 
-def question(results: Results) -> str:
+def description(results: Results) -> str:
     """The description in the study file; empty where it has none."""
     try:
         study = tomllib.loads(str(results.manifest.get("study", ""))).get("study")

@@ -13,6 +13,7 @@ from made_results import made
 from study_runs import command, plan_of, solved
 from study_texts import study_text
 
+from squealstudy.colours import FILLS, RUN_FILLS
 from squealstudy.engine.results import EXPLORED
 from squealstudy.errors import ResultsError
 from squealstudy.explore import complex_modes, page, runs, shapes
@@ -24,7 +25,7 @@ from squealstudy.explore.packed import (
     packed_words,
     unpacked,
 )
-from squealstudy.explore.points import study_head
+from squealstudy.explore.points import NOT_OK, classes, study_head
 
 HULTEN = study_text("flutter", "complex_modes", "hulten")
 HULTEN += '[[sweep]]\nparameter = "friction"\nvalues = [0.1, 0.2, 0.4, 0.5]\n'
@@ -155,6 +156,14 @@ def test_a_study_for_a_closer_look_is_the_study_without_its_sweeps(results):
     assert study.study.definition.study.name == "map_closer"
     assert study.study.definition.model.name == "hulten"
     assert study_head(brake_map(study="no = [study")) == ""
+
+
+@pytest.mark.parametrize("fills", [FILLS, RUN_FILLS])
+def test_failed_points_have_a_marker_of_their_own(fills):
+    words = list(fills)
+    content = classes("class", words, ["ok"] * len(words), fills)
+    assert content["words"][-1] == NOT_OK
+    assert len(set(content["markers"])) == len(content["words"]) == len(fills) + 1
 
 
 def test_growth_of_round_off_is_not_unstable_on_the_map():

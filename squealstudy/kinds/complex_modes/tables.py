@@ -25,10 +25,12 @@ from squealstudy.kinds.complex_modes.turning_check import turning_facts
 from squealstudy.modes.judged_roots import damping_ratios, settled, stability_names, uncertain_roots
 from squealstudy.modes.tracking.labels import Tracks
 
+# columns: numbers of modes; _low without and _high with those whose stability is uncertain
 COUNTS = ("n_modes", "n_unstable", "n_unstable_low", "n_unstable_high", "n_overdamped")
 # columns: number of unstable modes below and above the band; missing where none were sought
 OUTSIDE = ("n_unstable_below", "n_unstable_above")
-GROWTH_OUTSIDE = ("growth_outside", "frequency_outside_hz")  # columns: the fastest of these modes
+# columns: the unstable mode outside the band that grows fastest
+GROWTH_OUTSIDE = ("growth_outside", "frequency_outside_hz")
 ERRORS = ("reference_frequency_error", "reference_damping_error")
 POINT_COLUMNS = (
     *((name, COUNT) for name in COUNTS),
@@ -62,13 +64,14 @@ def build_tables(
     columns = read_columns(store, plan.tasks.ids, section.track, plan.method.largest_error)
     references = store.references()
     errors, facts = mode_errors(plan, columns, samples, references)
+    # an approximate method moves neutral roots to either side: growth within its error is none
     judged = settled(columns.lam, columns.error_rung, plan.method.tolerance)
     unstable = damping_ratios(judged) < -section.stability_tolerance
     uncertain = uncertain_roots(columns.lam, errors.total, section.stability_tolerance)
     started = time.perf_counter()
     searched = look_outside(plan, columns, workers)
     outside = outside_facts(plan, searched, started)
-    turning = turning_facts(plan, columns, workers)
+    turning = turning_facts(plan, columns, workers)  # effect of gyroscopic terms left out
     point_results = _point_results(columns, unstable, uncertain, references, searched)
     points = write_points(plan, store, point_results)
     tracks, onsets = None, None
@@ -82,7 +85,7 @@ def build_tables(
             del followed
     finally:
         if columns.shapes is not None:
-            columns.shapes.remove()
+            columns.shapes.remove()  # a temporary file, for tracking alone
     store.write_table(ONSETS, onsets_arrow(onsets))
     labels = mode_labels(columns.overdamped, tracks)
     del judged, tracks  # large, and not needed any more
@@ -107,11 +110,10 @@ def modes_table(
 
     `energies` are the names of the energy columns; a model may have none.
     """
-    point = columns.point
     label, mac, ambiguous = labels
-    starts = np.cumsum(columns.counts) - columns.counts
-    number = np.arange(len(point))[rows] - starts[point[rows]] + 1
-    point, lam = point[rows], columns.lam[rows]
+    point, lam = columns.point[rows], columns.lam[rows]
+    first_mode = np.cumsum(columns.counts) - columns.counts  # of each point, in the whole table
+    number = np.arange(len(columns.point))[rows] - first_mode[point] + 1  # from 1 at each point
     table = {
         "point_id": columns.points["point_id"].take(point),
         "mode": number.astype(np.int32),
@@ -154,38 +156,37 @@ def _point_results(
     references: Mapping[str, Mapping[str, Any]],
     searched: Sequence[Outside],
 ) -> pa.Table:
-    """Results of each point, counts of its modes and its checks: columns HEAD and POINT_COLUMNS."""
-    points, point = columns.points, columns.point
+    """The columns HEAD and POINT_COLUMNS: a row for each point, failed ones too."""
+    points = columns.points
     failed = pc.not_equal(points["status"], "ok").to_numpy()
-    marks = (
+    counted_modes = (  # in the order of COUNTS
         np.ones(len(unstable), dtype=bool),
         unstable,
         unstable & ~uncertain,
         unstable | uncertain,
         columns.overdamped,
     )
-    columns_of = {name: points[name] for name in points.column_names}
-    for name, mark in zip(COUNTS, marks, strict=True):
-        number = np.bincount(point[mark], minlength=len(failed))
-        columns_of[name] = pa.array(number, COUNT, mask=failed)  # missing, not zero
-    columns_of |= _outside_columns(searched, len(failed))
+    table = {name: points[name] for name in points.column_names}
+    for name, is_counted in zip(COUNTS, counted_modes, strict=True):
+        number = np.bincount(columns.point[is_counted], minlength=len(failed))
+        table[name] = pa.array(number, COUNT, mask=failed)  # missing, not zero
+    table |= _outside_columns(searched, len(failed))
     for name in ERRORS:
-        key = name.removeprefix("reference_")
-        errors_of = {i: c[key] for i, c in references.items() if c.get(key) is not None}
-        rows = pc.index_in(pa.array(list(errors_of), pa.string()), value_set=points["point_id"])
-        rows = rows.fill_null(-1).to_numpy()
+        key = name.removeprefix("reference_")  # its name in a full-order check
+        error_of = {i: check[key] for i, check in references.items() if check.get(key) is not None}
+        rows = pc.index_in(pa.array(list(error_of), pa.string()), value_set=points["point_id"])
+        rows = rows.fill_null(-1).to_numpy()  # -1: a check of a point that is not in this study
         values, missing = np.full(len(failed), np.nan), np.ones_like(failed)
-        values[rows[rows >= 0]] = np.array(list(errors_of.values()), float)[rows >= 0]
+        values[rows[rows >= 0]] = np.array(list(error_of.values()), float)[rows >= 0]
         missing[rows[rows >= 0]] = False
-        columns_of[name] = pa.array(values, REAL, mask=missing)
-    names = [name for name, _ in (*HEAD, *POINT_COLUMNS)]
+        table[name] = pa.array(values, REAL, mask=missing)
     schema = pa.schema([*HEAD, *POINT_COLUMNS])
-    return pa.Table.from_arrays([columns_of[name] for name in names], schema=schema)
+    return pa.Table.from_arrays([table[name] for name in schema.names], schema=schema)
 
 
 def _outside_columns(searched: Sequence[Outside], count: int) -> dict[str, pa.Array]:
     """Columns of modes that grow outside the band; missing at points where none were sought."""
-    values = np.full((4, count), np.nan)
+    values = np.full((4, count), np.nan)  # rows: OUTSIDE, then GROWTH_OUTSIDE
     for point in searched:
         lam = np.concatenate([point.below, point.above])
         values[:2, point.row] = len(point.below), len(point.above)

@@ -33,7 +33,7 @@ from squealstudy.modes.sensitivity.mode_sensitivities import (
 )
 from squealstudy.reduction.working_point import WorkingPoint
 
-SENSITIVITY_FIELDS = (
+SENSITIVITY_FIELDS = (  # of one mode to one parameter: `Step`, `Sensitivity`, `FiniteChange`
     ("parameter", TEXT),
     ("value", REAL),
     ("reference", REAL),
@@ -48,12 +48,15 @@ SENSITIVITY_FIELDS = (
     ("near_coalescence", FLAG),
     ("reason", TEXT),
 )
-MODE_FIELDS = (
+ROOT_FIELDS = (
     ("re", REAL),
     ("im", REAL),
     ("condition", REAL),
     ("residual", REAL),
     ("biorthogonality", REAL),
+)
+MODE_FIELDS = (
+    *ROOT_FIELDS,
     ("energies", pa.list_(REAL)),
     ("sensitivities", pa.list_(pa.struct(list(SENSITIVITY_FIELDS)))),
 )
@@ -62,11 +65,12 @@ SCHEMA = pa.schema(
     [pa.field(n, t, nullable=False) for n, t in (*HEAD, *WORKING_POINT_FIELDS)]
     + [pa.field("modes", pa.list_(pa.struct(list(MODE_FIELDS))))]
 )
-RAW = pa.schema([*MODE_FIELDS[:5], *MODE_HEAD, *SENSITIVITY_FIELDS])  # a row for each sensitivity
+RAW = pa.schema([*ROOT_FIELDS, *MODE_HEAD, *SENSITIVITY_FIELDS])  # a row for each sensitivity
 PERCENT = 0.01
-# share of ``|lambda|`` below which a finite change is round-off, with which nothing is compared
+# share of ``|lambda|`` below which a finite change is round-off: no prediction is compared with it
 CHANGE_ROUND_OFF = 1e-12
-MODE_OF = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
+# name of a parameter of one component mode, such as pad.modes[3].frequency_scale
+MODE_PARAMETER = re.compile(r"(?P<component>\w+)\.modes\[(?P<mode>\d+)\]\.\w+")
 SUMMARY_FIELDS = (("n_modes", WHOLE_NUMBER), ("max_growth_rate", REAL))
 TYPES = {
     **dict.fromkeys(("point_id", "main_component", "parameter", "component", "unit"), TEXT),
@@ -87,7 +91,7 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
     rows = planned_table(plan, store, SCHEMA)
     store.write_table(SENSITIVITIES, _arrow(_sensitivities(plan, rows)))
     point, _, modes = _items(rows["modes"].combine_chunks())
-    growth = np.full(len(rows), np.nan)
+    growth = np.full(len(rows), np.nan)  # the largest of each point; fmax passes over NaN
     np.fmax.at(growth, point, modes.field("re").to_numpy(zero_copy_only=False))
     failed = pc.not_equal(rows["status"], "ok").to_numpy()
     counts = np.bincount(point, minlength=len(rows)).astype(np.int32)
@@ -101,26 +105,28 @@ def build_tables(plan: Plan, store: Store) -> pd.DataFrame:
 def _items(lists: pa.ListArray) -> tuple[np.ndarray, np.ndarray, pa.Array]:
     """Row of each item of a column of lists, its index in its list, and the items."""
     counts = lists.value_lengths().fill_null(0).to_numpy(zero_copy_only=False)
-    owner = np.repeat(np.arange(len(counts)), counts)
-    positions = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return owner, positions, lists.flatten()
+    row_of_item = np.repeat(np.arange(len(counts)), counts)
+    index_in_list = np.arange(len(row_of_item)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return row_of_item, index_in_list, lists.flatten()
 
 
 def _sensitivities(plan: Plan, rows: pa.Table) -> pd.DataFrame:
+    """The table of sensitivities from chunk rows, whose nested lists are made flat."""
     names = pa.array([*plan.study.model.components, "interfaces"])
     units = {p.name: p.unit for p in plan.study.model.parameters}
-    point, number, modes = _items(rows["modes"].combine_chunks())
-    owner, part, energies = _items(modes.field("energies"))
-    shares = np.full((len(modes), max(len(names), int(part.max(initial=0)) + 1)), -np.inf)
-    shares[owner, part] = energies.to_numpy(zero_copy_only=False)
+    point_of_mode, index_of_mode, modes = _items(rows["modes"].combine_chunks())
+    mode_of_share, part, energies = _items(modes.field("energies"))
+    n_parts = max(len(names), int(part.max(initial=0)) + 1)
+    shares = np.full((len(modes), n_parts), -np.inf)  # never the largest where there is none
+    shares[mode_of_share, part] = energies.to_numpy(zero_copy_only=False)
     mode, _, fields = _items(modes.field("sensitivities"))
-    root_columns = {
-        **{name: modes.field(name) for name, _ in MODE_FIELDS[:5]},
-        "point_id": rows["point_id"].combine_chunks().take(point),
-        "mode": pa.array(number + 1, WHOLE_NUMBER),
+    mode_columns = {  # in the order of RAW
+        **{name: modes.field(name) for name, _ in ROOT_FIELDS},
+        "point_id": rows["point_id"].combine_chunks().take(point_of_mode),
+        "mode": pa.array(index_of_mode + 1, WHOLE_NUMBER),
         "main_component": names.take(shares.argmax(axis=1)),
     }
-    columns = [root_columns[name].take(mode) for name in RAW.names[: len(root_columns)]]
+    columns = [column.take(mode) for column in mode_columns.values()]
     columns += [fields.field(name) for name, _ in SENSITIVITY_FIELDS]
     frame = pa.table(columns, schema=RAW).to_pandas()
     return _columns(frame, units, plan.study.definition.modes.stability_tolerance)
@@ -128,13 +134,13 @@ def _sensitivities(plan: Plan, rows: pa.Table) -> pd.DataFrame:
 
 def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> pd.DataFrame:
     """The table of sensitivities, from roots, slopes and finite changes."""
-    lam, slope, finite = (
-        raw[f"{a}re"].to_numpy(float) + 1j * raw[f"{a}im"].to_numpy(float)
-        for a in ("", "slope_", "finite_")
+    lam, slope, finite_change = (
+        raw[f"{prefix}re"].to_numpy(float) + 1j * raw[f"{prefix}im"].to_numpy(float)
+        for prefix in ("", "slope_", "finite_")
     )
     change, reference = raw["change"].to_numpy(float), raw["reference"].to_numpy(float)
     growth, frequency, zeta = figures(lam)
-    owners = {name: MODE_OF.fullmatch(name) for name in raw["parameter"].unique()}
+    mode_of = {name: MODE_PARAMETER.fullmatch(name) for name in raw["parameter"].unique()}
     table = pd.DataFrame(
         {
             "point_id": raw["point_id"],
@@ -145,8 +151,10 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
             "unstable": zeta < -tolerance,
             "main_component": raw["main_component"],
             **{k: raw[k] for k in ("condition", "residual", "biorthogonality", "parameter")},
-            "component": [m["component"] if (m := owners[n]) else "" for n in raw["parameter"]],
-            "component_mode": [int(m["mode"]) if (m := owners[n]) else 0 for n in raw["parameter"]],
+            "component": [m["component"] if (m := mode_of[n]) else "" for n in raw["parameter"]],
+            "component_mode": [
+                int(m["mode"]) if (m := mode_of[n]) else 0 for n in raw["parameter"]
+            ],
             "component_frequency_hz": raw["component_frequency_hz"],
             "value": raw["value"],
             "unit": [units.get(name, "") for name in raw["parameter"]],
@@ -154,18 +162,16 @@ def _columns(raw: pd.DataFrame, units: Mapping[str, str], tolerance: float) -> p
     )
     quantities = ("growth", "frequency", "damping")
     slopes = figure_slopes(lam, slope)
-    finite_changes = [
-        b - a for a, b in zip((growth, frequency, zeta), figures(lam + finite), strict=True)
-    ]
+    before, after = (growth, frequency, zeta), figures(lam + finite_change)
     for name, d in zip(("growth_rate", "frequency_hz", "damping_ratio"), slopes, strict=True):
         table[f"d_{name}"] = d
     for name, d in zip(quantities, slopes, strict=True):
         table[f"{name}_per_percent"] = d * reference * PERCENT
     table["change"] = change
-    for name, d, actual in zip(quantities, slopes, finite_changes, strict=True):
+    for name, d, old, new in zip(quantities, slopes, before, after, strict=True):
         table[f"predicted_{name}_change"] = d * change
-        table[f"finite_{name}_change"] = actual
-    table["disagreement"] = _disagreement(lam, slope * change, finite)
+        table[f"finite_{name}_change"] = new - old
+    table["disagreement"] = _disagreement(lam, slope * change, finite_change)
     for name in ("match", "validity_range", "near_coalescence", "reason"):
         table[name] = raw[name]
     return table

@@ -1,7 +1,8 @@
-"""Newmark's method with a fixed Jacobian: whether a step converges without any help.
+"""Newmark's method with a fixed Jacobian: whether a step converges by the plain iteration.
 
-The iteration g <- g - J^-1 R(g) contracts near its solution by the spectral radius of
-I - J^-1 J_true, J the fixed and J_true the consistent Jacobian there (THEORY.md eq. (69)).
+The iteration a <- a + J^-1 R(a) for the pull a, THEORY.md eq. (66), changes a small error by the
+spectral radius of I - J^-1 J_true, eq. (69): J is the fixed Jacobian, J_true is -dR/da at the
+solution.
 """
 
 from __future__ import annotations
@@ -34,14 +35,15 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun
 
 SLOW_FROM = 40  # iterations above which a step is slow: runs then halve it
-# largest relative error of accelerations at the end of a step that is right
-MAX_REL_ACCELERATION_ERROR = 1e-5
+# largest error of the pull, over `scale`, at the end of a step that is right
+MAX_REL_PULL_ERROR = 1e-5
 MAX_ITERATIONS = 4000  # 2 % below the boundary a step takes 1,000 iterations
 CONVERGED_TOLERANCE = 1e-9  # tolerance of a step that counts as converged
-WATCHED_TOLERANCE = 1e-15  # tolerance of an iteration that is only watched
+# tolerance of an iteration whose residuals alone are wanted: it need not converge
+TRACE_TOLERANCE = 1e-15
 # distance from the solution, over `scale`, at which the local iteration starts
 START_REL_DISTANCE = 1e-8
-# residuals over the first one between which the rate of an iteration is read
+# ratio of a residual to the first one at which `rate` stops reading: it has grown or shrunk so far
 GROWN_RESIDUAL_RATIO, SHRUNK_RESIDUAL_RATIO = 1e5, 1e-3
 NOT_CONVERGED = "not_converged"
 NO_REFERENCE = "newton found no end of the step"
@@ -50,13 +52,17 @@ NO_REFERENCE = "newton found no end of the step"
 def measure(
     state_of: Callable[[Mapping[str, float]], ContactState], knobs: Mapping[str, float]
 ) -> CaseResult:
-    """`measured` is the factor by which the kernel's iteration changes a small error."""
+    """Take one step with a setting of the knobs, and compare it with Newton's method.
+
+    `predicted` is the spectral radius, `measured` the factor by which the kernel's iteration
+    changes a small error; `cost` counts iterations.
+    """
     state, h, factor = state_of(knobs), knobs["step"], knobs["contact_factor"]
     settings = plain_settings(h, factor)
     with np.errstate(over="ignore", invalid="ignore"):
         end = solved(state, h)
         trace = iterate(state, settings, np.zeros(0))
-        cost = float(len(trace.residuals) + 1)
+        cost = float(len(trace.residuals) + 1)  # the last residual is not in the trace
         if end is None:
             return failed(NO_REFERENCE, predicted=np.nan, cost=cost)
         predicted = radius(state, end, h, factor)
@@ -64,9 +70,9 @@ def measure(
     if not trace.converged:
         return failed(NOT_CONVERGED, predicted=predicted, measured=measured, cost=cost)
     error = float(np.linalg.norm(trace.pull - end.pull)) / scale(state, end.pull)
-    outcome = (
-        WRONG if error > MAX_REL_ACCELERATION_ERROR else SLOW if cost > SLOW_FROM else CONVERGED
-    )
+    outcome = SLOW if cost > SLOW_FROM else CONVERGED
+    if error > MAX_REL_PULL_ERROR:
+        outcome = WRONG
     return CaseResult(
         outcome=outcome, predicted=predicted, measured=measured, error=error, cost=cost
     )
@@ -82,12 +88,17 @@ class Trace:
 
 
 def plain_settings(step: float, contact_factor: float) -> MotionSettings:
-    """Settings of one step with every help switched off."""
+    """Settings of one step by the plain iteration: without what helps it to converge."""
     plain = Newmark(
         max_halvings=0, aitken=False, contact_factor=contact_factor, tangential_damping="never"
     )
     return MotionSettings(
-        step, step, 0, plain, tolerance=CONVERGED_TOLERANCE, max_iterations=MAX_ITERATIONS
+        duration=step,
+        step=step,
+        save_every=0,
+        integrator=plain,
+        tolerance=CONVERGED_TOLERANCE,
+        max_iterations=MAX_ITERATIONS,
     )
 
 
@@ -101,10 +112,13 @@ class Solution:
 
 
 def iterate(state: ContactState, settings: MotionSettings, first: np.ndarray) -> Trace:
-    """Run the kernel's iteration of one step from a pull `first` (n,); (0,): the predictor's."""
+    """Run the kernel's iteration of one step from the pull `first`, (n,).
+
+    With an empty `first`, (0,), it starts from the predictor of the kernel.
+    """
     run = KernelRun.of(state.system, [state.design], settings)
     work = run.work
-    start = np.zeros(work.x.shape[2] if len(first) else 0)
+    start = np.zeros(work.x.shape[2] if len(first) else 0)  # rows of the kernel are padded
     start[: len(first)] = first
     squares = np.zeros(settings.max_iterations)
     n = newmark_trace(*run.arguments, start, squares)
@@ -114,9 +128,13 @@ def iterate(state: ContactState, settings: MotionSettings, first: np.ndarray) ->
 
 def solved(state: ContactState, step: float) -> Solution | None:
     """The end of the step by Newton's method; None where that does not converge."""
-    newton = NewmarkNewton(max_halvings=0)
     settings = MotionSettings(
-        step, step, 0, newton, tolerance=CONVERGED_TOLERANCE**0.5, max_iterations=400
+        duration=step,
+        step=step,
+        save_every=0,
+        integrator=NewmarkNewton(max_halvings=0),
+        tolerance=CONVERGED_TOLERANCE**0.5,  # Newton's method uses the square
+        max_iterations=400,
     )
     run = KernelRun.of(state.system, [state.design], settings)
     newmark_batch(*run.arguments)
@@ -136,52 +154,57 @@ def radius(state: ContactState, solution: Solution, step: float, contact_factor:
 def jacobians(
     state: ContactState, q: np.ndarray, v: np.ndarray, step: float, contact_factor: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fixed and consistent Jacobian (n, n) of a step that ends at q, v, written to be read."""
+    """Fixed and consistent Jacobian (n, n) of a step that ends at q, v.
+
+    They are those of the kernel (THEORY.md eq. (67), (68)), from the laws and with plain products.
+    """
     system, design = state.system, state.design
     N, T1, T2, k_ref = system.N, system.T1, system.T2, system.k_ref
-    hk, hc = step * step / 4, step / 2
-    linear = np.diag(1.0 + hc * design.c + hk * system.omega2)
-    fixed = linear + hk * N.T @ (((contact_factor - 1.0) * k_ref)[:, None] * N)
+    q_of_pull, v_of_pull = step * step / 4, step / 2  # changes of q, v with the pull at the end
+    linear = np.diag(1.0 + v_of_pull * design.c + q_of_pull * system.omega2)
+    # omega2 has k_ref in it: only the difference from it is added
+    fixed = linear + q_of_pull * N.T @ (((contact_factor - 1.0) * k_ref)[:, None] * N)
     p, kappa = design.contact.evaluate((system.gap if design.gap is None else design.gap) + N @ q)
     law = law_row(design.contact, design.friction)
     w1, w2 = design.speed * system.speed_factor + T1 @ v, T2 @ v
     slopes = [
-        friction_tangent(law, r, *point)
-        for r, *point in zip(system.frictional, p, w1, w2, strict=True)
+        friction_tangent(law, *point) for point in zip(system.frictional, p, w1, w2, strict=True)
     ]
-    d11, d12, d22, s1, s2 = (system.area * np.array(slopes).T)[:, :, None]
+    # slopes of friction forces: of t1, t2 with the sliding velocities, and with the pressure
+    d11, d12, d22, t1_p, t2_p = (system.area * np.array(slopes).T)[:, :, None]
     k_n = (system.area * kappa)[:, None]
-    true = linear + hk * N.T @ ((k_n - k_ref[:, None]) * N)
-    drag = T1.T @ (d11 * T1 + d12 * T2) + T2.T @ (d12 * T1 + d22 * T2)
-    push = T1.T @ (s1 * kappa[:, None] * N) + T2.T @ (s2 * kappa[:, None] * N)
-    return fixed, true - hc * drag + hk * push
+    true = linear + q_of_pull * N.T @ ((k_n - k_ref[:, None]) * N)
+    by_velocity = T1.T @ (d11 * T1 + d12 * T2) + T2.T @ (d12 * T1 + d22 * T2)
+    # an opening gap lowers the pressure by kappa
+    by_gap = -(T1.T @ (t1_p * kappa[:, None] * N) + T2.T @ (t2_p * kappa[:, None] * N))
+    return fixed, true - v_of_pull * by_velocity - q_of_pull * by_gap
 
 
 def local_contraction(state: ContactState, settings: MotionSettings, solution: Solution) -> float:
     """Factor by which an iteration changes a small error of the solution.
 
-    Above 1 the iteration leaves the solution. It is 0 where the solution is reached at once.
+    Above 1 the iteration leaves the solution. It is 0 where the solution is reached at once, inf
+    where the iteration breaks down at once.
     """
     pull = solution.pull
     direction = np.random.default_rng(1).normal(size=len(pull))
     first = pull + START_REL_DISTANCE * scale(state, pull) * direction / np.linalg.norm(direction)
-    endless = replace(settings, tolerance=WATCHED_TOLERANCE)
-    trace = iterate(state, endless, first)
+    trace = iterate(state, replace(settings, tolerance=TRACE_TOLERANCE), first)
     if len(trace.residuals) < 2:
         return 0.0 if trace.converged else np.inf
     return rate(trace.residuals)
 
 
 def scale(state: ContactState, pull: np.ndarray) -> float:
-    """Size of the forces whose sum is the pull (n,): the pull may vanish, they do not."""
+    """Size of the pull (n,) and of the steady normal forces, which do not vanish where it does."""
     return float(np.linalg.norm(pull) + np.linalg.norm(state.system.N.T @ state.system.force[:, 0]))
 
 
 def rate(e: np.ndarray) -> float:
-    """Mean factor between successive residuals e (m,), m > 1, in the later half of their range.
+    """Mean factor between successive residuals e (m,), m > 1.
 
-    The range ends where residuals have grown or shrunk so far that round-off or other branches of
-    the law change their rate.
+    It is that of the later half of the iterations that are read. They end where residuals have
+    grown or shrunk so far that round-off or other branches of the law change the factor.
     """
     out_of_range = np.flatnonzero(
         (e >= GROWN_RESIDUAL_RATIO * e[0]) | (e <= SHRUNK_RESIDUAL_RATIO * e[0])

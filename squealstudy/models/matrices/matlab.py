@@ -17,17 +17,20 @@ import scipy.sparse as sp
 from squealstudy.array_files import expect_memory
 from squealstudy.models.matrices.entries import check_size
 
-HEADER, TAG, SMALL_ELEMENT_BYTES = 128, 8, 4  # bytes of header, tag and data of a small element
+HEADER, TAG = 128, 8  # bytes of the header of a file, and of the tag before the data of an element
+SMALL_TAG, MAX_SMALL_BYTES = 4, 4  # of a small element, whose data stand within eight bytes
 Order = Literal["<", ">"]
 ORDERS: dict[bytes, Order] = {b"IM": "<", b"MI": ">"}  # byte orders, by what the header ends with
-MATLAB_5, HDF5 = 1, 2  # major versions in the header: of 5 to 7, of 7.3
+MATLAB_5, HDF5 = 1, 2  # major versions in the header, of files of MATLAB 5 to 7 and of 7.3
+# types of elements: a variable, a compressed one, letters of a name, numbers
 MATRIX, COMPRESSED = 14, 15
 LETTERS = (1, 2, 16)
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+# classes of variables
 SPARSE, NUMERIC = 5, range(6, 16)
 OTHER_CLASSES = {1: "a cell array", 2: "a structure", 3: "an object", 4: "text", 16: "a function"}
-COMPLEX = 0x800
-MORE_THAN_SIZES = "more is in a variable or a compressed part than its sizes say"
+COMPLEX = 0x800  # bit of the flags of a variable
+MORE_THAN_SIZES = "a variable or a compressed part holds more data than its sizes say"
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,7 @@ class Variable:
         return values.reshape(self.shape, order="F")
 
     def _sparse(self) -> sp.csc_matrix:
+        """The matrix; the caller checks that its rows are within its size."""
         rows, pointers, values = (self.parts.numbers() for _ in range(3))
         self.parts.check_end()
         if rows.dtype.kind not in "iu" or pointers.dtype.kind not in "iu":
@@ -84,7 +88,7 @@ class Variable:
         if len(pointers) != columns + 1 or pointers[0] or (pointers[1:] < pointers[:-1]).any():
             raise ValueError(f"expected {columns + 1} column pointers that ascend from 0")
         entries = int(pointers[-1])
-        if len(rows) < entries or len(values) < entries:
+        if len(rows) < entries or len(values) < entries:  # room for more may be stored
             n_read = min(len(rows), len(values))
             raise ValueError(f"expected {entries} entries, found {n_read}")
         return sp.csc_matrix((values[:entries], rows[:entries], pointers), self.shape)
@@ -120,13 +124,15 @@ class Elements:
         first, size = np.frombuffer(self._data, f"{self._order}u4", 2, self._at).tolist()
         start = self._at + TAG
         if first >> 16:  # a small one: its size stands beside its type
-            first, size, start = first & 0xFFFF, first >> 16, self._at + SMALL_ELEMENT_BYTES
-            if size > SMALL_ELEMENT_BYTES:
+            first, size, start = first & 0xFFFF, first >> 16, self._at + SMALL_TAG
+            if size > MAX_SMALL_BYTES:
                 raise ValueError(f"an element of type {first} has no valid size")
         end = start + size
         if end > len(self._data):
             raise ValueError("the file ends within an element")
-        self._at = max(end if first == COMPRESSED else -(-end // TAG) * TAG, self._at + TAG)
+        # elements begin at multiples of eight bytes, but behind a compressed one
+        padded_end = end if first == COMPRESSED else -(-end // TAG) * TAG
+        self._at = max(padded_end, self._at + TAG)
         return first, self._data[start:end]
 
     def numbers(self) -> np.ndarray:
@@ -143,7 +149,7 @@ class Elements:
 def version_of(data: bytes) -> int | None:
     """Major version in the header of a file of version 5 or later; None for other files."""
     order = ORDERS.get(data[HEADER - 2 : HEADER])
-    if order is None or 0 in data[:4]:  # version 4 begins with a zero
+    if order is None or 0 in data[:4]:  # version 4 has a zero in its first four bytes
         return None
     return int(np.frombuffer(data, f"{order}u2", 1, HEADER - 4)[0]) >> 8
 
@@ -169,8 +175,8 @@ def _inflated(content: bytes | memoryview, order: Order) -> bytes:
     stream = zlib.decompressobj()
     tag = stream.decompress(content, TAG)
     size = int(np.frombuffer(tag, f"{order}u4", 1, 4)[0])
-    expect_memory(2 * size)
-    inner = tag + stream.decompress(stream.unconsumed_tail, size + 1)
+    expect_memory(2 * size)  # the data, and their numbers
+    inner = tag + stream.decompress(stream.unconsumed_tail, size + 1)  # a byte more is too many
     if len(inner) > TAG + size or not stream.eof:
         raise ValueError(MORE_THAN_SIZES)
     return inner
