@@ -36,7 +36,7 @@ CYCLE = "the cycle"  # start of a run that continues a cycle, in words
 START_OF_LOST = "the curve's largest motion"  # start of runs of a lost curve, in words
 MADE_AS_LARGE = "scaled to"
 FROM_SMALL = "small motion"  # start of a run as squeal begins by itself, in words
-SMALL_START_RATIO = 0.1  # size with which it begins over the smallest cycle's, at most
+SMALL_START_RATIO = 0.1  # size with which it begins over the smallest cycle's
 ABOVE = 1.1  # size over an unstable cycle's with which a run begins that shows what is beyond it
 # status of a search
 KICK_FOUND, NO_KICK, KICK_UNDECIDED, KICK_WITHOUT_CYCLE = "ok", "none", "undecided", "no_cycle"
@@ -252,13 +252,14 @@ def _from_rest(
         return followed
     smallest = min((c.motion for c in family.cycles), key=lambda m: m.size, default=None)
     first = family.path[0].motion
-    factor = 1.0 if smallest is None else min(1.0, SMALL_START_RATIO * smallest.size / first.size)
+    factor = 1.0 if smallest is None else SMALL_START_RATIO * smallest.size / first.size
     q, v = state_of(first, factor)
-    (motion,) = run_on(contact, [replace(contact.point, q0=q, v0=v)], band)
-    run = with_regularisation(contact, ended(FROM_SMALL, motion, band), motion, band)
-    loudest = max(_level(f) for _, f in followed.families)
-    if run.outcome != LASTS or not run.torque_rms > DISTINCT_LEVEL_RATIO * loudest:
+    above = DISTINCT_LEVEL_RATIO * max(_level(f) for _, f in followed.families)
+    (motion,) = run_on(contact, [replace(contact.point, q0=q, v0=v)], band, above)
+    run = ended(FROM_SMALL, motion, band)
+    if run.outcome != LASTS or not run.torque_rms > above:
         return followed
+    run = with_regularisation(contact, run, motion, band)
     reason = f"unstable mode; level of a run in time from {FROM_SMALL}"
     families = dict(followed.families) | {mode: replace(family, run=run, reason=reason)}
     return followed._replace(families=list(families.items()))

@@ -189,11 +189,15 @@ class Ended:
 
 
 def run_on(
-    contact: ContactOscillator, starts: Sequence[MotionPoint], band: tuple[float, float]
+    contact: ContactOscillator,
+    starts: Sequence[MotionPoint],
+    band: tuple[float, float],
+    above: float = -np.inf,
 ) -> list[Motion]:
     """Runs from states of a design point until their outcome is known, or to the longest time.
 
-    Growth is watched in the modes of `band` [rad/s]; the highest of them sets steps and times.
+    Growth is watched in the modes of `band` [rad/s]; the highest of them sets steps and times. The
+    error by the step is not computed for runs with a level (RMS of the torque) up to `above`.
     """
     omega = contact.system.frequencies
     sensed = np.flatnonzero((omega >= band[0]) & (omega <= band[1])) + 1
@@ -221,6 +225,8 @@ def run_on(
 
     def refined(motion: Motion) -> Refined:
         """Continue a run that lasts with half the step, until its level changes little by that."""
+        if run_levels(motion)[0]["torque_rms"] <= above:
+            return Refined.of(motion, StepParts.unknown("it is not louder"))
         if not has_few_points(system):
             return Refined.of(motion, step_parts(system, motion, settings))
         parts = OF_THE_WINDOW
