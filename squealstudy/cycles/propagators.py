@@ -51,7 +51,7 @@ def _states(cycle: PeriodicMotion, count: int, offset: float) -> tuple[np.ndarra
     H = cycle.harmonics
     orders = np.arange(H + 1)
     finer = -(-(2 * H + 1) // count)  # the transform needs more points than the series
-    spectrum = 0.5 * count * finer * cycle.Q[: H + 1].astype(complex)
+    spectrum: np.ndarray = 0.5 * count * finer * cycle.Q[: H + 1].astype(complex)
     spectrum[0] *= 2.0
     spectrum[1:] -= 0.5j * count * finer * cycle.Q[H + 1 :]
     spectrum *= np.exp(2j * np.pi * offset / count * orders)[:, None]

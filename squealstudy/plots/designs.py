@@ -124,7 +124,8 @@ def _draw_line(
     axes.plot(x, y, marker, color=colour, markersize=4.5)
     cross_out(axes, x[(line["status"] != "ok").to_numpy(bool)])
     text = describe(line.iloc[0], points, list(map(str, design)), results.units)
-    onset, ends = (v * over.factor for v in _refined(results, design))
+    refined, refined_ends = _refined(results, design)
+    onset, ends = refined * over.factor, refined_ends * over.factor
     row_after = _crossing(x, y, onset)
     if row_after:
         text = joined(text, f"from {onset:.4g} {over.unit}".rstrip(), by=": ")

@@ -94,8 +94,10 @@ def _many_in_words(results: ResultTables) -> str:
     Empty where some design is not, of which the table of onsets tells; and of one design.
     """
     along, points = results.along or "", results.points
-    first = first_onsets(results, along)["onset"] if "onsets" in results.tables else []
-    if not len(first) or not (first == BELOW).all():
+    if "onsets" not in results.tables:
+        return ""
+    first = first_onsets(results, along)["onset"]
+    if not len(first) or not (first == BELOW).to_numpy(bool).all():
         return ""
     is_solved = (points["status"] == "ok").to_numpy(bool)
     of_solved = points[is_solved]

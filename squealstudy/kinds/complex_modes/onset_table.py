@@ -5,7 +5,7 @@ For few designs `design_table` tells more, with a row for each.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -48,7 +48,9 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
     unit = units.get(along, "")
     ends = last_ends(results, along).reindex(first.index)
     pairs = zip(first.to_numpy(), ends.to_numpy(float), strict=True)
-    onsets = pd.Series([_cell(*row, end, top, unit) for row, end in pairs], first.index)
+    onsets = pd.Series(
+        [_cell(onset, mark, end, top, unit) for (onset, mark), end in pairs], first.index
+    )
     counts = {name: first.index.get_level_values(name).nunique() for name in names}
     down = max(names, key=counts.__getitem__)
     others = [name for name in names if name != down]
@@ -133,7 +135,7 @@ def last_ends(results: ResultTables, along: str) -> pd.Series:
     onsets = results.table("onsets")
     is_end = (onsets["direction"] == OUT_OF) & onsets["status"].isin(REFINED_ONSETS)
     of_end = onsets[is_end.to_numpy(bool)]
-    ends = {}
+    ends: dict[Any, float] = {}
     for design, rows in points.sort_values(along, kind="stable").groupby(names):
         settings, ok = rows[along].to_numpy(float), (rows["status"] == "ok").to_numpy(bool)
         unstable = ok & (rows["n_unstable"] > 0).fillna(False).to_numpy(bool)
@@ -146,7 +148,8 @@ def last_ends(results: ResultTables, along: str) -> pd.Series:
             at = of_end["onset"].to_numpy(float)[same]
             at = at[(settings[n - 1] <= at) & (at <= settings[n])]
             ends[key] = at.max() if len(at) else np.nan
-    index = pd.MultiIndex.from_tuples(ends, names=names) if len(names) > 1 else pd.Index(ends)
+    keys: list[Any] = list(ends)
+    index = pd.MultiIndex.from_tuples(keys, names=names) if len(names) > 1 else pd.Index(keys)
     return pd.Series(list(ends.values()), index, dtype=float)
 
 
