@@ -178,9 +178,10 @@ class ResultTables(NamedTables):
         return self._expect_fit(name).names
 
     def batches(self, name: str, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
-        """Yield columns of a table, up to 2**17 rows at a time, indexed by the rows' numbers.
+        """Yield columns of a table, ROWS_PER_BATCH rows at a time, indexed by the rows' numbers.
 
-        `columns` of ``modes`` may include ROW (tables.point_rows): each mode's row in `points`.
+        `columns` of ``modes`` may include ROW, each mode's row in `points`. Both constants are of
+        tables.point_rows.
         """
         plain = [column for column in columns if column != ROW]
         loaded = self._loaded.get(name)

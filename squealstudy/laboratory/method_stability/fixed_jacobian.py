@@ -196,7 +196,7 @@ def local_contraction(state: ContactState, settings: MotionSettings, solution: S
 
 
 def scale(state: ContactState, pull: np.ndarray) -> float:
-    """Size of the pull (n,) and of the steady normal forces, which do not vanish where it does."""
+    """Size of the pull (n,), with the reference's normal forces, so that it never vanishes."""
     return float(np.linalg.norm(pull) + np.linalg.norm(state.system.N.T @ state.system.force[:, 0]))
 
 

@@ -89,7 +89,7 @@ class Unfinished:
 
     Attributes
     ----------
-    moduli : Isotropic, Orthotropic or None
+    moduli : Isotropic, Orthotropic, Anisotropic or None
         Moduli, as a material with a density of 1; None where they are missing.
     density : float or None
         Density; None where it is missing.
