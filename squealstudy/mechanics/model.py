@@ -192,7 +192,7 @@ class Model:
         Parameters
         ----------
         band : (float, float) or None
-            Lowest and highest frequency [Hz]; None: those of `basis`, else of study files.
+            Lowest and highest frequency [Hz]; None: as in `System.modes`.
 
         Raises
         ------
@@ -213,7 +213,7 @@ class Model:
         Parameters
         ----------
         band : (float, float) or None
-            Lowest and highest frequency [Hz]; None: those of `basis`, else of study files.
+            Lowest and highest frequency [Hz]; None: as in `System.modes`.
         **values
             As in `at`, but arrays may have different lengths; the first array varies fastest.
 

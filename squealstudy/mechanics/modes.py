@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from squealstudy.linalg.companion import all_pairs
+from squealstudy.linalg.companion import all_pairs, all_roots
 from squealstudy.linalg.dense_qep import pairs_inside
 from squealstudy.mechanics.defaults import MODE_TOLERANCE, STABILITY_TOLERANCE
 from squealstudy.modes.judged_roots import (
@@ -19,6 +20,7 @@ from squealstudy.modes.judged_roots import (
     uncertain_roots,
 )
 from squealstudy.root_pairs import least_assignment
+from squealstudy.wording import band_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +39,7 @@ UNITS = {
     "error_estimate": "1/s",
 }
 OWN_COLUMNS = {*UNITS, "unstable", "stability", "overdamped", "method"}  # columns
+LARGEST_SEARCHED = 100  # coordinates up to which the mode nearest to an empty band is looked for
 LEFT_CIRCLE_FACTOR = 1.01  # radius of the circle searched for left vectors, over the largest root
 
 
@@ -204,6 +207,30 @@ class ComplexModes:
         units = UNITS | shares
         frame.attrs["units"] = {name: units[name] for name in table if name in units}
         return frame
+
+
+def warn_of_empty_band(modes: ComplexModes, band_hz: tuple[float, float]) -> None:
+    """Warn where a solved design point has no mode in a band [Hz] that nobody chose.
+
+    The warning names the mode that is nearest to the band, where the matrices are small.
+    """
+    counts, status = np.atleast_1d(modes.counts), np.atleast_1d(modes.status)
+    empty = np.flatnonzero((counts == 0) & (status == "ok"))
+    if not len(empty):
+        return
+    assert modes.linear_of is not None
+    system = modes.linear_of(int(empty[0]))
+    text = f"no mode lies {band_text(band_hz)}, the default band"
+    if len(counts) > 1:
+        text += f", at {len(empty)} of {len(counts)} design points"
+    if len(system.K) <= LARGEST_SEARCHED and np.linalg.matrix_rank(system.M) == len(system.M):
+        C, K = np.hsplit(np.linalg.solve(system.M, np.hstack([system.C, system.K])), 2)
+        hertz = np.abs(all_roots(C, K)) / (2 * np.pi)
+        hertz = hertz[hertz > 0]
+        if len(hertz):
+            nearest = hertz[np.abs(np.log(hertz / np.clip(hertz, *band_hz))).argmin()]
+            text += f"; the nearest has {nearest:g} Hz"
+    warnings.warn(f"{text}: modes(band=(low, high)) looks elsewhere", stacklevel=3)
 
 
 def left_vectors(system: LinearSystem, lam: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -65,3 +65,8 @@ def stacked(
             entries = (number, *(slice(size) for size in array.shape))
             filled[entries] = array  # type: ignore[index]
     return filled
+
+
+def may_be_wrong(error: float) -> str:
+    """Message for a point whose worst root has this relative error."""
+    return f"a mode may be wrong by {error:.1e} of its frequency"

@@ -26,7 +26,7 @@ from squealstudy.mechanics.defaults import (
 from squealstudy.mechanics.design import Design
 from squealstudy.mechanics.limit_cycles import LimitCycles, limit_cycles
 from squealstudy.mechanics.linear import LinearSystem
-from squealstudy.mechanics.modes import ComplexModes
+from squealstudy.mechanics.modes import ComplexModes, warn_of_empty_band
 from squealstudy.mechanics.motions import Runs, simulated
 from squealstudy.mechanics.pairs import PointPairs
 from squealstudy.mechanics.reduction import Reduction
@@ -38,7 +38,7 @@ from squealstudy.mechanics.sensitivities import (
 )
 from squealstudy.mechanics.sensitivity_parameters import requested
 from squealstudy.mechanics.solving import each, linearised, sliding
-from squealstudy.mechanics.stacked_rows import messages, stacked, statuses
+from squealstudy.mechanics.stacked_rows import may_be_wrong, messages, stacked, statuses
 from squealstudy.mechanics.steady import SteadySliding
 from squealstudy.mechanics.structures import Structures
 from squealstudy.mechanics.values import checked_count, checked_number
@@ -153,7 +153,9 @@ class System(Design):
         Parameters
         ----------
         band : (low, high) or None
-            Hz; None: that of `basis`. The basis of a meshed model is made for this band.
+            Hz; None: all modes of own matrices (up to 100 coordinates, M regular); of others that
+            of `basis`, with a UserWarning where it is the default and a point has no mode there.
+            The basis of a meshed model is made for this band.
 
         Raises
         ------
@@ -163,12 +165,15 @@ class System(Design):
             Where one design point has no steady sliding; in a batch this is its row's status.
         """
         basis = self._basis(band)
-        if basis.band_hz not in self._known:
-            self._known[basis.band_hz] = self._modes(basis)
-        complex_modes: ComplexModes = self._known[basis.band_hz]
+        key = (basis.band_hz, by_default := band is None and not self.chosen)
+        if key not in self._known:
+            self._known[key] = self._modes(basis, by_default)
+            if by_default:
+                warn_of_empty_band(self._known[key], basis.band_hz)
+        complex_modes: ComplexModes = self._known[key]
         return complex_modes
 
-    def _modes(self, basis: Basis) -> ComplexModes:
+    def _modes(self, basis: Basis, by_default: bool) -> ComplexModes:
         definition, single = self.values.definition, self.single
         if is_point_mass_batch(self.values):
             return self._batch(basis)
@@ -178,7 +183,7 @@ class System(Design):
         else:
             from squealstudy.mechanics.family import pairs_of
 
-            results = pairs_of(self.family, self.values, basis.band_hz, single)
+            results = pairs_of(self.family, self.values, basis.band_hz, single, by_default)
         take = partial(stacked, results, single=single, ragged=True)
         status, message = self._judged(results)
         counts = np.array([0 if isinstance(x, Exception) else len(x.lam) for x in results])
@@ -207,7 +212,7 @@ class System(Design):
         point = np.nonzero(is_root)[0]
         worst, _ = worst_errors(batch.lam[is_root], batch.error[is_root], point, len(status))
         for number in np.flatnonzero(worst > MODE_TOLERANCE):
-            status[number], message[number] = INACCURATE, _may_be_wrong(worst[number])
+            status[number], message[number] = INACCURATE, may_be_wrong(worst[number])
         return ComplexModes(
             lam=batch.lam,
             right=batch.right,
@@ -383,7 +388,7 @@ class System(Design):
             worst = float(worst_errors(finding.lam, finding.error_rung, point, 1)[0][0])
             if worst > MODE_TOLERANCE:
                 status[number] = INACCURATE
-                message[number] = _may_be_wrong(worst)
+                message[number] = may_be_wrong(worst)
         return (status[0], message[0]) if self.single else (status, message)
 
     def _told(self, findings: Sequence[object]) -> tuple[Any, Any]:
@@ -392,8 +397,3 @@ class System(Design):
 
     def _number(self, numbers: np.ndarray, kind: type) -> Any:
         return kind(numbers) if self.single else numbers
-
-
-def _may_be_wrong(error: float) -> str:
-    """Message for a point whose worst root has this relative error."""
-    return f"a mode may be wrong by {error:.1e} of its frequency"

@@ -7,6 +7,7 @@ import doctest
 import importlib
 import runpy
 import sys
+import warnings
 from pathlib import Path
 
 import matplotlib as mpl
@@ -323,6 +324,33 @@ def test_matrices_that_are_there_are_a_model():
         sq.matrices(M, {"mu": K}, mu=1.0, nu=2.0)
     with pytest.raises(ModelError, match="square"):
         sq.matrices(M, K[:3])
+
+
+@pytest.mark.parametrize("scale", [1e-5, 1.0, 1e6], ids=["mHz", "Hz", "MHz"])
+def test_own_matrices_have_all_their_modes(scale):
+    K = scale**2 * np.diag([4e5, 1e6, 2e6, 1e14])  # one far above all others
+    K[0, 1] = K[1, 0] = 2e5 * scale**2
+    C = scale * np.diag([5.0, 5.0, 9.0, 1e3])
+    modes = sq.matrices(np.eye(4), K, C=C).at().modes()
+    wanted = companion_roots(C / scale, K / scale**2)
+    wanted = scale * wanted[wanted.imag > 0]
+    np.testing.assert_allclose(modes.lam, wanted[np.argsort(np.abs(wanted))], rtol=1e-7)
+    assert modes.status == "ok"
+    free = sq.matrices(np.eye(2), scale**2 * np.array([[1e6, -1e6], [-1e6, 1e6]])).at().modes()
+    assert np.abs(free.lam) == pytest.approx([scale * np.sqrt(2e6)])  # no motion of the free body
+
+
+def test_an_empty_band_that_nobody_chose_is_warned_of():
+    system = sq.model("hulten", frequency_1=2e4, frequency_2=3e4, friction=0.0).at()
+    with pytest.warns(UserWarning, match=r"between 1 and 16000 Hz.* nearest has 20000 Hz"):
+        assert not system.modes().counts
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not system.modes().counts  # once
+        assert not system.modes((1.0, 10.0)).counts
+    massless = sq.matrices(np.diag([1.0, 0.0]), np.diag([1e12, 1e6])).at()
+    with pytest.warns(UserWarning, match="the default band"):
+        assert not massless.modes().counts
 
 
 # -- what is wrong
