@@ -30,7 +30,6 @@ from squealstudy.system.contact_weights import ContactWeights, contact_weights, 
 from squealstudy.system.linearise import StructureWeights, structure_weights
 
 LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
-AT_REST = 1e-6  # speed of a point that is to stick over the sliding speed, at most
 LEAST_PRESSURE = 1e-300  # Pa; keeps the slope positive
 
 
@@ -111,7 +110,10 @@ def automatic_slope(
 
 
 def at_rest(
-    operating: OperatingPoint, own_friction: np.ndarray, speed_factor: np.ndarray, p: np.ndarray
+    operating: OperatingPoint | FrictionLaw,
+    own_friction: np.ndarray,
+    speed_factor: np.ndarray,
+    p: np.ndarray,
 ) -> np.ndarray:
     """Static friction coefficients (nc,) at pressures p; some points have a law of their own."""
     values = (operating.friction, operating.curve.parameters)
@@ -294,33 +296,6 @@ def perturbed(
             v0 += (lam * x).real / size
     factor = velocity / contact_speed(system, v0)
     return replace(point, q0=factor * q0, v0=factor * v0)
-
-
-def stuck(system: ModalSystem, point: MotionPoint) -> MotionPoint:
-    """The point with a start at which nothing slides, but by its own start velocity.
-
-    To that velocity the one of least kinetic energy is added whose contact velocities along and
-    across are opposite to the imposed sliding.
-
-    Raises
-    ------
-    ParameterError
-        Where the modes cannot bring every point with friction to rest.
-    """
-    q0, v0 = point.start(system.n)
-    has_friction = system.frictional > 0
-    T = np.vstack([system.T1[has_friction], system.T2[has_friction]])
-    speed = point.first_speed * system.speed_factor[has_friction]
-    opposite_sliding = -np.concatenate([speed, np.zeros(len(speed))])
-    v = np.linalg.lstsq(T, opposite_sliding, rcond=None)[0]
-    lacking = float(np.abs(T @ v - opposite_sliding).max(initial=0.0))
-    if lacking > AT_REST * abs(point.speed):
-        raise ParameterError(
-            "transient.start",
-            f"these modes cannot bring all contact points to rest: {lacking:.2g} m/s of sliding "
-            f"are left of {abs(point.speed):.3g} m/s",
-        )
-    return replace(point, q0=q0, v0=v0 + v)
 
 
 def contact_speed(system: ModalSystem, v: np.ndarray) -> float:

@@ -148,6 +148,56 @@ def test_a_pull_away_from_rest(tmp_path):
         assert row["torque_rms"] == pytest.approx(rms, rel=0.03, abs=1.0)
 
 
+STUCK = """
+[study]
+name = "stuck"
+kind = "transient"
+[model]
+name = "MODEL"
+[parameters]
+sliding_speed = 0.5
+"contact.regularisation_speed" = 1e-3
+[modes]
+band = [1.0, 1000.0]
+[transient]
+duration = 0.2
+step = 2e-5
+save_every = 5
+start = "stuck"
+windows = 2
+sliding_speed = { points = [[0.0, 0.0], [1.0, 0.0]] }
+"""
+
+
+def test_a_stuck_start_is_held_by_friction(tmp_path):
+    """Friction began at zero and rose within less than a step: to 525 N, and 37 times this RMS.
+
+    A belt at rest: m x'' + (c + d) x' + k x = 0 with d = friction's slope, on its slow root.
+    """
+    found = solved(STUCK.replace("MODEL", "belt"), tmp_path / "results")
+    omega, force = 200 * np.pi, 200 * np.pi * 0.5 * (1 + np.exp(-1.0))
+    damping = 2 * 0.05 * omega + 200 * np.pi / 1e-3
+    root = -2 * omega**2 / (damping + np.sqrt(damping**2 - 4 * omega**2))
+    history = found.history(0)
+    exact = force * np.exp(root * history["time"].to_numpy())
+    assert history["torque"].to_numpy() == pytest.approx(exact, rel=3e-4)
+    times = np.linspace(0.0, 0.2, 50001)
+    for row in found.windows.to_dict("records"):
+        mean, rms = judged(times, force * np.exp(root * times), row)
+        assert row["torque_mean"] == pytest.approx(mean, rel=1e-4)
+        assert row["torque_rms"] == pytest.approx(rms, rel=0.005)
+
+
+def test_a_stuck_start_of_several_points_is_at_rest(tmp_path):
+    """Two contacts that turn into each other; a static ratio lets friction hold both."""
+    text = STUCK.replace("MODEL", "hulten").replace(
+        "[modes]", '"friction_law.static_ratio" = 1.5\n"friction_law.decay_speed" = 0.1\n[modes]'
+    )
+    history = solved(text, tmp_path / "results").history(0)
+    assert history["torque"].iloc[0] == pytest.approx(history["torque"].iloc[20], rel=0.02)
+    assert history["stick"].iloc[:20].to_numpy() == pytest.approx(1.0)
+
+
 def test_pressure_and_speed_change_together(pressed):
     results, speeds = pressed
     times, forces = follow(speeds, [(t, 1e-3 * p) for t, p in RISE])

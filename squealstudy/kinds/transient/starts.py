@@ -11,9 +11,10 @@ from squealstudy.kinds.transient.batch import BatchTask
 from squealstudy.kinds.transient.section import STUCK
 from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.mechanics.motion_points import motion_at, motions_at
-from squealstudy.motion.point import perturbed, stuck
+from squealstudy.motion.point import perturbed
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.shared_modes import SharedModes
+from squealstudy.motion.stuck_start import stuck
 from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
