@@ -24,6 +24,9 @@ AT_ROUND_OFF = 10.0  # error over that of round-off up to which solving again do
 MIN_SIGNAL_TO_ROUND_OFF = 10.0  # modulus of a root over its round-off error to be no zero
 # modulus over the band's top up to which a root that is wrong altogether may be a rigid motion
 RIGID_BELOW = 1e-3
+# condition from which a root is defective: entries of 12 digits hold no more. Such a root moves
+# with the square root of a change (THEORY.md section 6), by this over its modulus
+DEFECTIVE_CONDITION, DEFECTIVE_REL_ERROR = 1e6, 1e-6
 TINY = float(np.finfo(float).tiny)
 
 
@@ -86,12 +89,22 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
     with np.errstate(
         over="ignore", invalid="ignore"
     ):  # overflow only for roots that are wrong altogether
-        error_per_residual = conditions(lam, psi, D) / np.maximum(slope, TINY)
+        condition = conditions(lam, psi, D)
+        error_per_residual = condition / np.maximum(slope, TINY)
         round_off = EPS * energy * error_per_residual
+        round_off = np.maximum(round_off, of_defects(lam, condition))
         error = np.einsum("ij,ij->j", a, np.abs(r)) * error_per_residual + round_off
     return RootErrors(
         _unknown_as_infinite(error), _unknown_as_infinite(round_off), np.linalg.norm(r, axis=0)
     )
+
+
+def of_defects(lam: np.ndarray, condition: np.ndarray) -> np.ndarray:
+    """Errors of defective roots, rad/s; 0 of others. Arrays of one shape, as the errors."""
+    errors: np.ndarray = np.where(
+        condition > DEFECTIVE_CONDITION, DEFECTIVE_REL_ERROR * np.abs(lam), 0.0
+    )
+    return errors
 
 
 def _unknown_as_infinite(error: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from squealstudy.linalg.root_error import (
     RIGID_BELOW,
     TIME_SCALE_RATIO,
     TINY,
+    of_defects,
 )
 from squealstudy.root_pairs import by_modulus
 
@@ -124,8 +125,9 @@ def _errors(
     slope = np.maximum(slope, 2 * size * mass)
     energy = size**2 * mass + size * _energies(C, a) + _energies(K, a)
     with np.errstate(over="ignore", invalid="ignore"):
-        shift_per_residual = conditions(lam, psi, is_root) / np.maximum(slope, TINY)
-        round_off = EPS * energy * shift_per_residual
+        condition = conditions(lam, psi, is_root)
+        shift_per_residual = condition / np.maximum(slope, TINY)
+        round_off = np.maximum(EPS * energy * shift_per_residual, of_defects(lam, condition))
         error = np.einsum("mij,mij->mj", a, np.abs(r)) * shift_per_residual + round_off
     return tuple(np.where(np.isnan(x), np.inf, x) for x in (error, round_off))  # type: ignore[return-value]
 

@@ -353,6 +353,18 @@ def test_an_empty_band_that_nobody_chose_is_warned_of():
         assert not massless.modes().counts
 
 
+@pytest.mark.parametrize("coupling", [1e4, 1e6])
+def test_two_modes_that_are_one_are_not_stable(coupling):
+    K = np.diag([1e6, 1e6, 2e6])
+    K[0, 1] = coupling  # x_1 grows as t
+    table = sq.matrices(np.eye(3), K).modes()
+    assert table["stability"].tolist() == ["uncertain", "uncertain", "stable"]
+    equal = sq.matrices(np.eye(3), np.diag([1e6, 1e6, 1e6])).modes()
+    assert set(equal["stability"]) == {"stable"}  # bounded, whatever the start
+    damped = sq.matrices(np.eye(3), K, C=5.0 * np.eye(3)).modes()
+    assert set(damped["stability"]) == {"stable"}
+
+
 # -- what is wrong
 
 

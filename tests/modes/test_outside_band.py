@@ -155,3 +155,14 @@ def test_growth_without_oscillation_outside_has_no_frequency_and_half_a_hertz_is
     sp.save_npz(tmp_path / "C.npz", sp.csr_matrix(np.diag([-0.01, 1.0])))
     found = solved(FAMILY.format(folder=tmp_path), tmp_path / "s")
     assert text.format(1, "0.5 Hz", 0.005) in found.screen.verdict(found)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.01])
+def test_modes_that_do_not_decay_are_told_of(damping, tmp_path):
+    text = HULTEN.format(low=1.0, high=500.0).replace("0.01", str(damping))
+    results = solved(text, tmp_path)
+    facts = dict(results.screen.facts(results))
+    if damping:
+        assert "undamped" not in facts
+    else:  # at friction 0.1 and 0.2, below the onset
+        assert facts["undamped"].startswith("at 2 design points a mode that counts as stable")

@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
+from squealstudy.mechanics.defaults import STABILITY_TOLERANCE
 from squealstudy.models.components.definition import NAME as OF_FILE
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.models.operating import GYROSCOPIC
+from squealstudy.modes.judged_roots import STABLE
 from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.screen import Rows
 from squealstudy.wording import error_percent, in_digits, plural
@@ -73,6 +76,27 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
                 "in [reduction] enriches it more"
             )
     return [("estimates", text)]
+
+
+def undamped_rows(results: ResultTables) -> Rows:
+    """Row on points at which a mode neither grows nor decays; none where there is no such point."""
+    columns = ["point_id", "damping_ratio", "stability"]
+    if not set(columns) <= set(results.columns("modes")):  # tables of before
+        return []
+    neutral = results.rows("modes", columns, _is_neutral)
+    count = neutral["point_id"].nunique()
+    if not count:
+        return []
+    text = (
+        f"at {plural(count, 'design point')} a mode that counts as stable neither grows nor "
+        "decays, as without damping"
+    )
+    return [("undamped", text)]
+
+
+def _is_neutral(modes: pd.DataFrame) -> pd.Series:
+    """Which modes are called stable and do not decay."""
+    return (modes["damping_ratio"].abs() <= STABILITY_TOLERANCE) & (modes["stability"] == STABLE)
 
 
 def full_order_error_text(manifest: Mapping[str, Any]) -> str:

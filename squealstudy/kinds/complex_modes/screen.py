@@ -23,15 +23,13 @@ from squealstudy.kinds.complex_modes.error_text import (
     full_order_error_text,
     method_rows,
     turning_rows,
+    undamped_rows,
     unseen_text,
 )
 from squealstudy.kinds.complex_modes.onset_table import onset_table
 from squealstudy.kinds.complex_modes.onset_words import TAKEN_OVER_NOTE, onset_cell
 from squealstudy.kinds.complex_modes.outside_text import grows_outside, outside_text
-from squealstudy.kinds.complex_modes.random_screen import (
-    DOUBTFUL_NUMBER,
-    families_in_words,
-)
+from squealstudy.kinds.complex_modes.random_screen import DOUBTFUL_NUMBER, families_in_words
 from squealstudy.models.matrices.family import NAME as MATRICES
 from squealstudy.screen import Rows, command_text, grid, held_together, notes
 from squealstudy.study.sweeps import RANDOM_DESIGNS
@@ -97,7 +95,7 @@ class ComplexModesScreen(KindScreen):
     found = ("contact",)
     sure = (
         *("outside band", "knots", "left over", "audit", "estimates", "not refined", "error"),
-        "gyroscopic",
+        *("gyroscopic", "undamped"),
     )
 
     def rank(
@@ -230,6 +228,7 @@ class ComplexModesScreen(KindScreen):
             *_unrefined(manifest),
             ("error", error),
             *turning_rows(manifest),
+            *undamped_rows(results),
         ]
 
 
