@@ -23,6 +23,7 @@ N_SMOOTH_WINDOWS = 5
 MIN_SMOOTH_PERIODS = 20  # fewest periods of a record with such windows
 MIN_SMOOTH_VARIANCE_SHARE = 0.9  # share of a line in their variance; chance reaches it in 2 %
 SMOOTH_RATIO_RANGE = (0.3, 0.85)  # range of the ratio of the slopes of the two halves
+BEND_ERRORS = 1.9  # standard errors of their bend; Student's t of two degrees exceeds it in 10 %
 SMOOTH_SAFETY = 1.6  # factor on the distance from the limit: chosen on Hoffmann's oscillator
 MAX_REL_SMOOTH_DRIFT = 0.2  # drift over the mean beyond which the motion is passing
 PERIODS_OF_HARMONICS = 6  # periods of a second or third harmonic that are whole ones of the first
@@ -210,8 +211,9 @@ def _left_behind_beats(periods: np.ndarray, mean: float) -> float:
 
     Means of single periods (n,) may swing by more than they drift. The means of five overlapping
     windows, each a third of the record with Hann's weights, lie along a line where they drift. The
-    rate of an exponential approach follows from the ratio of the slopes in the two halves; in the
-    middle its distance from the limit is its slope over its rate.
+    rate of an exponential approach follows from the ratio of the slopes in the two halves, of a
+    parabola that bends as little as its error allows; in the middle the distance from the limit is
+    the slope over the rate.
     """
     width = len(periods) // 3
     weight = np.sin(np.pi * np.arange(1, width + 1) / (width + 1)) ** 2
@@ -227,7 +229,12 @@ def _left_behind_beats(periods: np.ndarray, mean: float) -> float:
     if abs(slope) * (N_SMOOTH_WINDOWS - 1) > MAX_REL_SMOOTH_DRIFT * abs(mean):
         return 0.0
     middle = N_SMOOTH_WINDOWS // 2
-    first, second = smooth[middle] - smooth[0], smooth[-1] - smooth[middle]
+    square = x**2 - (x @ x) / len(x)
+    bend, rest = float(square @ deviation) / float(square @ square), len(x) - 3
+    residual = deviation - slope * x - bend * square
+    error = float(np.sqrt(residual @ residual / rest / (square @ square)))
+    bend += BEND_ERRORS * error * float(np.sign(slope))
+    first, second = slope - middle * bend, slope + middle * bend
     least, most = SMOOTH_RATIO_RANGE
     ratio = min(max(second / first, least), most) if first * second > 0 else most
     return float(SMOOTH_SAFETY * abs(slope) * middle / -np.log(ratio))
