@@ -180,15 +180,20 @@ def _unit_of(text: str) -> str:
 def unit_as_written(texts: Sequence[str], unit: str) -> str:
     """`unit` of a parameter, with the unit in which texts such as ``12 bar`` give its values.
 
-    The first text decides. Pure numbers and temperatures keep the unit of tables.
+    The first text decides on columns, `UnitAsWritten.of_size` on single values. Pure numbers and
+    temperatures keep the unit of tables.
     """
     try:
-        target, written = Unit.named(unit), Unit.named(_unit_of(texts[0]))
+        target = Unit.named(unit)
+        units = [Unit.named(name) for name in dict.fromkeys(map(_unit_of, texts))]
     except KeyError:
         return unit
-    if written.powers != target.powers or target.powers in (PURE, KELVIN):
+    if units[0].powers != target.powers or target.powers in (PURE, KELVIN):
         return unit
-    return UnitAsWritten(unit, written.name, float(written.size / target.size))
+    written, *others = (
+        (u.name, float(u.size / target.size)) for u in units if u.powers == target.powers
+    )
+    return UnitAsWritten(unit, *written, tuple(others))
 
 
 def with_bare_unit(value: Any, parameter: Parameter) -> Any:

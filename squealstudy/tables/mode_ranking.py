@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Hashable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,9 +32,10 @@ from squealstudy.tables.stability import (
     line_crossings,
     unstable_bounds,
 )
+from squealstudy.tables.worst_points import ANY, worst_settings
 from squealstudy.wording import amount, did_you_mean, in_digits
 
-HEAD = ("point_id", "status", "message", "wall_s")  # first columns of points, then parameters
+HEAD = ("point_id", "status", "message", "wall_s")  # of points, then parameters
 # first column after the parameters, in studies of modes, of motion, of cycles
 FIRST_RESULT = ("n_modes", "class", "verdict")
 AT_DIGITS = 4  # digits of the values in `at`, on a screen
@@ -235,13 +237,14 @@ def frequency_text(row: Mapping[Hashable, Any]) -> str:
 
 def settings_text(values: Mapping[Hashable, Any]) -> str:
     """Names and values of a design point as rankings have them, ``friction=0.5, ...``."""
-    return ", ".join(f"{name}={number:g}" for name, number in values.items())
+    return ", ".join(f"{n}={x if x == ANY else format(x, 'g')}" for n, x in values.items())
 
 
 def settings_of(settings: object, units: Mapping[str, str]) -> dict[str, str]:
     """Values with their units by name, from what `settings_text` has written."""
     parts = [part.rpartition("=") for part in str(settings).split(", ") if "=" in part]
-    return {n: amount(float(v), units.get(n, ""), digits=AT_DIGITS) for n, _, v in parts}
+    shown = partial(amount, digits=AT_DIGITS)
+    return {n: v if v == ANY else shown(float(v), units.get(n, "")) for n, _, v in parts}
 
 
 def energy_columns(columns: Iterable[str]) -> list[str]:
@@ -254,10 +257,8 @@ def _order(
 ) -> tuple[str, bool]:
     choices = [*ORDER, *energy_columns(modes.columns)]
     if by not in choices:
-        raise ResultsError(
-            f"modes cannot be ranked by '{by}', expected {', '.join(choices)}"
-            + did_you_mean(by, choices)
-        )
+        text = f"modes cannot be ranked by '{by}', expected {', '.join(choices)}"
+        raise ResultsError(text + did_you_mean(by, choices))
     if along is not None and along not in (names := parameter_columns(points)):
         raise ResultsError(
             f"'{along}' is no parameter of the study, expected {', '.join(names)}"
@@ -297,10 +298,8 @@ def _summary(
     table.loc[alone.index, "min_damping_ratio"] = alone["damping_ratio"]
     table.loc[table.index == OVERDAMPED_GROUP, "frequency_hz"] = np.nan  # it does not oscillate
     names = parameter_columns(points, varied=True) or parameter_columns(points)
-    designs = points[names].iloc[worst["point"]].to_dict("records")
-    table["at"] = pd.Series(
-        [settings_text(row) for row in designs], index=worst["track"].to_numpy(), dtype="str"
-    )
+    designs = [settings_text(row) for row in worst_settings(points, unstable, worst, names)]
+    table["at"] = pd.Series(designs, index=worst["track"].to_numpy(), dtype="str")
     return table.join(main_components(table[energies]))
 
 

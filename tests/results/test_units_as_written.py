@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_results import made
+from study_runs import solved
+from study_texts import study_text
 
 from squealstudy.cli.check import _constant, _ranges
 from squealstudy.engine.parameter_units import units_of_study
@@ -15,10 +17,11 @@ from squealstudy.engine.report import _tables
 from squealstudy.kinds.limit_cycles.screen import SCREEN as CYCLES
 from squealstudy.kinds.transient.screen import _energy
 from squealstudy.kinds.transient.screen import points as run_rows
+from squealstudy.models.units import unit_as_written
 from squealstudy.plots.style import quantity
 from squealstudy.screen import as_text
 from squealstudy.study.definition import parse_study
-from squealstudy.wording import FAILED, amount, by_ranges, knots_text
+from squealstudy.wording import FAILED, amount, by_ranges, knots_text, with_unit
 
 HEAD = '[study]\nname = "s"\nkind = "complex_modes"\n[model]\nname = "disc_brake"\n'
 SWEEP = '[[sweep]]\nparameter = "pressure"\nvalues = ["7 bar", "12 bar"]\n'
@@ -99,3 +102,31 @@ def test_check_tells_the_range_in_the_unit_of_the_file():
     study = parse_study(HEAD + SWEEP + '[parameters]\nsliding_speed = "1.8 km/h"\n', None)
     assert _ranges(study) == [("  pressure", "7 to 12 bar, 2 values")]
     assert "sliding_speed = 1.8 km/h" in _constant(study)[0][1]
+
+
+def test_each_value_comes_back_in_a_unit_of_the_file():
+    force = unit_as_written(["1 N", "20 kN"], "N")
+    assert [amount(x, force) for x in (1.0, 999.0, 5e3, 2e4)] == ["1 N", "999 N", "5 kN", "20 kN"]
+    mass = copy.deepcopy(unit_as_written(["1 g", "1 kg", "1 t"], "kg"))
+    assert [amount(x, mass) for x in (1e-3, 1.0, 1e3, 0.0)] == ["1 g", "1 kg", "1 t", "0 g"]
+    assert with_unit("mass", {"mass": mass}) == "mass g"  # a column has one unit
+
+
+def test_the_worst_value_of_a_parameter_that_does_nothing_is_any(tmp_path):
+    text = (
+        study_text("mass", "complex_modes", "hulten")
+        + """\
+[[sweep]]
+parameter = "friction"
+values = [0.2, 0.4]
+[[sweep]]
+parameter = "mass"
+values = ["1 g", "1 kg", "1 t"]
+[modes]
+reference_points = 0
+"""
+    )
+    results = solved(text, tmp_path)
+    table = results.screen.rank(results, "share", None, None)
+    assert table["at"].tolist() == ["friction=0.4, mass=any"]
+    assert results.screen.verdict(results).endswith("1/s at friction 0.4.")

@@ -11,12 +11,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.engine.table_rows import ranked_modes
-from squealstudy.kinds.complex_modes.answer import (
-    answer,
-    contact_rows,
-    row_text,
-    what_is_unstable,
-)
+from squealstudy.kinds.complex_modes.answer import answer, contact_rows, row_text, what_is_unstable
 from squealstudy.kinds.complex_modes.design_lines import design_lines
 from squealstudy.kinds.complex_modes.design_table import design_table
 from squealstudy.kinds.complex_modes.error_text import (
@@ -53,6 +48,7 @@ from squealstudy.tables.stability import (
     is_uncertain,
     uncertain_points,
 )
+from squealstudy.tables.worst_points import ANY
 from squealstudy.wording import (
     amount,
     any_of,
@@ -196,7 +192,8 @@ class ComplexModesScreen(KindScreen):
         share = in_digits(100 * wide["family_points"] / wide["points"])
         text += f"Most widespread: {row_text(wide)}, at {share} % of {_counted(results, None)}. "
         text += f"Fastest: {row_text(fast)}, by {in_digits(fast['max_growth_rate'], 1)} 1/s"
-        where = ", ".join(map(" ".join, settings_of(fast["at"], results.units).items()))
+        at = settings_of(fast["at"], results.units).items()
+        where = ", ".join(f"{name} {text}" for name, text in at if text != ANY)
         return f"{text}{f' at {where}' if where else ''}.{but}"
 
     def next_steps(self, results: ResultTables) -> Rows:
@@ -321,7 +318,8 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
     texts += ["growth, Hz, worst at: where growth is fastest; damping: least of all points"]
     texts[-1] += "; energy in: mean of the mode's unstable points" * tells_parts(table)
     names = ", ".join(settings_of(table["at"].iloc[0], {}))
-    texts += [f"worst at: {names}"] if names else []
+    alike = f"; {ANY}: alike at all its values" * any(f"={ANY}" in at for at in table["at"])
+    texts += [f"worst at: {names}{alike}"] if names else []
     if along := results.along:
         texts.append(
             f"onset: least {along} at which the mode turns unstable{_onset_error(table, results)}"
