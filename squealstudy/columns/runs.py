@@ -59,7 +59,10 @@ GROWTH_OF_POINT = (
         "is known to.",
         leaves_out="It is an estimate without an error.",
     ),
-    flag("settled", "Whether the levels of the judged part of the run agree."),
+    flag(
+        "settled",
+        "Whether the levels of the judged part of the run agree, and their RMS is known to 5 %.",
+    ),
     number(
         "settled_time",
         "Earliest time from which levels are those of the end.",

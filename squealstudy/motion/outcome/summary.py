@@ -38,7 +38,12 @@ from squealstudy.motion.outcome.periods import (
     judged_window,
     own_frequency,
 )
-from squealstudy.motion.outcome.settling import SETTLED, longer_window, settled
+from squealstudy.motion.outcome.settling import (
+    MIN_AGREEMENT_HALF_WIDTH,
+    SETTLED,
+    longer_window,
+    settled,
+)
 from squealstudy.motion.outcome.torque import find_levels, find_lines, levels_of
 from squealstudy.motion.outcome.verdict import run_verdict
 from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
@@ -84,7 +89,7 @@ def summarise(
     levels, window = run_levels(run, by_step(lasts), passes=verdict.name in PASSING)
     if energy.max() <= energy_round_off(run):
         levels |= dict.fromkeys(("frequency_hz", "frequency_error", "torque_line_hz"), np.nan)
-    behaviour = _behaviour(run, energy, verdict)
+    behaviour = _behaviour(run, energy, verdict, levels)
     fits = mode_fits(run)
     energies, total = energies_of_steps(run)
     shares = modal_shares(energies[window], total[window])
@@ -273,10 +278,18 @@ def _class_columns(verdict: RunClass, run: Motion) -> dict[str, Any]:
     return {"class": verdict.name, "undecided_until": until}
 
 
-def _behaviour(run: Motion, energy: np.ndarray, verdict: RunClass) -> dict[str, Any]:
-    """Columns on the class, on whether the run has settled, and on which mode took over."""
+def _behaviour(
+    run: Motion, energy: np.ndarray, verdict: RunClass, levels: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Columns on the class, on whether the run has settled, and on which mode took over.
+
+    Nothing has settled at a level that is not known to the width of the band in which levels agree.
+    """
     torque = run.history["torque"]
     is_settled, since = settled(run.times, energy, torque, verdict.name)
+    band = MIN_AGREEMENT_HALF_WIDTH * levels["torque_rms"]
+    if verdict.name in SUSTAINED and levels["torque_rms_window"] > band:
+        is_settled, since = False, np.nan
     first, last, when = transfer(run.times, run.sensed_v**2, run.sensed, held_energies(run))
     return {
         **_class_columns(verdict, run),
