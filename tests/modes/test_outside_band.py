@@ -166,3 +166,18 @@ def test_modes_that_do_not_decay_are_told_of(damping, tmp_path):
         assert "undamped" not in facts
     else:  # at friction 0.1 and 0.2, below the onset
         assert facts["undamped"].startswith("at 2 design points a mode that counts as stable")
+
+
+@pytest.mark.parametrize(("band", "told"), [((100, 1000), True), ((1, 1000), False)])
+def test_divergence_is_told_of_whatever_the_band(band, told, tmp_path):
+    K, F = np.diag([4e5, 1e6]), np.array([[0.0, 1.5e6], [1.5e6, 0.0]])
+    for name, A in {"M": np.eye(2), "C": 5.0 * np.eye(2), "K": K, "F": F}.items():
+        sp.save_npz(tmp_path / f"{name}.npz", sp.csr_matrix(A))
+    text = FAMILY.format(folder=tmp_path).replace("[100.0, 300.0]", str(list(map(float, band))))
+    text = text.replace("values = [0.2, 0.6, 1.0]", "start = 0\nstop = 1\nnum = 11")
+    results = solved(text, tmp_path / "results")
+    # from mu = sqrt(4e5 * 1e6) / 1.5e6 = 0.4216 on; its root comes into the band at 0.8
+    sentence = (
+        "diverges, without oscillation, at 6 of 11 design points looked at, within mu 0.5 to 1."
+    )
+    assert (sentence in results.screen.verdict(results)) == told

@@ -104,6 +104,13 @@ class Side(FactGroup):
     at: dict[str, Finite]
 
 
+class Diverging(FactGroup):
+    """Points at which a real root grows, in the band or outside, and where they lie."""
+
+    points: Count
+    ranges: dict[str, Annotated[list[Finite], Field(min_length=2, max_length=2)]]
+
+
 class OutsideBand(FactGroup):
     """Modes that grow outside the band, and the range that was searched."""
 
@@ -111,6 +118,7 @@ class OutsideBand(FactGroup):
     reach_hz: Finite | None
     below: Side | None
     above: Side | None
+    diverging: Diverging | None = None
 
 
 class Refined(FactGroup):

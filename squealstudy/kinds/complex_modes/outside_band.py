@@ -77,11 +77,14 @@ class Outside:
         Row of the design point in the plan.
     below, above : ndarray complex
         Growing roots [rad/s] below and above the band, without those neutral within their error.
+    diverges : bool
+        Whether some root grows without oscillation, in the band or outside.
     """
 
     row: int
     below: np.ndarray
     above: np.ndarray
+    diverges: bool
 
 
 def look_outside(plan: Plan, columns: ModeColumns, workers: Workers) -> list[Outside]:
@@ -175,7 +178,8 @@ def _outside(
     lam = settled(lam, error, tolerance)
     lam = lam[damping_ratios(lam) < -neutral]
     hz = np.abs(lam) / (2 * np.pi)
-    return Outside(row, lam[hz < band_hz[0]], lam[hz > band_hz[1]])
+    diverges = bool((lam.imag == 0.0).any())
+    return Outside(row, lam[hz < band_hz[0]], lam[hz > band_hz[1]], diverges)
 
 
 def _outside_of_batch(plan: Plan, rows: list[int], wide_hz: tuple[float, float]) -> list[Outside]:
@@ -207,8 +211,27 @@ def outside_facts(plan: Plan, looked: Sequence[Outside], started: float) -> dict
         "looked": len(looked),
         "below": _worst(plan, [(point.row, point.below) for point in looked]),
         "above": _worst(plan, [(point.row, point.above) for point in looked]),
+        "diverging": _diverging(plan, looked),
         "seconds": time.perf_counter() - started,
     }
+
+
+def _diverging(plan: Plan, looked: Sequence[Outside]) -> dict[str, Any] | None:
+    """Number of points that diverge, and the range of each swept parameter over them.
+
+    None unless a real root grows outside the band: it has no frequency, and the band, which is of
+    moduli, parts what belongs together.
+    """
+    beyond = (np.concatenate([point.below, point.above]) for point in looked)
+    if not any((roots.imag == 0.0).any() for roots in beyond):
+        return None
+    rows = [point.row for point in looked if point.diverges]
+    columns = {sweep.name: plan.tasks.column(sweep.name) for sweep in plan.study.sweeps}
+    ranges = {
+        name: [float(of_points[rows].min()), float(of_points[rows].max())]
+        for name, of_points in columns.items()
+    }
+    return {"points": len(rows), "ranges": ranges}
 
 
 def _worst(plan: Plan, roots: Sequence[tuple[int, np.ndarray]]) -> dict[str, Any] | None:

@@ -31,7 +31,25 @@ def grows_outside(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """A sentence on what grows outside the band; empty where nothing is known to."""
     facts = manifest.get("outside_band")
     parts = _growing(facts, manifest, units) if facts else []
-    return f" Outside the band {'; '.join(parts)}." if parts else ""
+    text = f" Outside the band {'; '.join(parts)}." if parts else ""
+    return text + (_divergence(facts, units) if facts else "")
+
+
+def _divergence(facts: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """A sentence on where real roots grow, whatever the band; empty if it holds all of them."""
+    diverging = facts.get("diverging")
+    if not diverging:
+        return ""
+    ranges = ", ".join(
+        f"{name} {amount(low, units.get(name, ''))}"
+        + (f" to {amount(high, units.get(name, ''))}" if high > low else "")
+        for name, (low, high) in diverging["ranges"].items()
+    )
+    where = f", within {ranges}" if ranges else ""
+    return (
+        f" In or outside the band it diverges, without oscillation, at {diverging['points']:,} of "
+        f"{plural(facts['looked'], 'design point')} looked at{where}."
+    )
 
 
 def _growing(
