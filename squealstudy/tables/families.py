@@ -35,7 +35,8 @@ def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
         Onsets of a study of complex modes.
     """
     renumbered = onsets[(onsets["status"] == RENUMBERED).to_numpy(bool)]
-    begun = onsets[onsets["status"].isin(BEGINS_UNSTABLE).to_numpy(bool)]
+    begins = onsets["status"].isin(BEGINS_UNSTABLE) & (onsets["direction"] == INTO)
+    begun = onsets[begins.to_numpy(bool)]
     pairs = []
     for (_, after), rows in renumbered.groupby(ENDS, sort=False):
         into = (rows["direction"] == INTO).to_numpy(bool)

@@ -121,8 +121,8 @@ def rank_modes(
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
         "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, it could
         not be located, or the points are `scattered`), "below range" (unstable at the first value
-        of a line; NaN), "first seen" (a track that begins unstable; an upper bound) or "broken"
-        (on some line it begins so beside a track that ends, the same mode perhaps; an upper bound).
+        of a line; NaN), "first seen" (a track that begins unstable; an upper bound) or "broken" (so
+        beside a track that ends, on some line, and it may be unstable before; an upper bound).
         `taken_over`: at a smaller value of some line an unstable mode of another number takes this
         one, which is no onset.
 
@@ -146,16 +146,12 @@ def rank_modes(
         group = np.where(listed & (group >= 0), track, np.minimum(group, 0))
         rows = np.flatnonzero(group)
         line, x = line_codes(points, along), points[along].to_numpy(float)
-        start = (
-            np.full(len(points), np.nan)
-            if scattered
-            else _starts(points[along], line, points_selected)
-        )
+        start = _starts(points[along], line, points_selected)
+        start = np.full(len(points), np.nan) if scattered else start
         refined = _refined_onsets(points, onsets)
         thresholds = _thresholds(
             modes[["damping_ratio", "unstable"]].iloc[rows],
-            group[rows],
-            code[rows],
+            *(group[rows], code[rows]),
             x,
             start,
             line,
@@ -354,14 +350,15 @@ def _thresholds(
     begun = np.flatnonzero(crossings["kind"] == FIRST_SEEN)
     ends = code[crossings["after"].to_numpy()[begun]]
     keys = zip(crossings["track"].to_numpy()[begun], itertools.repeat(-1), ends)
-    at_break = begun[np.array([key in refined for key in keys], dtype=bool)]
+    lows = np.array([refined.get(key, np.inf) for key in keys], dtype=float)
+    at_break = begun[np.isnan(lows)]
+    crossings.iloc[begun[np.isfinite(lows)], crossings.columns.get_loc("kind")] = BRACKETED
     crossings["value"] = crossings["value"].mask(crossings["kind"] == BELOW_RANGE, -np.inf)
     unsure = crossings["track"].isin(crossings["track"].to_numpy()[at_break])
     unsure &= crossings["kind"] != BELOW_RANGE  # the least over all lines is an upper bound
     crossings["kind"] = crossings["kind"].mask(unsure, BROKEN)
-    crossings = (
-        crossings.sort_values("value", kind="stable").drop_duplicates("track").set_index("track")
-    )
+    crossings = crossings.sort_values("value", kind="stable").drop_duplicates("track")
+    crossings = crossings.set_index("track")
     renumbered_at = (
         pd.Series(x[code[renumbered["after"].to_numpy()]], renumbered["track"].to_numpy())
         .groupby(level=0)
@@ -387,13 +384,16 @@ def _refined_onsets(
 ) -> dict[tuple[int, int, int], float]:
     """Refined onsets by track and the rows in `points` of both ends; NaN where the mode has none.
 
-    The row before is -1 where the track begins beside one that ends. Infinite: not located.
+    Where the track begins beside one that ends, the row before is -1, and the value `bracket_low`.
+    Infinite: not located.
     """
     if onsets is None:
         return {}
     with_onset = [REFINED, CUBIC, RENUMBERED, BROKEN, NOT_LOCATED]
     refined = onsets[onsets["status"].isin(with_onset) & (onsets["direction"] == INTO)]
     values = refined["onset"].mask(refined["status"] == NOT_LOCATED, np.inf)
-    index = pd.Index(points["point_id"])
-    ends = (index.get_indexer(pd.Index(refined[name])) for name in ("point_before", "point_after"))
+    is_broken = refined["status"] == BROKEN
+    values = values.mask(is_broken, refined.get("bracket_low", np.nan))
+    before, index = refined["point_before"].mask(is_broken, ""), pd.Index(points["point_id"])
+    ends = (index.get_indexer(pd.Index(ids)) for ids in (before, refined["point_after"]))
     return dict(zip(zip(refined["track"], *ends, strict=True), values, strict=True))

@@ -119,7 +119,8 @@ def test_what_is_not_refined_is_flagged_and_no_onset(more, tmp_path):
     assert results.modes["track"].nunique() == 3
     assert results.modes["track_ambiguous"].all()
     assert sorted(results.onsets["status"]) == ["below_range", "broken", "broken"]
-    assert results.onsets["onset"].isna().all()
+    assert results.onsets[["onset", "bracket_low"]].isna().all(axis=None)
+    assert (results.onsets["direction"] == "in").all()  # the mode grows on under another number
     ranked = results.rank().set_index("track")
     assert ranked["threshold_kind"].tolist().count("broken") == 2
     assert ranked["ambiguous"].all()

@@ -159,9 +159,23 @@ def onsets_in_words(results: ResultTables, table: pd.DataFrame) -> str:
     n_untold = len(tracked) - len(texts)
     others = f" and {plural(n_untold, 'other')}" if n_untold else ""
     real_roots = table[(table["kind"] == group_kind(OVERDAMPED_GROUP)).to_numpy(bool)]
-    begins = [first_at(row, along, unit) for row in real_roots.to_dict("records")]
+    begins = [
+        first_at(row, along, unit, _quiet_before(results, float(row["threshold"])))
+        for row in real_roots.to_dict("records")
+    ]
     divergence = [f"without oscillation{text}" for text in begins if text]
     return "; ".join(filter(None, [", ".join(alike_together(texts, along)) + others, *divergence]))
+
+
+def _quiet_before(results: ResultTables, onset: float) -> float:
+    """Last solved value before an onset, if surely no mode grows there on any line; else NaN."""
+    along, points = results.along or "", results.points
+    names = [name for name in parameter_columns(points, varied=True) if name != along]
+    before = points[((points["status"] == "ok") & (points[along] < onset)).to_numpy(bool)]
+    last = before.sort_values(along, kind="stable")
+    last = last.drop_duplicates(names, keep="last") if names else last.iloc[-1:]
+    is_quiet = len(last) and (last["n_unstable_high"] == 0).all()
+    return float(last[along].min()) if is_quiet else float("nan")
 
 
 def extremes_in_words(results: ResultTables, lines: list[DesignLine]) -> str:

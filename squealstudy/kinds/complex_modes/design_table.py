@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 MOST_ONSETS = 4  # modes with a column of onsets
+BOUND_NOTE = ", <= if the point before is unstable"
 NONE = "none"  # in place of the onset of a mode that is stable at every point of a design
 
 
@@ -131,7 +132,8 @@ def _onsets_by_mode(
     if not {text for texts in onsets for text in texts} - {"-", NONE, BELOW_TEXT}:  # no values
         title, unknown = "growth 1/s of", "no mode of this number grows"
         onsets = [[_growth_text(row) for row in rows] for rows in of_design]
-    has_ends = any(" to " in text for texts in onsets for text in texts)
+    cells = " ".join(text for texts in onsets for text in texts)
+    has_ends = " to " in cells
     shown = grid(
         f"text:{title}",
         *(f"{'text' if has_ends else 'value'}:{_mode_text(fastest[track])}" for track in chosen),
@@ -143,7 +145,7 @@ def _onsets_by_mode(
     if any("-" in texts for texts in onsets):
         legend += [f"-: at this design {unknown}"]
     if has_ends:
-        legend += ["to: where the mode is stable again"]
+        legend += [f"to: where the mode is stable again{BOUND_NOTE * (' to <= ' in cells)}"]
     if len(fastest) > len(chosen):
         legend += [f"{plural(len(fastest) - len(chosen), 'mode')} left out"]
     return [shown, *([notes("; ".join(legend))] if legend else [])]

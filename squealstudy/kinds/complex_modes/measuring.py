@@ -299,6 +299,7 @@ def _bounds(row: pd.Series, value: float, x: np.ndarray) -> tuple[float, float]:
     if row["status"] == UNREFINED[FIRST_SEEN]:
         return float(x[max(int(np.searchsorted(x, value)) - 1, 0)]), value
     if row["status"] == BROKEN:
-        return float(x[0]), value
+        stable = float(row["bracket_low"])
+        return float(x[0]) if np.isnan(stable) else stable, value
     low, high = row["bracket_low"], row["bracket_high"]
     return (float(low), float(high)) if np.isfinite(row["onset"]) else (value, value)

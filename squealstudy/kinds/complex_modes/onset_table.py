@@ -16,6 +16,7 @@ from squealstudy.screen import grid, notes
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.stability import (
     BRACKETED,
+    BROKEN,
     CROSSING,
     FIRST_SEEN,
     INEXACT,
@@ -47,9 +48,9 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
     units, top = results.units, float(results.points[along].max())
     unit = units.get(along, "")
     ends = last_ends(results, along).reindex(first.index)
-    pairs = zip(first.to_numpy(), ends.to_numpy(float), strict=True)
+    pairs = zip(first.to_numpy(), ends.to_numpy(), strict=True)
     onsets = pd.Series(
-        [_cell(onset, mark, end, top, unit) for (onset, mark), end in pairs], first.index
+        [_cell(onset, mark, *end, top, unit) for (onset, mark), end in pairs], first.index
     )
     counts = {name: first.index.get_level_values(name).nunique() for name in names}
     down = max(names, key=counts.__getitem__)
@@ -82,7 +83,10 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
             if INEXACT[FIRST_SEEN] in shown_marks
             else "",
             f"to: unstable from the least {along} up to there, and at no larger one"
-            if ends.notna().any()
+            if ends["end"].notna().any()
+            else "",
+            "to <=: the end is between this value and the solved one before"
+            if ends["mark"].any()
             else "",
         ),
     ]
@@ -124,33 +128,38 @@ def first_onsets(results: ResultTables, along: str) -> pd.DataFrame:
     return pd.DataFrame({"onset": onset, "mark": np.where(np.isfinite(onset), mark, "")})
 
 
-def last_ends(results: ResultTables, along: str) -> pd.Series:
-    """Value beyond which no mode of a design is unstable, by the other varied parameters.
+def last_ends(results: ResultTables, along: str) -> pd.DataFrame:
+    """The `end` beyond which no mode of a design is unstable, and its `mark`, as `first_onsets`.
 
     Of designs unstable at the least value and up to there; NaN of others, and where it is not
-    refined.
+    refined. Where a track ends unstable it is the first stable value, with the mark of a bound.
     """
     points = results.points
     names = [n for n in parameter_columns(points, varied=True) if n != along]
     onsets = results.table("onsets")
-    is_end = (onsets["direction"] == OUT_OF) & onsets["status"].isin(REFINED_ONSETS)
+    is_end = (onsets["direction"] == OUT_OF) & onsets["status"].isin([*REFINED_ONSETS, BROKEN])
     of_end = onsets[is_end.to_numpy(bool)]
+    values = of_end["onset"].where(of_end["status"] != BROKEN, of_end.get("bracket_high"))
+    is_broken = (of_end["status"] == BROKEN).to_numpy(bool)
     ends: dict[Any, float] = {}
+    marks: dict[Any, str] = {}
     for design, rows in points.sort_values(along, kind="stable").groupby(names):
         settings, ok = rows[along].to_numpy(float), (rows["status"] == "ok").to_numpy(bool)
         unstable = ok & (rows["n_unstable"] > 0).fillna(False).to_numpy(bool)
         quiet = ok & (rows["n_unstable_high"] == 0).fillna(False).to_numpy(bool)
         n = int(unstable.sum())
         key = design if len(names) > 1 else design[0] if isinstance(design, tuple) else design
-        ends[key] = np.nan
+        ends[key], marks[key] = np.nan, ""
         if 0 < n < len(rows) and unstable[:n].all() and quiet[n:].all():
             same = np.logical_and.reduce([of_end[p].to_numpy() == rows[p].iloc[0] for p in names])
-            at = of_end["onset"].to_numpy(float)[same]
-            at = at[(settings[n - 1] <= at) & (at <= settings[n])]
-            ends[key] = at.max() if len(at) else np.nan
+            at = values.to_numpy(float)
+            inside = same & (settings[n - 1] <= at) & (at <= settings[n])
+            inside &= ~is_broken | (at > settings[n - 1])
+            ends[key] = at[inside].max() if inside.any() else np.nan
+            marks[key] = INEXACT[BROKEN] * bool(is_broken[inside].any())
     keys: list[Any] = list(ends)
     index = pd.MultiIndex.from_tuples(keys, names=names) if len(names) > 1 else pd.Index(keys)
-    return pd.Series(list(ends.values()), index, dtype=float)
+    return pd.DataFrame({"end": list(ends.values()), "mark": list(marks.values())}, index)
 
 
 def _title(column: object, others: list[str], units: dict[str, str], along: str) -> str:
@@ -164,9 +173,9 @@ def _title(column: object, others: list[str], units: dict[str, str], along: str)
     return ", ".join(amount(number, units.get(name, "")) for name, number in shown)
 
 
-def _cell(onset: float, mark: str, end: float, top: float, unit: str) -> str:
+def _cell(onset: float, mark: str, end: float, end_mark: str, top: float, unit: str) -> str:
     if onset == BELOW:
-        return f"to {amount(end, unit)}" if end == end else "below range"
+        return f"to {end_mark}{amount(end, unit)}" if end == end else "below range"
     if onset == NEVER:
         return f"none up to {amount(top, unit)}"
     return f"{mark}{amount(onset, unit)}" if onset == onset else "-"

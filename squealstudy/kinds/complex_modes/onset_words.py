@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from squealstudy.tables.families import RENUMBERED
 from squealstudy.tables.stability import (
     BELOW_RANGE,
+    BROKEN,
     INEXACT,
     INTERPOLATED,
     INTO,
@@ -35,13 +38,15 @@ Row = Mapping[Hashable, Any]
 def onset_in_words(row: Row, along: str, unit: str, onsets: pd.DataFrame | None) -> str:
     """Where a mode first turns unstable, with another frequency there; empty where not known."""
     save = ", save where an unstable mode takes its number" if row["taken_over"] else ""
-    return f"{first_at(row, along, unit)}{other_frequency(row, onsets)}{save}"
+    first = first_at(row, along, unit, _last_before(row, onsets))
+    return f"{first}{other_frequency(row, onsets)}{save}"
 
 
-def first_at(row: Row, along: str, unit: str) -> str:
+def first_at(row: Row, along: str, unit: str, stable_at: float = math.nan) -> str:
     """Where a mode first turns unstable, in words; empty where that is not known.
 
-    It may be stable again at larger values.
+    It may be stable again at larger values. `stable_at` is the last solved value before an onset
+    that is only a bound, NaN where that is not known.
     """
     kind, onset = str(row["threshold_kind"]), row["threshold"]
     if kind == BELOW_RANGE:
@@ -49,8 +54,23 @@ def first_at(row: Row, along: str, unit: str) -> str:
     if not isinstance(onset, float) or np.isnan(onset):
         return ""
     mark = INEXACT.get(kind, "")
+    if mark == "<= " and stable_at < onset:
+        return f" first at {along} between {amount(stable_at, unit)} and {amount(onset, unit)}"
     about, below = "about " if mark == "~" else "", " or less" if mark == "<= " else ""
     return f" first at {along} {about}{amount(onset, unit)}{below}"
+
+
+def _last_before(row: Row, onsets: pd.DataFrame | None) -> float:
+    """Last solved value at which a mode is stable before an onset that is a bound; NaN if unknown.
+
+    The least of all lines: on some line the mode may turn unstable just above it.
+    """
+    if onsets is None:
+        return math.nan
+    bounded = (onsets["track"] == row["track"]) & (onsets["direction"] == INTO)
+    bounded &= ~onsets["status"].isin([*REFINED_ONSETS, RENUMBERED])
+    lows = onsets["bracket_low"][bounded.to_numpy(bool)].to_numpy(float)
+    return float(lows.min()) if len(lows) else math.nan
 
 
 def onset_cell(row: Row, unit: str) -> str:
@@ -92,6 +112,10 @@ def _elsewhere(frequencies: list[float], hz: float) -> str:
 
 def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
     """The value from which on a mode of one line is stable again, in words; empty if not known."""
+    turn = _turning_out(row, onsets)
+    if turn is not None and turn["status"] == BROKEN:
+        low, high = (amount(float(turn[f"bracket_{end}"]), unit) for end in ("low", "high"))
+        return f", still at {low}, no longer from {high} on"
     end = _end(row, onsets, unit)
     return f", no longer from {end} on" if end else ""
 
@@ -109,19 +133,30 @@ def rows_with_ends(
 
 def _end(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
     """The value from which on a mode of one line is stable again; empty where not known."""
-    if onsets is None:
+    turn = _turning_out(row, onsets)
+    if turn is None:
         return ""
+    if turn["status"] == BROKEN:
+        return f"{INEXACT[BROKEN]}{amount(float(turn['bracket_high']), unit)}"
+    about = "about " if turn["status"] == INTERPOLATED else ""
+    return f"{about}{amount(float(turn['onset']), unit)}"
+
+
+def _turning_out(row: Row, onsets: pd.DataFrame | None) -> Row | None:
+    """The row of the onsets of one line from which on a mode is stable; None where not known."""
+    if onsets is None:
+        return None
     of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
-    ends = of_mode["onset"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].to_numpy(float)
+    ends = of_mode[(of_mode["direction"] == OUT_OF).to_numpy(bool)].to_dict("records")
     begins = of_mode["onset"][(of_mode["direction"] == INTO).to_numpy(bool)].to_numpy(float)
     begins = np.nan_to_num(begins, nan=-np.inf)  # below the range
-    if len(ends) != 1 or len(begins) > 1 or not (begins < ends[0]).all():
-        return ""  # it is unstable again further on, or throughout
-    status = of_mode["status"][(of_mode["direction"] == OUT_OF).to_numpy(bool)].iloc[0]
-    if status not in (*REFINED_ONSETS, INTERPOLATED):  # others have the value of a design point
-        return ""
-    about = "about " if status == INTERPOLATED else ""
-    return f"{about}{amount(float(ends[0]), unit)}"
+    if len(ends) != 1 or len(begins) > 1:
+        return None  # it is unstable again further on, or throughout
+    (turn,) = ends
+    if turn["status"] == BROKEN:
+        return turn
+    is_placed = turn["status"] in (*REFINED_ONSETS, INTERPOLATED)  # others are at a design point
+    return turn if is_placed and (begins < turn["onset"]).all() else None
 
 
 def onset_and_end(row: Row | None, unit: str) -> str:

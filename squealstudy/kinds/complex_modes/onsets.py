@@ -119,8 +119,8 @@ class OnsetSearch:
         method and the roots; NaN where not known), ``evaluations``, ``point_before``,
         ``point_after``. A line with a single design point has no onsets. What a status means:
         docs/reference/words-in-tables.md. Beyond that: the bracket of "within_error" reaches to the
-        next point whose growth is not within its error, NaN where there is none. Onsets of "failed"
-        keep their value from before; "bracketed" has the unstable end, "first_seen" an upper bound,
+        next point whose growth is not within its error, NaN where there is none. "failed" keeps
+        its value from before; "bracketed" has the unstable end, "first_seen" an upper bound,
         "renumbered", "below_range" and "broken" NaN.
         """
         events = self._crossings.events(self._zeta, self._tolerance)
@@ -147,7 +147,7 @@ class OnsetSearch:
     def _unrefined(self, events: pd.DataFrame) -> Cells:
         """Columns of the table of onsets, before anything is refined."""
         points, x = self._points, self._points[self._along].to_numpy()
-        before, after = events["before"].to_numpy(), events["after"].to_numpy()
+        before, after, below, above = events[["before", "after", "low", "high"]].to_numpy().T
         crossing = before >= 0
         p0, p1 = self._point[np.where(crossing, before, after)], self._point[after]
         span = x[p1] - x[p0]  # without one the value is that of the end
@@ -161,15 +161,15 @@ class OnsetSearch:
                 table[name] = points[name].to_numpy()[p1]
         unknown = events["kind"].isin([BELOW_RANGE, BROKEN]).to_numpy()
         table["onset"] = np.where(unknown, np.nan, events["value"].to_numpy())
-        table["bracket_low"] = np.where(crossing, x[p0], np.nan)
-        table["bracket_high"] = x[p1]
+        table["bracket_low"] = np.where(below >= 0, x[below], np.nan)
+        table["bracket_high"] = x[above]
         table["frequency_hz"] = np.abs(low + part * (high - low)) / (2 * np.pi)
         table["direction"] = events["direction"].to_numpy(object)
         table["status"] = events["kind"].map(UNREFINED).fillna(INTERPOLATED).to_numpy(object)
         table["error_estimate"] = np.full(len(events), np.nan)
         table["evaluations"] = np.zeros(len(events), dtype=np.int32)
-        table["point_before"] = np.where(crossing, ids[p0], "")
-        table["point_after"] = ids[p1]
+        table["point_before"] = np.where(below >= 0, ids[below], "")
+        table["point_after"] = ids[above]
         return table
 
     def _place_neutral(self, events: pd.DataFrame, table: Cells) -> None:

@@ -70,8 +70,8 @@ ONSETS = {
     "grows by less than its error; not refined",
     FIRST_SEEN: "<= before an onset: on some line the mode is unstable at the least value where it "
     "was found",
-    BROKEN: "<= before an onset: on some line the mode's track begins unstable beside one that "
-    "ends, of the same mode perhaps",
+    BROKEN: "<= before an onset: on some line the track begins unstable beside one that ends; "
+    "both may be one mode",
     BRACKETED: "<= before an onset: between a stable point and this one, not refined",
     BELOW_RANGE: "below range: unstable at the first value of a line",
 }

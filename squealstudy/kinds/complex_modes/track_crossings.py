@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.kinds.complex_modes.study_tracks import Follower
+from squealstudy.modes.judged_roots import damping_ratios
 from squealstudy.modes.tracking.labels import Tracks
 from squealstudy.modes.tracking.pairing import broken
+from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.tables.mode_ranking import line_codes
-from squealstudy.tables.stability import BROKEN, FIRST_SEEN, line_crossings
+from squealstudy.tables.stability import BROKEN, FIRST_SEEN, OUT_OF, line_crossings
 
 
 class TrackCrossings:
@@ -53,11 +55,15 @@ class TrackCrossings:
         Returns
         -------
         DataFrame
-            As `line_crossings` returns it, with rows of the N modes; a mode "first seen" beside a
-            track that ends has the kind "broken" instead.
+            As `line_crossings` returns it, with rows of the N modes. A mode "first seen" beside a
+            track that ends has the kind "broken" instead. So has a track that ends unstable beside
+            one that begins, if no other takes its place: "out", without a row before, and the row
+            after is its last. ``low`` and ``high`` are the points of the bracket, -1 if not known.
         """
         ok, track = self._ok[self._point], self._tracks.labels.flat
         unstable = (zeta < -tolerance) & ok
+        lams = self._follower.lams
+        grows = lams.with_flat(unstable | (damping_ratios(lams.flat) < -tolerance))
         by_line = self._x.groupby(self._line)
         several = (by_line.transform("nunique") > 1).to_numpy()
         start = by_line.transform("min").to_numpy(dtype=float, copy=True)
@@ -77,21 +83,64 @@ class TrackCrossings:
         events["after"] = tracked[events["after"]]
         has_before = events["before"] >= 0
         events.loc[has_before, "before"] = tracked[events.loc[has_before, "before"]]
-        first = np.flatnonzero(events["kind"] == FIRST_SEEN)
-        if len(first):
-            at_break = self._at_breaks(events["after"].to_numpy()[first])
-            events.loc[events.index[first[at_break]], "kind"] = BROKEN
-        return events
+        rows = events["before"].to_numpy()
+        events["low"] = np.where(rows >= 0, self._point[rows], -1)
+        events["high"] = self._point[events["after"].to_numpy()]
+        point_before, point_after = self._beside()
+        for event in np.flatnonzero(events["kind"] == FIRST_SEEN):
+            row = int(events["after"].iloc[event])
+            if self._at_break(row, point_before):
+                events.loc[event, "kind"] = BROKEN
+                low, high = int(point_before[self._point[row]]), int(self._point[row])
+                events.loc[event, "low"] = low if self._ends_between(high, low, grows) else -1
+        ends = self._ends(tracked, unstable, grows, point_after)
+        if not len(ends):
+            return events
+        by_place = ["track", "line", "value"]
+        return pd.concat([events, ends]).sort_values(by_place, kind="stable", ignore_index=True)
 
-    def _at_breaks(self, rows: np.ndarray) -> np.ndarray:
-        """Which of the modes (n,), each the first of its track on a line, may continue another."""
+    def _beside(self) -> tuple[np.ndarray, np.ndarray]:
+        """Point that is ok before and after each point on its line, -1 where there is none."""
         x = self._x.to_numpy(float)
         order = np.lexsort((x, self._line))
         order = order[np.isfinite(x[order])]
         follows = np.diff(self._line[order]) == 0
-        before = np.full(len(x), -1)
+        before, after = np.full((2, len(x)), -1)
         before[order[1:][follows]] = order[:-1][follows]
-        return np.array([self._at_break(int(row), before) for row in rows], dtype=bool)
+        after[order[:-1][follows]] = order[1:][follows]
+        return before, after
+
+    def _ends(
+        self, tracked: np.ndarray, unstable: np.ndarray, grows: Ragged, point_after: np.ndarray
+    ) -> pd.DataFrame:
+        """Events of tracks that end unstable on a line and that no other mode may continue."""
+        track, x = self._tracks.labels.flat, self._x.to_numpy(float)
+        line = self._line[self._point]
+        rows = tracked[np.lexsort((x[self._point[tracked]], line[tracked], track[tracked]))]
+        last = np.ones(len(rows), dtype=bool)
+        last[:-1] = (np.diff(track[rows]) != 0) | (np.diff(line[rows]) != 0)
+        ends = []
+        for row in rows[last & unstable[rows] & (point_after[self._point[rows]] >= 0)].tolist():
+            low = int(self._point[row])
+            high = int(point_after[low])
+            ended = self._broken(low, high)[0]
+            if ended[row - self._tracks.labels.starts[low]] and self._ends_between(
+                low, high, grows
+            ):
+                ends.append((track[row], line[row], x[high], BROKEN, OUT_OF, -1, row, low, high))
+        names = ["track", "line", "value", "kind", "direction", "before", "after", "low", "high"]
+        return pd.DataFrame(ends, columns=names)
+
+    def _ends_between(self, ending: int, beside: int, grows: Ragged) -> bool:
+        """Whether no mode that ends growing at one point may be one that grows at a neighbour.
+
+        Each mode that may grow at the neighbour grows at the point under the same number, or is
+        stable there and followed without doubt.
+        """
+        labels, doubtful = self._tracks.labels, self._tracks.ambiguous
+        same = np.isin(labels[beside], labels[ending][grows[ending]])
+        followed = np.isin(labels[beside], labels[ending]) & ~doubtful[beside]
+        return not (grows[beside] & ~same & ~followed).any()
 
     def _at_break(self, row: int, before: np.ndarray) -> bool:
         """Whether a mode may continue a track that ends at the point `before` its own."""
@@ -101,10 +150,12 @@ class TrackCrossings:
             return False
         if self._follower.parents[point] == other:  # smaller steps may have told them apart
             return bool(self._tracks.ambiguous.flat[row])
+        began = self._broken(other, point)[1]
+        return bool(began[row - self._tracks.labels.starts[point]])
+
+    def _broken(self, low: int, high: int) -> tuple[np.ndarray, np.ndarray]:
+        """Modes whose tracks end at a point, and begin at the next, and may be one (`broken`)."""
         lams, labels = self._follower.lams, self._tracks.labels
-        mode_of_track = {int(track): mode for mode, track in enumerate(labels[point])}
-        partner = np.array(
-            [mode_of_track.get(int(track), -1) for track in labels[other]], dtype=int
-        )
-        began = broken(lams[other], lams[point], partner, self._follower.band)[1]
-        return bool(began[row - labels.starts[point]])
+        mode_of_track = {int(track): mode for mode, track in enumerate(labels[high])}
+        partner = np.array([mode_of_track.get(int(track), -1) for track in labels[low]], dtype=int)
+        return broken(lams[low], lams[high], partner, self._follower.band)
