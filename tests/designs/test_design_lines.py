@@ -489,6 +489,9 @@ def test_what_designs_change_of_the_contact_is_told_at_the_same_friction(tmp_pat
     loads = [line._replace(design={"pressure": 2e5 * (k + 1)}) for k, line in enumerate(lines)]
     ((_, text),) = contact_rows(SimpleNamespace(points=opened, along="friction"), loads)
     assert text.endswith("that differs by up to 6.0 % of the area")
+    lifted = opened.assign(contact_pressure_max=[0.0, 0.0, 1.1e5, 4.2e5])  # was: by up to inf %
+    ((_, text),) = contact_rows(SimpleNamespace(points=lifted, along="friction"), lines)
+    assert text.endswith("of the area, and the largest pressure from none to some")
     alike = opened.assign(open_share=0.1, contact_pressure_max=[1e5, 4e5] * 2)
     assert contact_rows(SimpleNamespace(points=alike, along="friction"), lines) == []
     assert contact_rows(SimpleNamespace(points=opened, along="friction"), []) == []

@@ -221,8 +221,10 @@ def contact_rows(results: ResultTables, lines: list[DesignLine]) -> Rows:
     at_same = solved.groupby(along)[[OPEN, LARGEST_PRESSURE]]
     low, high = at_same.min(), at_same.max()
     opened = 100 * float((high[OPEN] - low[OPEN]).max())
-    pressed = 100 * float((high[LARGEST_PRESSURE] / low[LARGEST_PRESSURE] - 1.0).max())
-    if not high[OPEN].max() > 0.0 or not max(opened, pressed) >= LEAST_CONTACT_CHANGE:
+    least, most = low[LARGEST_PRESSURE], high[LARGEST_PRESSURE]
+    lost = bool(((least == 0.0) & (most > 0.0)).any())  # a design that nothing presses
+    pressed = 100 * float((most / least.where(least > 0.0) - 1.0).max())
+    if not high[OPEN].max() > 0.0 or not np.fmax(opened, pressed) >= LEAST_CONTACT_CHANGE:
         return []
     ends = [in_digits(100 * float(end), 1) for end in (low[OPEN].min(), high[OPEN].max())]
     text = (
@@ -230,5 +232,6 @@ def contact_rows(results: ResultTables, lines: list[DesignLine]) -> Rows:
         f"designs at the same {along} that differs by up to {in_digits(opened, 1)} % of the area"
     )
     if not LOADS & set(lines[0].design):  # else it differs because the load does
-        text += f", and the largest pressure by up to {in_digits(pressed, 1)} %"
+        by = f"by up to {in_digits(pressed, 1)} %"
+        text += f", and the largest pressure {'from none to some' if lost else by}"
     return [("contact", text)]
