@@ -26,14 +26,13 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.curve import between
 from squealstudy.cycles.cycle import Cycle, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
-from squealstudy.cycles.families import START
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.projection import Projection
 from squealstudy.engine.cache import NewGaps
 from squealstudy.engine.design_points import DesignPoints
 from squealstudy.errors import SquealstudyError
 from squealstudy.kinds.limit_cycles.designs import CyclesRequest, DesignLine
-from squealstudy.kinds.limit_cycles.onset import onset_error, onset_near
+from squealstudy.kinds.limit_cycles.onset import has_shrunk, onset_error, onset_near
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
@@ -175,7 +174,9 @@ def step_to_neighbour(task: StepTask) -> ContinuedBranches:
     def stop(motion: PeriodicMotion) -> str:
         nonlocal furthest
         furthest = max(furthest, motion.parameter)
-        return TURNED if motion.parameter < furthest - MAX_RETRACED_SHARE else ended(line, motion)
+        if motion.parameter < furthest - MAX_RETRACED_SHARE:
+            return TURNED
+        return ended(line, motion, task.start.motion)
 
     try:
         _, curve, end = cycles_along(line.oscillator, task.start.motion, line.bounds, 1.0, stop)
@@ -319,13 +320,12 @@ class Branch:
         return row
 
 
-def ended(line: DesignLine, motion: PeriodicMotion) -> str:
-    """Why a branch ends at a cycle that has shrunk or grown to a limit; empty if it does not."""
-    contact = line.contact(motion.parameter)
-    velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
-    if velocity < START * speed:
+def ended(line: DesignLine, motion: PeriodicMotion, start: PeriodicMotion | None = None) -> str:
+    """Why a branch from a start ends at a cycle that has shrunk or grown to a limit, or nothing."""
+    if has_shrunk(line, motion, start):
         return SHRUNK
-    return FAR if velocity > line.request.section.reach * speed else ""
+    contact, reach = line.contact(motion.parameter), line.request.section.reach
+    return FAR if contact.contact_velocity(motion) > reach * abs(contact.point.speed) else ""
 
 
 def _branch(line: DesignLine, start: Start) -> Branch:
@@ -342,7 +342,7 @@ def _branch(line: DesignLine, start: Start) -> Branch:
             start.motion,
             line.bounds,
             direction,
-            partial(ended, line),
+            partial(ended, line, start=start.motion),
             highest=line.request.band[1],
         )
         if end == CLOSED:

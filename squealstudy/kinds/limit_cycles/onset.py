@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.families import START
 from squealstudy.cycles.onset import criticality
 from squealstudy.errors import ConvergenceError
 from squealstudy.kinds.limit_cycles.designs import DesignLine
@@ -15,6 +16,33 @@ from squealstudy.modes.tracking.refinement import Modes
 ONSET_REL_TOLERANCE = 1e-9  # tolerance over the range of the parameter
 MIN_BRACKET_HALF_WIDTH = 1e-6  # least half-width of the first bracket over the range
 MAX_BRACKET_DOUBLINGS = 8  # number of brackets that are tried, each twice as wide as the last
+# distance of a neutral root to the motion that begins at it, over the frequency
+NEUTRAL_REL_DISTANCE = 1e-4
+SMALLER = 0.9  # size of a cycle that has shrunk over that of the branch's first, at most
+NO_SIZE = 1e-6  # contact velocity over the sliding speed below which a cycle counts as none
+
+
+def has_shrunk(
+    designs: DesignLine, motion: PeriodicMotion, start: PeriodicMotion | None = None
+) -> bool:
+    """Whether a cycle is steady sliding, nearly: it is small, and a mode of its frequency neutral.
+
+    Two modes whose frequencies are as 1 to 2 have small cycles that end at no onset. Nor do those
+    that are no smaller than the branch's `start`.
+    """
+    contact = designs.contact(motion.parameter)
+    velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
+    if not velocity < START * speed:
+        return False
+    if velocity < NO_SIZE * speed:
+        return True
+    if start is not None:
+        first = designs.contact(start.parameter).contact_velocity(start)
+        if velocity > SMALLER * first:
+            return False
+    lam, _ = contact.oscillator.steady_modes(2.0 * motion.omega)
+    distance = np.abs(lam - 1j * motion.omega).min(initial=np.inf)
+    return bool(distance <= NEUTRAL_REL_DISTANCE * motion.omega)
 
 
 def onset_near(
