@@ -218,7 +218,7 @@ def test_a_screen_says_what_was_found_how_sure_that_is_and_what_next(study, caps
     sure, after = rest.split("\n\nWhat next\n")
     assert found.startswith("1 mode is unstable between 1 and 1000 Hz: T1 at 94 Hz first at")
     assert [line.split("  ")[0].strip() for line in sure.splitlines() if line[0] != " "] == [
-        *("design points", "outside band", "estimates", "error")
+        *("design points", "outside band", "estimates", "error", "undamped")
     ]
     assert "squealstudy rank results/lockin --why" in after
     assert command(*run, "--verbose") == 0
