@@ -272,7 +272,7 @@ def failing_contact(system: ModalSystem, motion: Motion) -> str:
     runs away.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        gap = motion.point.points(system)[POINT_GAP] + system.N @ motion.q
+        gap = (motion.point.points(system)[POINT_GAP] + system.N @ motion.q)[system.touching]
         given_way = np.flatnonzero(motion.point.contact.evaluate(gap)[1] < 0.0)
     if len(given_way):
         points = plural(len(gap), "contact point")
