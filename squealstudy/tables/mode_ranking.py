@@ -352,7 +352,7 @@ def _thresholds(
     keys = zip(crossings["track"].to_numpy()[begun], itertools.repeat(-1), ends)
     lows = np.array([refined.get(key, np.inf) for key in keys], dtype=float)
     at_break = begun[np.isnan(lows)]
-    crossings.iloc[begun[np.isfinite(lows)], crossings.columns.get_loc("kind")] = BRACKETED
+    crossings.loc[crossings.index[begun[np.isfinite(lows)]], "kind"] = BRACKETED
     crossings["value"] = crossings["value"].mask(crossings["kind"] == BELOW_RANGE, -np.inf)
     unsure = crossings["track"].isin(crossings["track"].to_numpy()[at_break])
     unsure &= crossings["kind"] != BELOW_RANGE  # the least over all lines is an upper bound

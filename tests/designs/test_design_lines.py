@@ -422,6 +422,12 @@ def test_of_many_designs_it_is_told_up_to_where_one_is_unstable_from_the_least_v
     ends = last_ends(changed, "friction")
     assert tuple(ends.loc[seconds[3]]) == (0.15, "")
     assert ends["end"].notna().sum() == 1
+    broken = {**end, "status": "broken", "onset": np.nan, "bracket_high": 0.1}
+    for bracket_high, told in ((0.1, (0.15, "")), (points["friction"].unique()[1], (None, "<= "))):
+        more = pd.DataFrame([*rows, broken | {"bracket_high": bracket_high}])
+        more = more.reindex(columns=many.onsets.columns)
+        also = last_ends(changed.with_tables(onsets=more), "friction").loc[seconds[3]]
+        assert tuple(also) == (told[0] or bracket_high, told[1])
     points.loc[points["frequency_2"] == seconds[0], ["n_unstable", "n_unstable_high"]] = 0
     lines = as_text(onset_table(changed.with_tables(points=points))).splitlines()
     assert lines[4].split()[1:] == ["to", "0.15"]

@@ -76,6 +76,10 @@ def test_an_unstable_mode_that_changes_its_number_is_one_family() -> None:
         {"track": 4, "direction": "in", "status": "first_seen", "point_before": ""},
     )
     assert linked_tracks(begun) == [(1, 4)]
+    ended = onsets(
+        {"track": 1, "direction": "out"}, {"track": 5, "direction": "out", "status": "broken"}
+    )
+    assert linked_tracks(ended) == []  # a track that ends by a jump is where none goes on
 
 
 def test_families_count_modes_at_once_and_points_together() -> None:

@@ -50,7 +50,8 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
     ends = last_ends(results, along).reindex(first.index)
     pairs = zip(first.to_numpy(), ends.to_numpy(), strict=True)
     onsets = pd.Series(
-        [_cell(onset, mark, *end, top, unit) for (onset, mark), end in pairs], first.index
+        [_cell(onset, mark, end, bound, top, unit) for (onset, mark), (end, bound) in pairs],
+        first.index,
     )
     counts = {name: first.index.get_level_values(name).nunique() for name in names}
     down = max(names, key=counts.__getitem__)
