@@ -271,7 +271,8 @@ def _class_columns(verdict: RunClass, run: Motion) -> dict[str, Any]:
     the first complex mode are proposed.
     """
     lam, until = run.point.growing.lam, verdict.until
-    least = LEAST_PERIODS * 2 * np.pi / float(abs(lam[0])) if len(lam) else 0.0
+    omega = float(abs(lam[0])) if len(lam) else 0.0
+    least = LEAST_PERIODS * 2 * np.pi / omega if omega > 0.0 else 0.0
     if until < least:
         return {"class": verdict.name, "undecided_until": least}
     until = np.inf if until > MOST_LONGER * run.time else until
