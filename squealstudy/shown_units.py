@@ -35,7 +35,7 @@ class UnitAsWritten(str):
         text.written, text.size, text.others = written, size, others
         return text
 
-    def __getnewargs__(self) -> tuple[Any, ...]:  # type: ignore[override]
+    def __getnewargs__(self) -> tuple[Any, ...]:
         """Arguments for copies; pandas makes deep copies of the facts of a table."""
         return str(self), self.written, self.size, self.others
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ ALIKE_REL_GROWTH = 1e-6  # relative difference of growth that is not told
 
 def worst_settings(
     points: pd.DataFrame, unstable: pd.DataFrame, worst: pd.DataFrame, names: list[str]
-) -> list[dict[str, Any]]:
+) -> list[dict[Hashable, Any]]:
     """Values of the parameters `names` at the fastest growth of each track, or ANY.
 
     Parameters
@@ -30,11 +31,11 @@ def worst_settings(
     growth = unstable["growth_rate"].to_numpy(float)
     alike = unstable[growth >= largest * (1.0 - ALIKE_REL_GROWTH * np.sign(largest))]
     n_values = points[names].nunique()
-    settings: list[dict[str, Any]] = points[names].iloc[worst["point"]].to_dict("records")
+    settings = points[names].iloc[worst["point"]].to_dict("records")
     by_track = dict(list(alike.groupby("track")["point"]))
     for row, track in zip(settings, worst["track"], strict=True):
         if len(by_track[track]) < 2:
             continue
-        n_alike = points[names].iloc[by_track[track]].nunique()
+        n_alike = points[names].iloc[by_track[track].to_numpy()].nunique()
         row.update({n: ANY for n in names if 1 < n_alike[n] == n_values[n]})
     return settings

@@ -94,9 +94,11 @@ def undamped_rows(results: ResultTables) -> Rows:
     return [("undamped", text)]
 
 
-def _is_neutral(modes: pd.DataFrame) -> pd.Series:
-    """Which modes are called stable and do not decay."""
-    return (modes["damping_ratio"].abs() <= STABILITY_TOLERANCE) & (modes["stability"] == STABLE)
+def _is_neutral(modes: pd.DataFrame) -> np.ndarray:
+    """Mask (n,) of the modes that are called stable and do not decay."""
+    is_slow = modes["damping_ratio"].abs() <= STABILITY_TOLERANCE
+    is_neutral: np.ndarray = (is_slow & (modes["stability"] == STABLE)).to_numpy(bool)
+    return is_neutral
 
 
 def full_order_error_text(manifest: Mapping[str, Any]) -> str:
