@@ -422,7 +422,7 @@ WRONG = [
     changed(
         "1.1D+05, 0.28, 20.",
         "1., .3, 20.\n2., .3, 30.",
-        r".*values at 2 temperatures: expected temperature = NUMBER, between 20 and 30",
+        r".*values at 2 temperatures: expected temperature = NUMBER; the table goes from 20 to 30",
         "*ELASTIC",
     ),
     changed(

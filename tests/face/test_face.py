@@ -197,8 +197,8 @@ def test_a_changed_study_is_another_one(study, tmp_path):
     [
         ({"modes.band": [2, 1]}, "modes.band", "low < high"),
         ({"modes.bnd": [1, 2]}, "modes.bnd", "unknown key"),
-        ({"sweep[2].num": 3}, "sweep[2].num", "no table"),
-        ({"sweep.num": 3}, "sweep.num", "no table"),
+        ({"sweep[2].num": 3}, "sweep[2].num", "is no single table"),
+        ({"sweep.num": 3}, "sweep.num", "is no single table"),
         ({"parameters.frction": 1.0}, "parameters.frction", "friction"),
     ],
 )

@@ -1,8 +1,8 @@
 """Newmark's method with a fixed Jacobian: whether a step converges by the plain iteration.
 
 The iteration a <- a + J^-1 R(a) for the pull a, THEORY.md eq. (66), changes a small error by the
-spectral radius of I - J^-1 J_true, eq. (69): J is the fixed Jacobian, J_true is -dR/da at the
-solution.
+spectral radius of I - J^-1 J_true, THEORY.md eq. (69): J is the fixed Jacobian, J_true is -dR/da
+at the solution.
 """
 
 from __future__ import annotations
