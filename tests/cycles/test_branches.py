@@ -244,7 +244,7 @@ def test_another_cycle_beside_the_start_is_not_the_start(size, back):
 
 def test_a_line_has_a_closed_branch_once(isola, monkeypatch):
     _, outer, _ = isola
-    monkeypatch.setattr(continued, "ended", lambda *_: "")
+    monkeypatch.setattr(continued, "ended", lambda *_, **__: "")
     way = SimpleNamespace(
         bounds=ISOLA, oscillator=on_isola, request=SimpleNamespace(band=(0.0, 9.0))
     )

@@ -68,7 +68,9 @@ def approach(periods: np.ndarray, mean: float) -> float:
     if not np.ptp(smooth) > 0 or not np.corrcoef(range(5), smooth)[0, 1] ** 2 >= 0.9:
         return 0.0
     slope = float(np.polyfit(range(5), smooth, 1)[0])
-    ratio = (smooth[4] - smooth[2]) / (smooth[2] - smooth[0])
+    parabola, covariance = np.polyfit(np.arange(5) - 2, smooth, 2, cov=True)
+    bend = parabola[0] + 1.9 * np.sqrt(covariance[0, 0]) * np.sign(slope)
+    ratio = (slope + 2 * bend) / (slope - 2 * bend)
     ratio = np.clip(ratio, 0.3, 0.85) if ratio > 0 else 0.85
     return 0.0 if abs(4 * slope) > 0.2 * abs(mean) else 1.6 * abs(slope) * 2 / -np.log(ratio)
 
