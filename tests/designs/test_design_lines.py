@@ -460,10 +460,10 @@ def test_many_designs_that_are_unstable_at_the_least_value_are_a_sentence_not_a_
 def test_modes_that_are_all_unstable_from_the_first_value_say_so_once(tmp_path):
     results = results_of(tmp_path / "r", [0.4, 0.5], [75.0])
     row = results.rank().iloc[0].to_dict()
-    rows = [row | {"track": n, "frequency_hz": 90.0 * n, "family": n} for n in (1, 2)]
+    rows = [row | {"track": 6 + n, "frequency_hz": 90.0 * n, "family": n} for n in (1, 2)]
     table = pd.DataFrame(rows).assign(family_modes=1)
     said = onsets_in_words(results, table)
-    assert said == "T1 at 90 Hz, T2 at 180 Hz, both already at the least friction"
+    assert said == "T7 at 90 Hz, T8 at 180 Hz, both already at the least friction"
     texts = ["T1 at 90 Hz already at the least v", "T2 at 9 Hz first at v 0.3"]
     assert alike_together(texts, "v") == texts
     more = ["T3 at 95 Hz already at the least v (99 Hz there)", texts[0], *texts]
