@@ -346,19 +346,23 @@ def test_page_holds_one_design_point_and_no_markup_of_names(results, shape):
 def test_page_draws_in_a_browser(shape, tmp_path):
     path = tmp_path / "page.html"
     path.write_text(page([shape]), encoding="utf-8")
-    profile = f"--user-data-dir={tmp_path / 'profile'}"
     options = (
         "--headless --no-sandbox --use-gl=angle --use-angle=swiftshader "
-        "--enable-unsafe-swiftshader --window-size=900,700 --virtual-time-budget=2000 --dump-dom"
+        "--enable-unsafe-swiftshader --window-size=900,700 --dump-dom"
     )
-    done = subprocess.run(
-        [CHROMIUM, *options.split(), profile, f"{path.as_uri()}#count"],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    found = re.search(r'<body data-drawn="(\d+)" data-fault="(\d+)"', done.stdout)
+    for budget in (2_000, 20_000):  # of virtual time, which may end before a busy core has drawn
+        profile = f"--user-data-dir={tmp_path / f'profile_{budget}'}"
+        limits = [profile, f"--virtual-time-budget={budget}"]
+        done = subprocess.run(
+            [CHROMIUM, *options.split(), *limits, f"{path.as_uri()}#count"],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        found = re.search(r'<body data-drawn="(\d+)" data-fault="(\d+)"', done.stdout)
+        if found:
+            break
     assert found, done.stderr[-2000:]
     assert int(found[1]) > 20_000
     assert found[2] == "0"
