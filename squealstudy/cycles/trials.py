@@ -246,8 +246,8 @@ def run_on(
     runs = run(starts, settings)
     bad = [k for k, motion in enumerate(runs) if motion.outcome != "ok"]
     again = run([starts[k] for k in bad], shorter(settings, STEP_REFINEMENT))
-    for k, motion in zip(bad, again, strict=True):
-        runs[k] = motion
+    repeated = dict(zip(bad, again, strict=True))
+    runs = [repeated.get(k, motion) for k, motion in enumerate(runs)]
     return [refined(motion) if lasts(motion) else motion for motion in runs]
 
 

@@ -230,6 +230,9 @@ def warn_of_empty_band(modes: ComplexModes, band_hz: tuple[float, float]) -> Non
         if len(hertz):
             nearest = hertz[np.abs(np.log(hertz / np.clip(hertz, *band_hz))).argmin()]
             text += f"; the nearest has {nearest:g} Hz"
+        else:  # of no band
+            warnings.warn("no mode has a frequency: all roots are 0", stacklevel=3)
+            return
     warnings.warn(f"{text}: modes(band=(low, high)) looks elsewhere", stacklevel=3)
 
 

@@ -604,3 +604,9 @@ def test_a_sweep_over_many_parameters_varies_the_first_fastest():
     np.testing.assert_allclose(
         many["frequency_hz"], sq.model("hulten").sweep(**swept)["frequency_hz"], rtol=1e-12
     )
+
+
+def test_matrices_whose_roots_are_all_0_are_told_so():
+    """Of a default band it was said, though all modes had been looked for."""
+    with pytest.warns(UserWarning, match="no mode has a frequency: all roots are 0"):
+        assert not len(sq.matrices(np.eye(2), np.zeros((2, 2))).modes())

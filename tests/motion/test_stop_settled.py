@@ -21,8 +21,10 @@ from squealstudy.motion.growing_modes import GrowingModes
 from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.energies import moving_energy
-from squealstudy.motion.outcome.settling import known_outcome, level_drift
+from squealstudy.motion.outcome.periods import judged_rows
+from squealstudy.motion.outcome.settling import known_outcome, level_drift, longer_window
 from squealstudy.motion.outcome.summary import run_levels, summarise
+from squealstudy.motion.outcome.torque import levels_of
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
@@ -551,6 +553,8 @@ def test_an_irregular_run_that_stopped_has_bounds_that_its_stop_has_not_chosen(q
     assert stopped["torque_rms"] == whole["torque_rms"]
     if quiet_from < 1.0:
         assert widths[1] > 1.5 * widths[0]
+        longer = levels_of(run, longer_window(run, judged_rows(run)))  # twice as long
+        assert widths[1] == pytest.approx(np.sqrt(2.0) * (longer.rms_high - longer.rms_low), 1e-3)
     else:
         assert widths[0] <= widths[1] < 1.5 * widths[0]
 
