@@ -76,11 +76,13 @@ def uncertain_points(modes: pd.DataFrame, code: np.ndarray, counted: np.ndarray)
 
 DAMPING_ROUND_OFF_RATIO = 1e-9
 INTO, OUT_OF = "in", "out"  # of instability
+LEAVES = "leaves"  # the band, still unstable
 REFINED, CUBIC = "refined", "cubic"  # onsets to 1e-4: by root finding, by their neighbours
 REFINED_ONSETS = (REFINED, CUBIC)
 INTERPOLATED = "interpolated"  # status of an onset between two solved points
 BELOW_RANGE, FIRST_SEEN, CROSSING = "below range", "first seen", "crossing"
 BRACKETED = "bracketed"
+LEFT_BAND = "left_band"  # status of a row of a track that leaves the band
 BROKEN = "broken"  # a track begins unstable beside one that ends: the same mode, perhaps
 INEXACT = {CROSSING: "~", FIRST_SEEN: "<= ", BRACKETED: "<= ", BROKEN: "<= "}  # before a value
 

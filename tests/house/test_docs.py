@@ -189,7 +189,7 @@ def test_words_in_tables_are_explained():
     words = {*wording.VERDICTS, *wording.SUSTAINED, wording.STABLE, wording.GROWING, wording.FAILED}
     outcomes = {"met", "met_linear", "undecided", "none_found", "stopped", "unproven"}
     onsets = {"refined", "cubic", "renumbered", "failed", "interpolated", "within_error"}
-    onsets |= {"below_range", "first_seen", "broken", "bracketed"}
+    onsets |= {"below_range", "first_seen", "broken", "bracketed", "left_band"}
     for word in words | outcomes | onsets | {"ok", "inaccurate", "overflow", "singular"}:
         assert re.search(rf"^\|.*`{word}`", text, re.MULTILINE), word
     for letters in (wording.VERDICT_LETTERS, wording.CLASS_LETTERS):

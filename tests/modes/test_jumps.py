@@ -177,3 +177,48 @@ def test_of_many_designs_an_end_by_a_jump_is_a_bound(tmp_path):
     (shown,) = [line for line in lines if " to <= " in line]
     assert shown.split()[-4:] == ["to", "<=", "0.3", "kN"]
     assert "to <=: the end is between this value and the solved one before" in " ".join(lines)
+
+
+LEAVES_BAND = """
+[study]
+name = "leaves"
+kind = "complex_modes"
+[model]
+name = "hoffmann"
+[parameters]
+damping_ratio = 0.005
+friction = 1.0
+[[sweep]]
+parameter = "mass"
+start = 0.5
+stop = 2.0
+num = 16
+[modes]
+band = [200.0, 300.0]
+reference_points = 0
+"""
+
+
+def flutter(mass: float) -> complex:
+    """Fastest growing root of the model of Hoffmann et al. (2002) at friction 1, rad/s."""
+    K = 1.333333e6 * np.array([[0.0, -1.0], [0.0, 1.0]])
+    for k, degrees in ((178633.0, 150.0), (2488034.0, 30.0)):
+        way = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+        K += k * np.outer(way, way)
+    squares = np.linalg.eigvals(K / mass)
+    roots = 1j * np.sqrt(squares.astype(complex))
+    return max([*roots, *-roots], key=lambda root: root.real)
+
+
+def test_a_mode_that_leaves_the_band_unstable_has_a_row_and_words(tmp_path):
+    """At 1.4 kg it grows below the band; nothing was said of where the track ends."""
+    inside, beyond = flutter(1.3), flutter(1.4)
+    assert min(inside.real, beyond.real) > 100.0
+    assert abs(beyond) < 2 * np.pi * 200.0 < abs(inside)
+    results = solved(plan_of(LEAVES_BAND, tmp_path / "study.toml"), tmp_path / "results")
+    seen, left = results.onsets.sort_values("direction").to_dict("records")
+    assert (seen["direction"], seen["status"]) == ("in", "first_seen")
+    assert (left["direction"], left["status"], left["track"]) == ("leaves", "left_band", 1)
+    assert [left["bracket_low"], left["bracket_high"]] == pytest.approx([1.3, 1.4])
+    assert np.isnan(left["onset"])
+    assert "first at mass 0.6 kg or less, outside the band from 1.4 kg on." in findings(results)

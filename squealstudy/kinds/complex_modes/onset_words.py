@@ -16,6 +16,7 @@ from squealstudy.tables.stability import (
     INEXACT,
     INTERPOLATED,
     INTO,
+    LEAVES,
     OUT_OF,
     REFINED_ONSETS,
 )
@@ -111,7 +112,13 @@ def _elsewhere(frequencies: list[float], hz: float) -> str:
 
 
 def last_at(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
-    """The value from which on a mode of one line is stable again, in words; empty if not known."""
+    """The value from which on a mode of one line is stable again, or no longer in the band.
+
+    In words; empty where that is not known.
+    """
+    left_at = _left_band_at(row, onsets)
+    if left_at is not None:
+        return f", outside the band from {amount(left_at, unit)} on"
     turn = _turning_out(row, onsets)
     if turn is not None and turn["status"] == BROKEN:
         low, high = (amount(float(turn[f"bracket_{end}"]), unit) for end in ("low", "high"))
@@ -140,6 +147,17 @@ def _end(row: Row, onsets: pd.DataFrame | None, unit: str) -> str:
         return f"{INEXACT[BROKEN]}{amount(float(turn['bracket_high']), unit)}"
     about = "about " if turn["status"] == INTERPOLATED else ""
     return f"{about}{amount(float(turn['onset']), unit)}"
+
+
+def _left_band_at(row: Row, onsets: pd.DataFrame | None) -> float | None:
+    """The first value of one line at which an unstable mode is beyond the band; None if in it."""
+    if onsets is None:
+        return None
+    of_mode = onsets[(onsets["track"] == row["track"]).to_numpy(bool)]
+    ways = of_mode["direction"].tolist()
+    if ways.count(LEAVES) != 1 or OUT_OF in ways or ways.count(INTO) > 1:
+        return None
+    return float(of_mode["bracket_high"][(of_mode["direction"] == LEAVES).to_numpy(bool)].iloc[0])
 
 
 def _turning_out(row: Row, onsets: pd.DataFrame | None) -> Row | None:

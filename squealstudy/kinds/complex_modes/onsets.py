@@ -31,6 +31,7 @@ from squealstudy.tables.stability import (
     FIRST_SEEN,
     INTERPOLATED,
     INTO,
+    LEFT_BAND,
     REFINED,
 )
 
@@ -38,7 +39,7 @@ ONSET_TOLERANCE = 1e-4  # a share of the parameter's range; absolute for frictio
 WITHIN_ERROR = "within_error"  # status of an onset put at a point that grows by less than its error
 UNKNOWN_REL_ERROR = 1e6  # largest relative error of a root, finite in place of infinite
 UNREFINED = {BELOW_RANGE: "below_range", FIRST_SEEN: "first_seen"}  # status in the table
-UNREFINED |= {kind: kind for kind in (BRACKETED, BROKEN)}
+UNREFINED |= {kind: kind for kind in (BRACKETED, BROKEN, LEFT_BAND)}
 EXPECTED_SOLVES_PER_ONSET = 8  # design points
 BRACKETS_PER_BATCH = 4096  # brackets of small models that are refined together as arrays
 BRACKETS_PER_ROUND = 32  # handed to workers at once; fixed, as results must not depend on workers
@@ -114,14 +115,13 @@ class OnsetSearch:
         counts onsets by status, evaluations, and onsets ``left`` unrefined.
 
         Columns: ``track``, the other varied parameters, ``onset``, ``bracket_low``,
-        ``bracket_high`` (values at both ends), ``frequency_hz``, ``direction`` ("in" or "out" of
-        instability as the parameter ascends), ``status``, ``error_estimate`` of the onset (by the
-        method and the roots; NaN where not known), ``evaluations``, ``point_before``,
-        ``point_after``. A line with a single design point has no onsets. What a status means:
-        docs/reference/words-in-tables.md. Beyond that: the bracket of "within_error" reaches to the
-        next point whose growth is not within its error, NaN where there is none. "failed" keeps
-        its value from before; "bracketed" has the unstable end, "first_seen" an upper bound,
-        "renumbered", "below_range" and "broken" NaN.
+        ``bracket_high`` (values at both ends), ``frequency_hz``, ``direction`` as the parameter
+        ascends ("in" or "out" of instability; "leaves" the band unstable), ``status``,
+        ``error_estimate`` of the onset (by the method and the roots; NaN where not known),
+        ``evaluations``, ``point_before``, ``point_after``. A line with a single design point has no
+        onsets. What a status means: docs/reference/words-in-tables.md. Beyond that: the bracket of
+        "within_error" reaches to the next point whose growth is not within its error, NaN where
+        there is none. "failed" keeps its value from before, "bracketed" has the unstable end.
         """
         events = self._crossings.events(self._zeta, self._tolerance)
         table = self._unrefined(events)
@@ -159,7 +159,7 @@ class OnsetSearch:
         for name in parameter_columns(points, varied=True):
             if name != self._along:
                 table[name] = points[name].to_numpy()[p1]
-        unknown = events["kind"].isin([BELOW_RANGE, BROKEN]).to_numpy()
+        unknown = events["kind"].isin([BELOW_RANGE, BROKEN, LEFT_BAND]).to_numpy()
         table["onset"] = np.where(unknown, np.nan, events["value"].to_numpy())
         table["bracket_low"] = np.where(below >= 0, x[below], np.nan)
         table["bracket_high"] = x[above]

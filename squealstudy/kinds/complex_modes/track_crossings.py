@@ -8,10 +8,17 @@ import pandas as pd
 from squealstudy.kinds.complex_modes.study_tracks import Follower
 from squealstudy.modes.judged_roots import damping_ratios
 from squealstudy.modes.tracking.labels import Tracks
-from squealstudy.modes.tracking.pairing import broken
+from squealstudy.modes.tracking.pairing import at_edge, broken
 from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.tables.mode_ranking import line_codes
-from squealstudy.tables.stability import BROKEN, FIRST_SEEN, OUT_OF, line_crossings
+from squealstudy.tables.stability import (
+    BROKEN,
+    FIRST_SEEN,
+    LEAVES,
+    LEFT_BAND,
+    OUT_OF,
+    line_crossings,
+)
 
 
 class TrackCrossings:
@@ -58,7 +65,8 @@ class TrackCrossings:
             As `line_crossings` returns it, with rows of the N modes. A mode "first seen" beside a
             track that ends has the kind "broken" instead. So has a track that ends unstable beside
             one that begins, if no other takes its place: "out", without a row before, and the row
-            after is its last. ``low`` and ``high`` are the points of the bracket, -1 if not known.
+            after is its last. One that leaves the band unstable "leaves" likewise.
+            ``low`` and ``high`` are the points of the bracket, -1 if not known.
         """
         ok, track = self._ok[self._point], self._tracks.labels.flat
         unstable = (zeta < -tolerance) & ok
@@ -113,23 +121,47 @@ class TrackCrossings:
     def _ends(
         self, tracked: np.ndarray, unstable: np.ndarray, grows: Ragged, point_after: np.ndarray
     ) -> pd.DataFrame:
-        """Events of tracks that end unstable on a line and that no other mode may continue."""
+        """Events of tracks that end unstable on a line.
+
+        No other mode may continue them, or they leave the band.
+        """
         track, x = self._tracks.labels.flat, self._x.to_numpy(float)
         line = self._line[self._point]
         rows = tracked[np.lexsort((x[self._point[tracked]], line[tracked], track[tracked]))]
         last = np.ones(len(rows), dtype=bool)
         last[:-1] = (np.diff(track[rows]) != 0) | (np.diff(line[rows]) != 0)
+        is_first = np.append(True, last[:-1])
         ends = []
-        for row in rows[last & unstable[rows] & (point_after[self._point[rows]] >= 0)].tolist():
+        of_end = last & unstable[rows] & (point_after[self._point[rows]] >= 0)
+        for place in np.flatnonzero(of_end).tolist():
+            row, row_before = int(rows[place]), -1 if is_first[place] else int(rows[place - 1])
             low = int(self._point[row])
             high = int(point_after[low])
             ended = self._broken(low, high)[0]
-            if ended[row - self._tracks.labels.starts[low]] and self._ends_between(
-                low, high, grows
-            ):
-                ends.append((track[row], line[row], x[high], BROKEN, OUT_OF, -1, row, low, high))
+            if ended[row - self._tracks.labels.starts[low]]:
+                what = (BROKEN, OUT_OF) if self._ends_between(low, high, grows) else None
+            else:
+                what = (LEFT_BAND, LEAVES) if self._leaves(row, row_before, high) else None
+            if what:
+                ends.append((track[row], line[row], x[high], *what, -1, row, low, high))
         names = ["track", "line", "value", "kind", "direction", "before", "after", "low", "high"]
         return pd.DataFrame(ends, columns=names)
+
+    def _leaves(self, row: int, row_before: int, beside: int) -> bool:
+        """Whether a mode is so near to an end of the band that it has left it at a point beside.
+
+        `row_before` is its row at the point before on its line, -1 where there is none.
+        """
+        lams, labels = self._follower.lams, self._tracks.labels
+        point = int(self._point[row])
+        _, *rows = np.intersect1d(labels[point], labels[beside], return_indices=True)
+        before, after = np.abs(lams[point][rows[0]]), np.abs(lams[beside][rows[1]])
+        change = np.abs(np.log(after / before))
+        if row_before >= 0:
+            own = np.log(np.abs(lams.flat[row]) / np.abs(lams.flat[row_before]))
+            change = np.append(change, np.abs(own))
+        size = np.abs(lams.flat[[row]])
+        return bool(at_edge(size, change.max(initial=0.0), self._follower.band)[0])
 
     def _ends_between(self, ending: int, beside: int, grows: Ragged) -> bool:
         """Whether no mode that ends growing at one point may be one that grows at a neighbour.

@@ -313,11 +313,32 @@ def may_be_one(
     log_a, log_b = (np.log(np.maximum(size, 1e-300)) for size in (size_a, size_b))
     change = np.zeros(size_a.shape)
     change[i, row] = np.abs(log_b[i, partner[i, row]] - log_a[i, row])
-    reach = BAND_END_CHANGE_FACTOR * change.max(axis=1, initial=0.0)[:, None]
-    edges = np.log(np.maximum(np.array(band), 1e-300))
-    at_a, at_b = (np.abs(x[:, :, None] - edges).min(axis=2) <= reach for x in (log_a, log_b))
+    largest = change.max(axis=1, initial=0.0)[:, None]
+    at_a, at_b = (at_edge(size, largest, band) for size in (size_a, size_b))
     both_unpaired &= ~(at_a[:, :, None] & at_b[:, None, :])
     return both_unpaired
+
+
+def at_edge(size: np.ndarray, change: np.ndarray | float, band: Band) -> np.ndarray:
+    """Whether modes are so near to an edge of the band that a step may bring them out of it.
+
+    Parameters
+    ----------
+    size : ndarray (..., m)
+        ``|lambda|`` of the modes, rad/s.
+    change : ndarray (..., 1) or float
+        Change of ``ln|lambda|`` in a step.
+    band : (low, high)
+        Band of the roots, rad/s.
+
+    Returns
+    -------
+    ndarray (..., m) of bool
+    """
+    edges = np.log(np.maximum(np.array(band), 1e-300))
+    distance = np.abs(np.log(np.maximum(size, 1e-300))[..., None] - edges).min(axis=-1)
+    near: np.ndarray = distance <= BAND_END_CHANGE_FACTOR * change
+    return near
 
 
 def broken(
