@@ -18,6 +18,7 @@ from squealstudy.cli.app import app
 from squealstudy.engine.runner import run_study
 from squealstudy.errors import SquealstudyError, StudyFileError
 from squealstudy.kinds.method_stability.screen import SCREEN
+from squealstudy.screen import as_text
 from squealstudy.tables.method_quality import agreement
 
 SHIPPED = sorted((Path(__file__).parents[2] / "studies" / "stability").glob("*.toml"))
@@ -80,7 +81,8 @@ def test_the_answer_names_the_method_and_counts_right_cells_and_warnings():
     assert SCREEN.verdict(results) == (
         "Roots of small matrices: right in 8 of 12 cells, in 1 of them thanks to a help that steps "
         "in. In 4 it is wrong or has no result, and each says so. A warning also stands at 1 "
-        "of those that are right without help. Of 10 cells that lie 2 % or more away from the "
+        "of those that are right without help and at 1 of those that are right with a help. "
+        "Of 10 cells that lie 2 % or more away from the "
         "boundary of theory 70 % are as predicted; those with a help count as predicted; 2 are "
         "right beyond it by themselves; 1 is not right within it."
     )
@@ -92,6 +94,16 @@ def test_the_answer_names_the_method_and_counts_right_cells_and_warnings():
     assert " In 11 it is wrong, " in SCREEN.verdict(results)
     manifest["counts"], cells["flagged"] = {"converged": 1}, False
     assert SCREEN.verdict(results) == "Roots of small matrices: right in 1 of 1 cell."
+
+
+def test_a_screen_says_what_slow_cells_are():
+    cells = pd.DataFrame({"outcome": ["slow"], "flagged": [False], "a": [1.0], "b": [2.0]})
+    manifest = {"counts": {"slow": 1}, "title": "a map", "unflagged_wrong": 0, "agreement": None}
+    manifest |= {"knobs": ["a", "b"], "words": {"a": "one"}, "boundary": "none"}
+    results = SimpleNamespace(manifest=manifest, table=lambda _: cells, units={"a": "s"})
+    text = as_text(SCREEN.findings(results))
+    assert "slow 1; slow: right, but after many iterations" in text
+    assert "a         1 s, 1 value: one" in text
 
 
 def test_a_finer_map_keeps_the_cells_that_it_has(write, tmp_path):
@@ -133,6 +145,9 @@ def test_screens(write, tmp_path):
     done = runner.invoke(app, ["run", str(write(MAP)), "--output", str(out), "--jobs", "1"])
     assert done.exit_code == 0, done.output
     assert "right in 10 of 10 cells" in done.output
+    assert "dependence  1e-09 to 0.1, 5 values: " in done.output
+    assert "tolerance   1e-07 to 0.001, 2 values: " in done.output
+    assert "slow: right, but after many iterations" not in done.output
     assert (out / "method_stability.png").stat().st_size > 10_000
 
 

@@ -20,6 +20,7 @@ from squealstudy.wording import plural
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
+    from squealstudy.screen import Rows
 
 
 RIGHT = (CONVERGED, SLOW, RECOVERED)  # outcomes of cells with a right result
@@ -33,10 +34,14 @@ class MethodStabilityScreen(KindScreen):
     unfinished = False
 
     def findings(self, results: ResultTables) -> list[RenderableType]:
-        """The verdict, the number of cells of each outcome, and the predicted boundary."""
+        """The verdict, the knobs, the number of cells of each outcome, the predicted boundary."""
         manifest = results.manifest
+        counts = manifest["counts"]
+        outcomes = ", ".join(f"{k} {n}" for k, n in counts.items())
+        outcomes += "; slow: right, but after many iterations" if counts.get(SLOW) else ""
         rows = [
-            ("outcomes", ", ".join(f"{k} {n}" for k, n in manifest["counts"].items())),
+            *_knobs(results),
+            ("outcomes", outcomes),
             ("boundary", f"of theory: {manifest['boundary']}"),
         ]
         return [self.verdict(results), "", facts(rows)]
@@ -58,11 +63,29 @@ class MethodStabilityScreen(KindScreen):
             what = " or ".join(["is wrong"] * is_wrong + ["has no result"] * is_lost)
             text += f" In {n_others} it {what}, {warned}."
         cells = results.table("cells")
-        flagged = cells["outcome"].isin((CONVERGED, SLOW)) & cells["flagged"].astype(bool)
-        if n_flagged := int(flagged.sum()):
-            which = "right without help" if helped else "right"
-            text += f" A warning also stands at {n_flagged} of those that are {which}."
+        flagged = cells.loc[cells["flagged"].to_numpy(bool), "outcome"]
+        texts = [
+            f"at {n} of those that are right{which if helped else ''}"
+            for which, outcomes in (
+                (" without help", (CONVERGED, SLOW)),
+                (" with a help", (RECOVERED,)),
+            )
+            if (n := int(flagged.isin(outcomes).sum()))
+        ]
+        text += f" A warning also stands {' and '.join(texts)}." if texts else ""
         return text + _as_predicted(manifest, share, helped > 0) if share is not None else text
+
+
+def _knobs(results: ResultTables) -> Rows:
+    """A line for each axis of the map: its range, the number of its values, its meaning."""
+    cells, words = results.table("cells"), results.manifest["words"]
+    rows = []
+    for name in results.manifest["knobs"]:
+        values, unit = cells[name], results.units.get(name, "")
+        ends = dict.fromkeys(f"{value:.4g}" for value in (values.min(), values.max()))
+        text = f"{' to '.join(ends)} {unit}".rstrip() + f", {plural(values.nunique(), 'value')}"
+        rows.append((name, f"{text}: {words[name]}" if name in words else text))
+    return rows
 
 
 def _as_predicted(manifest: Mapping[str, Any], share: float, with_help: bool) -> str:
