@@ -385,7 +385,7 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
     total = len(plan.structures)
     text = f"{total} needed, {cost.n_missing_structures} not in the cache"
     if plan.shared_range is not None:
-        text += f"; most by one basis, made for {plan.shared_range.text}"
+        text += f"; one basis, made first for {plan.shared_range.text}, serves most structures"
     elif total > 1:
         text += "; a swept parameter of the structure costs one reduction a value"
     if cost.n_missing_structures and cost.structure_s:

@@ -10,6 +10,7 @@ import numpy as np
 
 from squealstudy.study.definition import ResolvedStudy
 from squealstudy.study.sampling import farthest_points
+from squealstudy.wording import amount
 
 # candidates at which reductions are made are a lattice with the most of these points for each
 # parameter that has at most so many points; for many parameters as many points of a Sobol sequence
@@ -26,17 +27,23 @@ class SharedRange:
     names : tuple of str
     low, high : tuple of float
         Lowest and highest value of each, in SI units.
+    units : tuple of str
+        SI unit of each; empty for a pure number.
     """
 
     names: tuple[str, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
+    units: tuple[str, ...]
 
     @property
     def text(self) -> str:
-        """Text on the range, such as "pad.young_modulus from 1e+09 to 2e+09"."""
-        ends = zip(self.names, self.low, self.high, strict=True)
-        return ", ".join(f"{name} from {low:g} to {high:g}" for name, low, high in ends)
+        """Text on the range, such as "pad.young_modulus from 1 GPa to 2 GPa"."""
+        ends = zip(self.names, self.low, self.high, self.units, strict=True)
+        return ", ".join(
+            f"{name} from {amount(low, unit, high)} to {amount(high, unit)}"
+            for name, low, high, unit in ends
+        )
 
     @property
     def tests(self) -> int:
@@ -107,10 +114,14 @@ def shared_range(study: ResolvedStudy, structures: int) -> SharedRange | None:
     if model.tables or not study.definition.reduction.shared_basis:
         return None
     in_place = {p.name: model.in_place(p) for p in model.parameters if p.structural}
+    unit_of = {p.name: p.unit for p in model.parameters}
     swept = [s for s in study.sweeps if s.name in in_place and s.low < s.high]
     if not all(in_place[s.name] for s in swept):
         return None
     candidate = SharedRange(
-        tuple(s.name for s in swept), tuple(s.low for s in swept), tuple(s.high for s in swept)
+        tuple(s.name for s in swept),
+        tuple(s.low for s in swept),
+        tuple(s.high for s in swept),
+        tuple(unit_of[s.name] for s in swept),
     )
     return candidate if swept and structures >= candidate.worth else None

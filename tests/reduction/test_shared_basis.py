@@ -143,12 +143,12 @@ def test_the_range_is_part_of_the_identity(blocks, tmp_path):
 
 
 def test_places_are_ends_first_and_positive_values_by_their_logarithms():
-    found = SharedRange(("a",), (1.0,), (16.0,)).places()
+    found = SharedRange(("a",), (1.0,), (16.0,), ("",)).places()
     assert [place["a"] for place in found[:3]] == [16.0, 1.0, 4.0]
-    both_ways = SharedRange(("a", "b"), (1.0, -1.0), (4.0, 1.0)).places()
+    both_ways = SharedRange(("a", "b"), (1.0, -1.0), (4.0, 1.0), ("", "m")).places()
     corners = {(p["a"], p["b"]) for p in both_ways[:4]}
     assert corners == {(4.0, 1.0), (1.0, -1.0), (4.0, -1.0), (1.0, 1.0)}
-    many = SharedRange(tuple("abcdefghij"), (1.0,) * 10, (2.0,) * 10)
+    many = SharedRange(tuple("abcdefghij"), (1.0,) * 10, (2.0,) * 10, ("",) * 10)
     assert len(many.places()) == many.most == 34
     assert all(many.holds(place) for place in many.places())
     assert not many.holds({**many.places()[0], "a": 2.5})
@@ -245,6 +245,7 @@ def test_ranges_of_the_generated_brake_are_of_what_leaves_its_nodes():
     lining = ("pad.lining_young_modulus_z", 1.5e9, 2.5e9)
     thickness, angle = ("disc.thickness", 0.011, 0.013), ("pad.half_angle", 28.0, 32.0)
     assert swept(lining).names == (lining[0],)
+    assert swept(lining).text == f"{lining[0]} from 1.5 GPa to 2.5 GPa"
     assert swept(lining, ("fingers.stiffness", 4e11, 6e11)).names[1] == "fingers.stiffness"
     assert swept(lining, ("friction", 0.3, 0.6)).names == (lining[0],)
     assert swept(lining, thickness) is swept(thickness) is swept(angle) is None

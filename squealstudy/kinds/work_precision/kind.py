@@ -38,7 +38,7 @@ from squealstudy.motion.warmup import warm
 from squealstudy.study.definition import load_study
 from squealstudy.study.sampling import count_points
 from squealstudy.study.source import SourceText, validate
-from squealstudy.wording import TORQUE
+from squealstudy.wording import TORQUE, plural
 
 
 class WorkPrecision(Kind):
@@ -81,7 +81,7 @@ class WorkPrecision(Kind):
                 (
                     "runs",
                     f"{len(runs)}: {len(methods)} settings of {len(study.definition.method)} "
-                    f"methods, {section.repeats} rounds, and the reference",
+                    f"methods, {plural(section.repeats, 'round')}, and the reference",
                 ),
                 ("reductions", f"{len(structures)} needed, {missing} not in the cache"),
                 ("judged by", ", ".join(quantities(study))),
