@@ -99,7 +99,7 @@ def test_the_answer_names_the_method_and_counts_right_cells_and_warnings():
 def test_a_screen_says_what_slow_cells_are():
     cells = pd.DataFrame({"outcome": ["slow"], "flagged": [False], "a": [1.0], "b": [2.0]})
     manifest = {"counts": {"slow": 1}, "title": "a map", "unflagged_wrong": 0, "agreement": None}
-    manifest |= {"knobs": ["a", "b"], "words": {"a": "one"}, "boundary": "none"}
+    manifest |= {"knobs": ["a", "b"], "words": {"a": "one"}, "boundary": "none", "values": {}}
     results = SimpleNamespace(manifest=manifest, table=lambda _: cells, units={"a": "s"})
     text = as_text(SCREEN.findings(results))
     assert "slow 1; slow: right, but after many iterations" in text
@@ -145,6 +145,7 @@ def test_screens(write, tmp_path):
     done = runner.invoke(app, ["run", str(write(MAP)), "--output", str(out), "--jobs", "1"])
     assert done.exit_code == 0, done.output
     assert "right in 10 of 10 cells" in done.output
+    assert "constant    held = 10" in done.output
     assert "dependence  1e-09 to 0.1, 5 values: " in done.output
     assert "tolerance   1e-07 to 0.001, 2 values: " in done.output
     assert "slow: right, but after many iterations" not in done.output

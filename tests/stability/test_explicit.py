@@ -51,6 +51,14 @@ def test_growth_in_stick_is_flagged_and_its_factor_that_of_the_recurrence():
 
 
 @pytest.mark.as_python
+def test_a_warning_at_a_bounded_run_is_told_too():
+    """The energy of the mode beats here, as it is not what the scheme conserves."""
+    cell = EXPLICIT.evaluate({"step": 3e-5, "stick_rate": 1e3})
+    assert (cell.outcome, cell.flagged) == (CONVERGED, True)
+    assert cell.by.startswith("energy drift")
+
+
+@pytest.mark.as_python
 def test_a_run_that_is_gone_within_a_step_has_grown():
     cell = EXPLICIT.evaluate({"step": 1e-3, "stick_rate": 1e6})
     assert cell.outcome in ("failed", "wrong")

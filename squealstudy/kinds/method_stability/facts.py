@@ -16,6 +16,7 @@ class MethodStabilityFacts(FactGroup):
     boundary: Text
     knobs: Annotated[list[Name], Field(min_length=2, max_length=2)]
     words: dict[str, Text]
+    values: dict[str, Finite] = Field(default_factory=dict)
     agreement: Finite | None = None
     judged: Count = 0
     unflagged_wrong: Count = 0

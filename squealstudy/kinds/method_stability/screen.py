@@ -77,7 +77,7 @@ class MethodStabilityScreen(KindScreen):
 
 
 def _knobs(results: ResultTables) -> Rows:
-    """A line for each axis of the map: its range, the number of its values, its meaning."""
+    """A line for each axis of the map: range, number of values, meaning; then constant knobs."""
     cells, words = results.table("cells"), results.manifest["words"]
     rows = []
     for name in results.manifest["knobs"]:
@@ -85,7 +85,10 @@ def _knobs(results: ResultTables) -> Rows:
         ends = dict.fromkeys(f"{value:.4g}" for value in (values.min(), values.max()))
         text = f"{' to '.join(ends)} {unit}".rstrip() + f", {plural(values.nunique(), 'value')}"
         rows.append((name, f"{text}: {words[name]}" if name in words else text))
-    return rows
+    constant = ", ".join(
+        f"{name} = {value:g}" for name, value in results.manifest.get("values", {}).items()
+    )
+    return [*rows, *([("constant", constant)] if constant else [])]
 
 
 def _as_predicted(manifest: Mapping[str, Any], share: float, with_help: bool) -> str:

@@ -64,7 +64,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     if motion.outcome != "ok":
         return failed(motion.outcome, **numbers)
     wrong = growth > 1.0 + MIN_GROWTH_PER_STEP
-    return judged(wrong, alarm("energy drift", drift, DRIFT_LIMIT) if wrong else "", **numbers)
+    return judged(wrong, alarm("energy drift", drift, DRIFT_LIMIT), **numbers)
 
 
 def limit_number(knobs: Mapping[str, float]) -> float:
