@@ -109,7 +109,7 @@ def test_a_range_that_no_basis_serves_is_reduced_value_by_value(tmp_path, monkey
     monkeypatch.setattr(plan.kind, "make_missing_models", lambda plan, workers: {})
     monkeypatch.setattr(plan.kind, "accurate", lambda plan, failures, workers: plan)
     plan.kind.make_models(plan, None, warnings.append)
-    assert "no basis of 3 reductions serves lining.E3 from 1.51e+09 to 2.5e+09" in warnings[0]
+    assert "no basis of 3 reductions serves lining.E3 from 1.51 GPa to 2.5 GPa" in warnings[0]
 
 
 @pytest.mark.parametrize(
