@@ -107,14 +107,14 @@ class OneLine:
         now = self._clock()
         state = self._stages.get(stage)
         if state is None or done < state.told:
-            state = self._stages[stage] = _Stage(now, done, now, done, total)
+            state = self._stages[stage] = _Stage(now, done, total, now, now, done)
+        state.extend(now, done, total)
         state.told = done
         text = f"{stage}: {done:,} of {total:,} done" if total > 1 else stage
         if done == total:
             text = f"{stage}: done in {duration(now - state.began)}"
         elif done > state.at_first:
-            seconds_left = (now - state.began) / (done - state.at_first) * (total - done)
-            text += f", {duration(seconds_left)} left"
+            text += f", {duration(state.seconds_left(now, done, total))} left"
         self._text = text + (f", {failed:,} failed" if failed else "")
         if self._display is not None and (
             now - self._told_at >= MIN_UPDATE_INTERVAL_S or done == total
@@ -176,17 +176,33 @@ def _bars() -> Iterator[Progress]:
 
 @dataclass
 class _Stage:
-    """When a stage began and with how many tasks done, and what was last reported of it."""
+    """When a stage began, when it got its tasks and with how many done, what was last reported.
+
+    A search adds tasks to a stage: how long they take is told by them alone, since earlier ones may
+    be of another sort.
+    """
 
     began: float
-    at_first: int
+    at_first: int  # of its tasks done when it got the latest ones, at `extended`
+    total: int  # the largest number of tasks that it had: it may end earlier, its budget spent
+    extended: float
     told_at: float
     told: int
-    total: int  # the largest number of tasks that it had: it may end earlier, its budget spent
+
+    def extend(self, now: float, done: int, total: int) -> bool:
+        """Take note of tasks that are added; whether there are any."""
+        if total <= self.total:
+            return False
+        self.extended, self.at_first, self.total = now, done, total
+        return True
+
+    def seconds_left(self, now: float, done: int, total: int) -> float:
+        """Time that the other tasks take, by those that are done since the latest were added."""
+        return (now - self.extended) / (done - self.at_first) * (total - done)
 
 
 class Lines:
-    """A line when a stage begins and ends, and in between every 5 %, at least 30 s apart.
+    """A line when a stage begins, gets more tasks and ends; between, every 5 %, 30 s apart.
 
     A slow stage has a line every 10 minutes, once a task of it is done.
 
@@ -209,18 +225,19 @@ class Lines:
         now = self._clock()
         state = self._stages.get(stage)
         if state is None or done < state.told:  # a new stage, or the same one again
-            state = self._stages[stage] = _Stage(now, done, now, done, total)
+            state = self._stages[stage] = _Stage(now, done, total, now, now, done)
             text = "begins" + (f", {done:,} of {total:,} done" if total > 1 else "")
         elif done == total and state.told < total:
             count = f"{total:,} " if total > 1 else ""
             count += f"of {state.total:,} " if total < state.total else ""
             text = f"{count}done in {duration(now - state.began)}"
+        elif state.extend(now, done, total):
+            text = f"{total - done:,} more, {done:,} of {total:,} done"
         elif done < total and self._due(state, now, done, total):
-            left_text = f"{duration(self._left(state, now, done, total))} left"
+            left_text = f"{duration(state.seconds_left(now, done, total))} left"
             text = f"{done:,} of {total:,} done, {self._rate(state, now, done)}, {left_text}"
         else:
             return
-        state.total = max(state.total, total)
         state.told_at, state.told = now, done
         self._write(f"{stage}: {text}" + (f", {failed:,} failed" if failed else ""))
 
@@ -231,11 +248,7 @@ class Lines:
         return far or (waited >= MAX_PROGRESS_INTERVAL_S and done > stage.at_first)
 
     @staticmethod
-    def _left(stage: _Stage, now: float, done: int, total: int) -> float:
-        return (now - stage.began) / (done - stage.at_first) * (total - done)
-
-    @staticmethod
     def _rate(stage: _Stage, now: float, done: int) -> str:
-        each = (done - stage.at_first) / (now - stage.began)
+        each = (done - stage.at_first) / (now - stage.extended)
         unit, seconds = next((r for r in RATES if each * r[1] >= 1.0), RATES[-1])
         return f"{in_digits(each * seconds)} {unit}"

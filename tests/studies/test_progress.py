@@ -102,6 +102,21 @@ def test_a_stage_that_ends_early_tells_how_many_of_those_it_began_with() -> None
     assert lines == ["tracking: begins, 0 of 10 done", "tracking: 4 of 10 done in 0.00 s"]
 
 
+def test_the_time_left_is_that_of_the_tasks_which_a_search_added_last() -> None:
+    """A hundred points took a minute, the two runs of the next round take 15 minutes each."""
+    now, lines = 0.0, []
+    say, line = Lines(lines.append, lambda: now), OneLine(lambda: now)
+    for seconds, done, total in ((0, 0, 100), (60, 100, 100), (60, 100, 102), (960, 101, 102)):
+        now = float(seconds)
+        say("points", done, total)
+        line("points", done, total)
+    assert lines[2:] == [
+        "points: 2 more, 100 of 102 done",
+        "points: 101 of 102 done, 4 an hour, 15 min left",
+    ]
+    assert line._text == "points: 101 of 102 done, 15 min left"
+
+
 def test_one_task_needs_no_count_and_a_stage_may_come_again() -> None:
     lines: list[str] = []
     say = Lines(lines.append, lambda: 0.0)

@@ -82,11 +82,11 @@ def _knobs(results: ResultTables) -> Rows:
     rows = []
     for name in results.manifest["knobs"]:
         values, unit = cells[name], results.units.get(name, "")
-        ends = dict.fromkeys(f"{value:.4g}" for value in (values.min(), values.max()))
+        ends = dict.fromkeys(f"{end:.4g}" for end in (values.min(), values.max()))
         text = f"{' to '.join(ends)} {unit}".rstrip() + f", {plural(values.nunique(), 'value')}"
         rows.append((name, f"{text}: {words[name]}" if name in words else text))
     constant = ", ".join(
-        f"{name} = {value:g}" for name, value in results.manifest.get("values", {}).items()
+        f"{name} = {setting:g}" for name, setting in results.manifest.get("values", {}).items()
     )
     return [*rows, *([("constant", constant)] if constant else [])]
 
