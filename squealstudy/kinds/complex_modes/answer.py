@@ -81,11 +81,14 @@ def answer(
         return [f"{how_many(results, table)}: {_over_the_map(results, table)}.{outside}", ""]
     if not len(table) or not onsets_in_words(results, table):
         return []
-    text = f"{what_is_unstable(results, table, lines)}."
-    text += extremes_in_words(results, lines) + quiet_in_words(results, lines)
+    unstable = what_is_unstable(results, table, lines)
+    text = extremes_in_words(results, lines) + quiet_in_words(results, lines)
     text += "" if lines else _many_in_words(results)
     text += _growth_in_words(results, lines) or growth_in_words(results, lines)
-    return [f"{text}{grows_outside(results.manifest, results.units)}", ""]
+    text += grows_outside(results.manifest, results.units)
+    if "\n" in unstable:  # a line for each design
+        text = text.replace(" ", "\n", 1)
+    return [f"{unstable}.{text}", ""]
 
 
 def _many_in_words(results: ResultTables) -> str:
@@ -129,7 +132,7 @@ def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
 
 
 def what_is_unstable(results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]) -> str:
-    """Which modes are unstable, for each design where designs are few; without a full stop."""
+    """Which modes are unstable, in a line for each design where designs are few; no full stop."""
     return _of_each_design(results, table, lines) or (
         f"{f'Over all {len(lines)} designs ' if lines else ''}{how_many(results, table)}"
     )
@@ -172,7 +175,8 @@ def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[Desi
         )
         nothing = "nothing" if line.sure and line.solved else "nothing that is known"
         texts.append(f"with {design_text(results, line)} {named or nothing}{more}")
-    return f"Unstable {band_text(results.fact('band_hz'))}: {'; '.join(texts)}"
+    each = ";\n".join(texts)  # a line each on a screen
+    return f"Unstable {band_text(results.fact('band_hz'))}:\n{each}"
 
 
 def _first_value(row: Row) -> float:
