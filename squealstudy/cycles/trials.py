@@ -2,7 +2,8 @@
 
 Whether a motion lasts, decays or is undecided is judged as in studies in time, whatever motion it
 has become (`run_on`, `ended`). Beside a stable cycle it is enough to know whether a run comes to
-that cycle (`Trials`): whether the mean energy of a window is that of the cycle, or nearly zero.
+that cycle (`Trials`): whether the mean energy of both halves of a window is that of the cycle and
+the state is near it, or the energy nearly zero. A run that decays passes the energy of the cycle.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ STOP_TEST_PERIODS = 20  # periods between tests of whether a run may end
 MAX_PERIODS = 1000  # longest time of a run
 SILENT = 1e-2  # energy over that of the smallest cycle, below which a run has decayed
 CYCLE_ENERGY_REL_TOLERANCE = 0.02  # relative difference of energies of a run and of the cycle
+# energy of the difference of a state and the nearest one of the cycle, over the cycle's energy
+CYCLE_DISTANCE_ENERGY = 0.04
 # runs whose outcome may be any (`run_on`)
 TOP_STEPS = 64  # steps of a period of the highest assembly mode of the band
 TOP_SAVED = 8  # steps between rows
@@ -84,13 +87,15 @@ class Trials:
         level = self._energy(self.cycle)
         silent = SILENT * (level if self.smallest is None else self._energy(self.smallest))
 
+        rows = STOP_TEST_PERIODS * STEPS_PER_PERIOD // STEPS_PER_ROW
+
         def judge(_: int, motion: Motion) -> str:
-            energy = float(
-                motion.modal_energy[-STOP_TEST_PERIODS * STEPS_PER_PERIOD // STEPS_PER_ROW :].mean()
-            )
-            if energy < silent:
+            energies = motion.modal_energy[-rows:]
+            halves = np.array([half.mean() for half in np.array_split(energies, 2)])
+            if halves.mean() < silent:
                 return DECAYS
-            return GROWS if abs(energy / level - 1.0) < CYCLE_ENERGY_REL_TOLERANCE else ""
+            is_level = (np.abs(halves / level - 1.0) < CYCLE_ENERGY_REL_TOLERANCE).all()
+            return GROWS if is_level and self._is_near(motion, level) else ""
 
         points = [replace(self.contact.point, q0=q, v0=v) for q, v in starts]
         watch = Watch([STOP_TEST_PERIODS * STEPS_PER_PERIOD] * len(points), judge)
@@ -99,10 +104,25 @@ class Trials:
 
     def _energy(self, motion: PeriodicMotion) -> float:
         """Mean energy [J] of a periodic motion: kinetic, and in the reference stiffness."""
-        theta = 2 * np.pi * np.arange(STEPS_PER_PERIOD) / STEPS_PER_PERIOD
-        synthesis, slope = series_at(theta, motion.harmonics)
-        q, v = synthesis @ motion.Q, motion.omega * (slope @ motion.Q)
-        return float(0.5 * (v**2 + self.contact.system.omega2 * q**2).sum(axis=1).mean())
+        return float(self._energies(*_states(motion)).mean())
+
+    def _is_near(self, motion: Motion, level: float) -> bool:
+        """Whether a run has come near the cycle, whose mean energy [J] is `level`."""
+        q, v = _states(self.cycle)
+        distance = self._energies(q - motion.q, v - motion.v)
+        return bool(distance.min() < CYCLE_DISTANCE_ENERGY * level)
+
+    def _energies(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Energy [J] of displacements and velocities (m, n)."""
+        energies: np.ndarray = 0.5 * (v**2 + self.contact.system.omega2 * q**2).sum(axis=1)
+        return energies
+
+
+def _states(motion: PeriodicMotion) -> State:
+    """Displacements and velocities (STEPS_PER_PERIOD, n) of a periodic motion over its period."""
+    theta = 2 * np.pi * np.arange(STEPS_PER_PERIOD) / STEPS_PER_PERIOD
+    synthesis, slope = series_at(theta, motion.harmonics)
+    return synthesis @ motion.Q, motion.omega * (slope @ motion.Q)
 
 
 def state_of(motion: PeriodicMotion, factor: float = 1.0, theta: float = 0.0) -> State:
