@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,10 +30,15 @@ def results_of(*rows, tolerance=1e-2, quantity="torque_rms"):
         seconds_max=1.1 * table["cost"],
         memory_mb=1.0,
         iterations=1.0,
+        n_coordinates=10,
     )
     table[f"within_{quantity}"] = False
+    errors = pd.DataFrame({"label": table["label"], "point": 0, "quantity": quantity})
+    errors = errors.assign(value=1.0, truth=1.0)
     facts = {"quantities": [quantity], "tolerance": tolerance, "over": 2, "reference": "exact"}
-    return SimpleNamespace(measurements=table, fact=facts.__getitem__)
+    return SimpleNamespace(
+        measurements=table, fact=facts.__getitem__, table={"errors": errors}.__getitem__
+    )
 
 
 ROUGH = ("newmark", "newmark, step 4", False, 1.0, 5e-2, 6e-2)
@@ -134,3 +140,31 @@ def test_what_a_cost_consists_of_is_told_with_the_reduction_where_it_has_one():
     onsets.measurements[["cost_onset", "onset_seconds"]] = 7.0
     told = as_text(SCREEN.findings(onsets), 200)
     assert "cost: seconds an onset, and for each point of its line 1/2 of the set-up" in told
+
+
+def test_a_dearer_setting_of_the_method_that_fails_is_told():
+    """50 vectors of a run of 5 ms were within it, and 50 of a run of 10 ms were not."""
+    more = ("newmark", "newmark, step 0.5", False, 5.0, 0.2, 0.3)
+    told = SCREEN.verdict(results_of(ROUGH, FINE, more))
+    assert told.endswith(" Of the same method 'newmark, step 0.5' costs more and is not within it.")
+    assert "not within" not in SCREEN.verdict(results_of(ROUGH, FINE, USUAL))
+
+
+def test_sizes_lacking_values_and_points_without_truth_are_told():
+    results = results_of(ROUGH, FINE, USUAL)
+    plain = as_text(SCREEN.findings(results))
+    for word in ("coordinates", "none:", "status", " of them"):
+        assert word not in plain
+    assert "... step 1 " in plain
+    assert "...: the method of the line above" in plain
+    errors, table = results.table("errors"), results.measurements
+    errors.loc[errors["label"] == "newmark, step 4", "value"] = np.nan
+    errors.loc[len(errors)] = ["exact", 1, "torque_mean", 1.0, 1.0]
+    table.loc[table["label"] == "exact", "n_coordinates"] = 2000
+    table.loc[table["label"] == "usual, step 1", "missed"] = 1
+    told = as_text(SCREEN.findings(results))
+    assert "4 s a design point, 10 coordinates; " in " ".join(told.split())
+    assert re.search(r"newmark, step 4 +10 +1 +1 +1.00 +none +ok", told)
+    assert "none: at some point the reference has such a value" in told
+    assert "the largest of 2 measured points (RMS at 1 of them)" in " ".join(told.split())
+    assert "ok, 1 missed" in told

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Container, Hashable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,18 +82,41 @@ class WorkPrecisionScreen(KindScreen):
             f"'{row['cheapest']}': {row['cost']:.3g} s "
             f"{'an onset' if 'onset' in quantities else 'a design point'}"
         )
+        chosen = measured[(measured["label"] == row["cheapest"]).to_numpy(bool)].iloc[0]
+        text += f", {chosen['n_coordinates']} coordinates" if _sizes_differ(measured) else ""
         if row["default"] == row["cheapest"]:
             text += ", by the default method"
         elif row["default"]:
             text += f"; the default method takes {row['ratio']:.2f} times that ('{row['default']}')"
         elif measured["default"].any():
             text += "; no setting of the default method is within it"
-        chosen = measured[(measured["label"] == row["cheapest"]).to_numpy(bool)].iloc[0]
         text += f". The largest error of the cheapest is {_number(row['error'])}"
         high = max(float(chosen[f"high_{q}"]) for q in quantities if f"high_{q}" in measured)
         if high > max(row["error"], tolerance):
             text += f", but the bounds (95 %) of both results allow up to {high:.1e}"
-        return f"{text}.{_as_cheap(measured, quantities, tolerance, chosen)}"
+        text = f"{text}.{_dearer_outside(measured, quantities, tolerance, chosen)}"
+        return text + _as_cheap(measured, quantities, tolerance, chosen)
+
+
+def _sizes_differ(measurements: pd.DataFrame) -> bool:
+    return len(set(measurements["n_coordinates"])) > 1
+
+
+def _dearer_outside(
+    measurements: pd.DataFrame, quantities: Sequence[str], tolerance: float, chosen: pd.Series
+) -> str:
+    """A sentence on dearer settings of the cheapest method that are not within; empty for none.
+
+    Where more of the same method is worse, the cheapest may be within it by chance.
+    """
+    dearer = (measurements["method"] == chosen["method"]) & (measurements["cost"] > chosen["cost"])
+    outside = dearer & ~(_largest_errors(measurements, quantities) <= tolerance)
+    labels = [f"'{label}'" for label in measurements.loc[outside.to_numpy(bool), "label"]]
+    if not labels:
+        return ""
+    verbs = ("costs", "is") if len(labels) == 1 else ("cost", "are")
+    names = listed(labels, MOST_NAMED)
+    return f" Of the same method {names} {verbs[0]} more and {verbs[1]} not within it."
 
 
 def _as_cheap(
@@ -151,53 +175,106 @@ def _one_of_each_method(results: ResultTables) -> pd.DataFrame:
 
 
 def _measurements(results: ResultTables) -> list[RenderableType]:
-    quantities = results.fact("quantities")
-    lines = ["onset_seconds"] if "onset" in quantities else []
-    has_setup = bool((results.measurements["setup_seconds"] > 0).any())
-    has_passes = bool(results.measurements["iterations"].notna().any())
-
-    def cells(row: dict[Hashable, Any]) -> list[str]:
-        bad = [f"{row[k]} {k}" for k in ("missed", "spurious") if row[k]]
-        return [
-            row["label"] + (" (reference)" if row["reference"] else ""),
-            f"{row['seconds_median']:.3g}",
-            *(f"{row[name]:.3g}" for name in lines),
-            *([f"{row['setup_seconds']:.3g}"] if has_setup else []),
-            f"{row['memory_mb']:.0f}",
-            *([figure(row["iterations"], ".2f")] if has_passes else []),
-            *(_error(row[f"error_{q}"], row[f"within_{q}"]) for q in quantities),
-            ", ".join([row["status"], *bad]),
-        ]
-
-    titles = ["s a point", *("s an onset" for _ in lines), *["set-up s"] * has_setup, "MB"]
-    titles += ["passes"] * has_passes
-    titles += [SHORT[q] for q in quantities]
-    table = _one_of_each_method(results)
-    left_out = len(results.measurements) - len(table)
+    without, table = _without(results), _one_of_each_method(results)
+    columns = _columns(results, without)
+    rows = table.to_dict("records")
+    status = [", ".join([r["status"], *_miscounts(r)]) for r in rows]
+    is_told = set(status) != {"ok"}
+    names = [
+        f"... {r['label'].removeprefix(before['method'] + ', ')}"
+        if r["method"] == before["method"]
+        else r["label"] + (" (reference)" if r["reference"] else "")
+        for r, before in zip(rows, [{"method": None}, *rows], strict=False)
+    ]
     shown = grid(
         "text:method",
-        *(f"value:{title}" for title in titles),
-        "text:status",
-        rows=(cells(row) for row in table.to_dict("records")),
+        *(f"value:{title}" for title, _ in columns),
+        *["text:status"] * is_told,
+        rows=(
+            [name, *(text(row) for _, text in columns), *[word] * is_told]
+            for name, row, word in zip(names, rows, status, strict=True)
+        ),
     )
+    return [shown, _legend(results, table, [title for title, _ in columns], bool(without))]
+
+
+Row = dict[Hashable, Any]
+
+
+def _miscounts(row: Row) -> list[str]:
+    return [f"{row[k]} {k}" for k in ("missed", "spurious") if row[k]]
+
+
+def _columns(
+    results: ResultTables, without: Container[tuple[str, str]]
+) -> list[tuple[str, Callable[[Row], str]]]:
+    """Titles of the columns with numbers, each with the text of a measurement."""
+    quantities, table = results.fact("quantities"), results.measurements
+
+    def error(quantity: str, row: Row) -> str:
+        if (row["label"], quantity) in without:
+            return "none "
+        return _error(row[f"error_{quantity}"], row[f"within_{quantity}"])
+
+    has_size, is_of_onsets = _sizes_differ(table), "onset" in quantities
+    has_setup = bool((table["setup_seconds"] > 0).any())
+    has_passes = bool(table["iterations"].notna().any())
+    columns: list[tuple[bool, str, Callable[[Row], str]]] = [
+        (has_size, "size", lambda r: str(r["n_coordinates"])),
+        (True, "s a point", lambda r: f"{r['seconds_median']:.3g}"),
+        (is_of_onsets, "s an onset", lambda r: f"{r['onset_seconds']:.3g}"),
+        (has_setup, "set-up s", lambda r: f"{r['setup_seconds']:.3g}"),
+        (True, "MB", lambda r: f"{r['memory_mb']:.0f}"),
+        (has_passes, "passes", lambda r: figure(r["iterations"], ".2f")),
+        *((True, SHORT[q], partial(error, q)) for q in quantities),
+    ]
+    return [(title, text) for is_shown, title, text in columns if is_shown]
+
+
+def _legend(
+    results: ResultTables, table: pd.DataFrame, titles: Sequence[str], is_without: bool
+) -> RenderableType:
+    quantities, n_points = results.fact("quantities"), results.table("errors")["point"].nunique()
+    left_out = len(results.measurements) - len(table)
     within = table[[f"within_{q}" for q in quantities]].to_numpy(bool).any()
     abbreviations = [f"{SHORT[q]}: {WORDS[q]}" for q in quantities if SHORT[q] != WORDS[q]]
-    if has_passes:
+    if "passes" in titles:
         abbreviations.append("passes: evaluations of contact forces a step")
-    legend = notes(
-        "s a point: of the processor, for a design point"
-        + "; set-up s: for what points share" * has_setup
+    return notes(
+        "...: the method of the line above; " * bool(table["method"].duplicated().any())
+        + "size: coordinates of the model; " * ("size" in titles)
+        + "s a point: of the processor, for a design point"
+        + "; set-up s: for what points share" * ("set-up s" in titles)
         + "; MB: largest memory, above that before (0 where earlier methods had taken it already)",
         "; ".join(abbreviations),
         "*: no more than the 95 % bounds of both explain" if within else "",
-        f"errors against {results.fact('reference')}, the largest of all measured points; "
+        "none: at some point the reference has such a value, or mode, and the method has not"
+        if is_without
+        else "",
+        f"errors against {results.fact('reference')}, the largest of "
+        f"{plural(n_points, 'measured point')}{_at_fewer(results, n_points)}; "
         f"{_cost_in_words(results)}",
         f"of each method the cheapest within {results.fact('tolerance'):g}, or the most exact; "
         f"{left_out} more in the measurements table"
         if left_out
         else "",
     )
-    return [shown, legend]
+
+
+def _without(results: ResultTables) -> set[tuple[str, str]]:
+    """Labels and quantities of measurements without a value that the reference has."""
+    errors = results.table("errors")
+    lost = errors[(errors["value"].isna() & errors["truth"].notna()).to_numpy(bool)]
+    return set(zip(lost["label"], lost["quantity"], strict=True))
+
+
+def _at_fewer(results: ResultTables, n_points: int) -> str:
+    """Text on quantities that the reference has at some of the points; empty for none."""
+    errors = results.table("errors")
+    with_value = errors.groupby("quantity")["point"].nunique().to_dict()
+    counts = ((WORDS[q], with_value.get(q, 0)) for q in results.fact("quantities"))
+    texts = [f"{word} at {n} of them" for word, n in counts if n < n_points]
+    return f" ({', '.join(texts)})" if texts else ""
 
 
 def _cost_in_words(results: ResultTables) -> str:

@@ -97,7 +97,8 @@ class Variant:
     def label(self) -> str:
         """Name of the method with the knob's value."""
         short = self.knob.rpartition(".")[2]
-        return f"{self.method}, {short} {self.value}" if self.knob else self.method
+        shown = f"{self.value:.12g}" if isinstance(self.value, float) else self.value
+        return f"{self.method}, {short} {shown}" if self.knob else self.method
 
 
 def make_variants(study_file: PrecisionFile) -> list[Variant]:
