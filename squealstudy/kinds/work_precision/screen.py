@@ -180,11 +180,12 @@ def _measurements(results: ResultTables) -> list[RenderableType]:
     rows = table.to_dict("records")
     status = [", ".join([r["status"], *_miscounts(r)]) for r in rows]
     is_told = set(status) != {"ok"}
+    before = [None, *(r["method"] for r in rows[:-1])]
     names = [
-        f"... {r['label'].removeprefix(before['method'] + ', ')}"
-        if r["method"] == before["method"]
+        f"... {r['label'].removeprefix(r['method'] + ', ')}"
+        if r["method"] == method
         else r["label"] + (" (reference)" if r["reference"] else "")
-        for r, before in zip(rows, [{"method": None}, *rows], strict=False)
+        for r, method in zip(rows, before, strict=True)
     ]
     shown = grid(
         "text:method",
