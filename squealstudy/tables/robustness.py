@@ -21,8 +21,10 @@ from squealstudy.tables.stability import is_uncertain
 LARGEST_GROWTH_GROUP = 0  # in place of a track number
 GROWTH = (  # columns of modes that are read
     *(ROW, "track", "frequency_hz", "growth_rate", "unstable", "stability", "overdamped"),
-    "track_ambiguous",
+    *("track_ambiguous", "error_rung"),
 )
+# largest error of a root, over its modulus, up to which growth within it is none
+NEUTRAL_REL_ERROR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class GrowthColumn:
     frequency_hz : float
         Frequency of the mode where it grows fastest; NaN for these two groups.
     growth : ndarray (n_points,)
-        Growth rates, 1/s; NaN where the point is not ok or has no mode of the track.
+        Growth rates, 1/s, 0 where they are within the errors of the method; NaN where the point is
+        not ok or has no mode of the track.
     unstable : ndarray (n_points,) of bool
         Points at which it is unstable.
     surely, maybe : ndarray (n_points,) of bool
@@ -86,7 +89,7 @@ def growth_columns(
     code, n = point_codes(points, modes), len(points)
     counted = (points["status"] == "ok").to_numpy(bool)[code]
     code, modes = code[counted], modes[counted]
-    growth = modes["growth_rate"].to_numpy(dtype=float)
+    growth = _growth(modes)
     unstable, real = (modes[name].to_numpy(bool) for name in ("unstable", "overdamped"))
     uncertain = is_uncertain(modes)
     track = np.where(real, OVERDAMPED_GROUP, modes["track"].to_numpy())
@@ -141,6 +144,16 @@ def growth_columns(
             tracks=tuple(sorted(tracks.tolist())),
             ambiguous=bool(np.isin(tracks, doubtful).any()),
         )
+
+
+def _growth(modes: pd.DataFrame) -> np.ndarray:
+    """Growth rates (m,) [1/s] of the rows of modes; 0 of roots that only round-off moves."""
+    growth = modes["growth_rate"].to_numpy(dtype=float)
+    if "error_rung" not in modes:
+        return growth
+    error, size = (modes[n].to_numpy(dtype=float) for n in ("error_rung", "frequency_hz"))
+    neutral = (np.abs(growth) <= error) & (error <= NEUTRAL_REL_ERROR * 2 * np.pi * size)
+    return np.where(neutral, 0.0, growth)
 
 
 def _by_unstable_points(track: np.ndarray, growth: np.ndarray, unstable: np.ndarray) -> list[int]:

@@ -168,6 +168,19 @@ def test_growth_that_does_not_vary_has_no_influence():
     assert (table[["first", "total", "first_low", "total_high", "variance"]] == 0).all(axis=None)
 
 
+def test_round_off_of_undamped_roots_is_no_growth_that_scatters():
+    """Hulten's model below flutter: friction had an index of .5, growth a scatter of 1e-14."""
+    x = saltelli_sample(64)
+    points, modes = tables(x, 1e-14 * ishigami(x))
+    modes = modes[modes["track"] == 1].assign(unstable=False, error_rung=1e-12)
+    table = sobol_table(points, modes, NAMES)
+    assert (table[["first", "total", "first_low", "total_high", "variance"]] == 0).all(axis=None)
+    (row,) = robust_table(points, modes).to_dict("records")
+    assert (row["growth_mean"], row["growth_std"], row["max_growth_rate"]) == (0.0, 0.0, 0.0)
+    real = modes.assign(growth_rate=1e-3 * ishigami(x))
+    assert sobol_table(points, real, NAMES)["total"].max() > 0.3
+
+
 def test_other_designs_are_refused():
     x = saltelli_sample(64)
     with pytest.raises(ResultsError, match="sobol_indices"):
