@@ -14,7 +14,7 @@ class Known:
     def __init__(self, shapes):
         self.shapes = shapes
 
-    def sort(self, a, b):
+    def coordinate_system(self, a, b):
         return np.array([self.shapes[i].shape[1] for i in b])
 
     def of(self, a, b):
@@ -24,4 +24,4 @@ class Known:
 def track(parents, lams, shapes, coordinates=None):
     """Tracks of points with roots `lams` and shapes in common coordinates (see TrackTree)."""
     tree = TrackTree(np.array(parents), Ragged.of(lams), coordinates)
-    return tree.label(tree.stepper(Known(shapes)).all())
+    return tree.label(tree.stepper(Known(shapes)).pair_all())

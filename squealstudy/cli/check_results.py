@@ -13,7 +13,7 @@ from squealstudy.engine.column_types import misfit
 from squealstudy.engine.journal import JOURNAL, MISSING, UNFINISHED, refused_names
 from squealstudy.engine.manifest import SIDE_STUDIES
 from squealstudy.engine.manifest_file import PICTURES, read_manifest, version_of
-from squealstudy.engine.recorded_code import code_of
+from squealstudy.engine.recorded_code import extensions_of_results
 from squealstudy.engine.result_names import LOCK, MANIFEST, SET_ASIDE
 from squealstudy.engine.store import Store
 from squealstudy.errors import ResultsError
@@ -54,7 +54,7 @@ def check_results(directory: Path) -> tuple[Rows, bool]:
     rows += [*_run(store, manifest, misfits), *_sizes(store)]
     code = [
         ("code", f"{name}: {EXECUTED if is_executed else NOT_EXECUTED}")
-        for name, is_executed in code_of(manifest, directory)
+        for name, is_executed in extensions_of_results(manifest, directory)
     ]
     rows += code or [("code", NO_CODE if manifest else UNKNOWN_CODE)]
     if not store.journal.begun:

@@ -1,8 +1,8 @@
 """Code of extensions that results were made with, and when it may be executed.
 
-Manifests keep it as text. A results directory, and a hash in its manifest, may come from anybody:
-this text is never executed. Executed are files that ``--extension`` names, and files of the user's
-own list, into which every run enters the extensions that it executes.
+Manifests hold the code as text, which is never executed: a results directory, and a hash in its
+manifest, may come from anybody. Only two kinds of files are executed: those that ``--extension``
+names, and those of the user's list. Every run enters the extensions that it executes in that list.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def enter_executed(hashes: Sequence[str]) -> None:
     """Enter extensions that this process has executed, by their hashes, in the user's list."""
     for path, source_hash in executed_files().items():
         if source_hash in hashes and _listed_file(source_hash) is None:
-            folder = _list() / source_hash
+            folder = _list_folder() / source_hash
             for name, text in sources_of(path).items():
                 write_bytes(folder / name, text)
             write_text(folder / ENTRY_FILE, sealed({"path": str(path), "name": path.name}))
@@ -55,11 +55,13 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
     ResultsError
         This user has not run an extension on this machine, and ``--extension`` does not name it.
     """
-    named = executed_files()
+    files_of_this_process = executed_files()
     hashes = []
     for record in manifest.get(RECORDS, []):
         name, source_hash = _name_and_hash(record, directory)
-        path = next((p for p in named if p.name == name), None) or _listed_file(source_hash)
+        path = next((p for p in files_of_this_process if p.name == name), None) or _listed_file(
+            source_hash
+        )
         if path is None:
             raise ResultsError(
                 f"{directory}: the study has code of its own, {name}, which you have not run on "
@@ -73,7 +75,7 @@ def execute_recorded(manifest: Mapping[str, Any], directory: Path) -> tuple[str,
     return tuple(hashes)
 
 
-def code_of(manifest: Mapping[str, Any], directory: Path) -> list[tuple[str, bool]]:
+def extensions_of_results(manifest: Mapping[str, Any], directory: Path) -> list[tuple[str, bool]]:
     """Names of the extensions that results were made with, and whether commands execute them."""
     names_and_hashes = [_name_and_hash(record, directory) for record in manifest.get(RECORDS, [])]
     return [(name, _listed_file(source_hash) is not None) for name, source_hash in names_and_hashes]
@@ -87,8 +89,8 @@ def _name_and_hash(record: Mapping[str, Any], directory: Path) -> tuple[str, str
     return printable(Path(name).name)[:100], source_hash
 
 
-def _list() -> Path:
-    """The user's own list, in which nobody else can write."""
+def _list_folder() -> Path:
+    """Folder of the user's list of extensions, in which nobody else can write."""
     cache_folder = cache_directory()
     return (
         user_cache() if cache_folder.is_dir() and others_may_write(cache_folder) else cache_folder
@@ -97,7 +99,7 @@ def _list() -> Path:
 
 def _listed_file(source_hash: str) -> Path | None:
     """The file of a hash in the user's list: the original, else its copy; None without either."""
-    folder = _list() / source_hash
+    folder = _list_folder() / source_hash
     try:
         entry = unsealed((folder / ENTRY_FILE).read_bytes())
         candidates = [Path(entry["path"]), folder / Path(entry["name"]).name]

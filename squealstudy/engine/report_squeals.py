@@ -53,9 +53,10 @@ def squeal_text(results: ResultTables, others: Sequence[ResultTables]) -> str:
 
 
 def _of_run(results: ResultTables) -> tuple[pd.Series, float, float, float] | None:
-    """Row of the loudest sustained run, its frequency [Hz], and the root with most of its energy.
+    """The loudest sustained run of results in time, and the predicted mode with most of its energy.
 
-    The root is a frequency [Hz] and a growth rate [1/s]. None without a run or a root.
+    Returns the row of the run, the frequency of the run [Hz], and the frequency [Hz] and growth
+    rate [1/s] of the mode; None without such a run or mode.
     """
     points = results.points
     lasting = points[points["class"].isin(SUSTAINED).to_numpy()]
@@ -64,18 +65,19 @@ def _of_run(results: ResultTables) -> tuple[pd.Series, float, float, float] | No
     row = lasting.iloc[int(lasting["torque_rms"].to_numpy(float).argmax())]
     modes = results.table("growth")
     modes = modes[(modes["point_id"] == row["point_id"]).to_numpy()]
-    lives = modes[modes["expressed"].fillna(False).to_numpy(bool)]
-    if not len(lives):
+    expressed_modes = modes[modes["expressed"].fillna(False).to_numpy(bool)]
+    if not len(expressed_modes):
         return None
-    mode = lives.iloc[int(lives["level_share"].to_numpy(float).argmax())]
+    mode = expressed_modes.iloc[int(expressed_modes["level_share"].to_numpy(float).argmax())]
     heard = row["frequency_hz"] if pd.notna(row["frequency_hz"]) else row["torque_line_hz"]
     return row, float(heard), float(mode["frequency_hz"]), float(mode["growth_rate"])
 
 
 def _of_cycle(results: ResultTables) -> tuple[pd.Series, float, float, float] | None:
-    """Row of the design with the loudest cycle, its frequency [Hz], and the mode that leads to it.
+    """The loudest limit cycle of results, and the predicted mode that leads to it.
 
-    The mode is a frequency [Hz] and a growth rate [1/s]. None without a cycle.
+    Returns the row of its design, the frequency of the cycle [Hz], and the frequency [Hz] and
+    growth rate [1/s] of the mode; None without a cycle.
     """
     verdicts = results.table("verdicts")
     with_level = verdicts[verdicts["cycle_frequency_hz"].notna() & verdicts["torque_rms"].notna()]
@@ -91,19 +93,23 @@ def _of_cycle(results: ResultTables) -> tuple[pd.Series, float, float, float] | 
 
 
 def _name(modes: ResultTables, motions: ResultTables, row: pd.Series, hertz: float) -> str:
-    """Text with the name that complex modes of the same model give a root; empty without."""
+    """Text with the name of a predicted mode, from results of complex modes of the same model.
+
+    `motions` are the results of runs or cycles, `row` the design of the squeal, `hertz` the
+    frequency of the mode. Empty where `modes` has no such design, or no track there.
+    """
     if modes.kind != "complex_modes" or modes.manifest["model"] != motions.manifest["model"]:
         return ""
     points, is_same_point = modes.points, np.ones(len(modes.points), dtype=bool)
     for name in {*modes.parameters, *motions.parameters}:
-        mine, theirs = (
+        in_motions, in_modes = (
             (column[name] if name in column else results.manifest["nominal"].get(name))
             for column, results in ((row, motions), (points, modes))
         )
-        if mine is None or theirs is None:
+        if in_motions is None or in_modes is None:
             return ""
         is_same_point &= np.isclose(
-            np.asarray(theirs, float), mine, rtol=SAME_VALUE_REL_TOLERANCE, atol=0
+            np.asarray(in_modes, float), in_motions, rtol=SAME_VALUE_REL_TOLERANCE, atol=0
         )
     ids = points.loc[is_same_point, "point_id"]
     mode_rows = modes.modes[modes.modes["point_id"].isin(ids).to_numpy()]

@@ -1,4 +1,4 @@
-"""Motion of one design point in time."""
+"""What a run in time of one design point leaves: its histories, its energies, how it ended."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from squealstudy.kernels import newmark_layout as layout
 from squealstudy.motion.growing_modes import coordinates, projection
 from squealstudy.motion.system import MotionPoint
 
+# outcome of a run and its reason, by the status that the kernel returns
 OUTCOMES = {
     layout.RUNNING: ("ok", ""),  # so far
     layout.DONE: ("ok", ""),
@@ -29,7 +30,19 @@ def outcome_of(status: int, time: float) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies of a run, J: work done = dissipation + change of stored energy + residual."""
+    """Energies of a run, which show how well the integration conserves energy.
+
+    Work done = dissipation + change of stored energy + residual.
+
+    Attributes
+    ----------
+    work_load, work_belt : float
+        Work of the loads, and of the drive that imposes the sliding, J.
+    friction, damping : float
+        Energy that friction and damping dissipate, J.
+    stored_start, stored_end : float
+        Kinetic and elastic energy at the start and at the end, J.
+    """
 
     work_load: float
     work_belt: float
@@ -46,7 +59,7 @@ class EnergyBalance:
 
     @property
     def relative(self) -> float:
-        """Residual over the absolute work of friction, or over the largest term without any."""
+        """Residual over the work of friction in modulus; without friction over the largest term."""
         scale = abs(self.friction)
         if scale == 0.0:
             terms = (self.work_load, self.damping, self.stored_start, self.stored_end)
@@ -67,7 +80,7 @@ class Motion:
         Their frequencies, rad/s.
     outcome : str
         ``ok``, ``not_converged``, ``not_finite``, ``singular_jacobian`` or ``blown_up`` (far more
-        energy than was put in); of adaptive solvers also ``solver_failed``.
+        energy than was put in). Adaptive solvers also give ``solver_failed``.
     message : str
         Time and reason of a failure; empty otherwise.
     time : float
@@ -96,10 +109,10 @@ class Motion:
     steps : int
         Whole steps taken.
     stopped : str
-        Why a watch ended the run before its time; empty otherwise.
+        Why the run was ended before its time, where its outcome was known; empty otherwise.
     windows : dict
-        Levels and frequencies of windows of its rows that have been computed once
-        (`outcome.torque`, `outcome.periods`); a copy by `dataclasses.replace` has none.
+        Cache of levels and frequencies of time windows (`outcome.torque`, `outcome.periods`);
+        empty in a copy by `dataclasses.replace`.
     """
 
     point: MotionPoint
@@ -128,7 +141,7 @@ class Motion:
 
     @property
     def stop_reason(self) -> str:
-        """``end``, ``failed`` or what the watch said."""
+        """Why the run ended: ``end`` of its time, ``failed``, or `stopped`."""
         return self.stopped or ("end" if self.outcome == "ok" else "failed")
 
     @property
@@ -152,7 +165,7 @@ class Motion:
         return self.velocity[:, : len(self.sensed)]
 
     def xi(self, k: int) -> np.ndarray:
-        """Complex amplitude (rows,) of the followed mode `k` through its left vector."""
+        """Complex amplitude (rows,) of the followed mode `k` alone, by its left vector."""
         return projection(*self._watched(k))
 
     def plane(self, k: int) -> np.ndarray:
@@ -160,7 +173,10 @@ class Motion:
         return coordinates(*self._watched(len(self.point.growing.lam) + k))
 
     def _watched(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and velocities (rows, 4) of group `k` of the sensors of growing modes."""
+        """Displacements and velocities (rows, 4) at the four sensors of group `k`.
+
+        The groups are those of the point's `GrowingModes.sensors`.
+        """
         first = len(self.sensed) + 4 * k
         columns = slice(first, first + 4)
         return self.displacement[:, columns], self.velocity[:, columns]

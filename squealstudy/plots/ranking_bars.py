@@ -1,4 +1,4 @@
-"""The ranking as bars: the unstable share of design points, and where the energy is."""
+"""Picture of the ranking: how often each track is unstable, and where its energy is."""
 
 from __future__ import annotations
 
@@ -34,12 +34,26 @@ from squealstudy.wording import amount
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-GROUPED = ("track", "unstable", "overdamped", "frequency_hz")  # columns that decide on groups
-SHADES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000")
-LIGHT = ("#E69F00", "#56B4E9", "#F0E442")
+COLUMNS_OF_GROUPS = (
+    "track",
+    "unstable",
+    "overdamped",
+    "frequency_hz",
+)  # what sorts modes into the rows of the ranking
+COMPONENT_COLOURS = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#D55E00",
+    "#F0E442",
+    "#000000",
+)
+LIGHT_COLOURS = ("#E69F00", "#56B4E9", "#F0E442")  # numbers on these bars are black, else white
 MIN_NUMBERED_BAR_PERCENT = 8.0  # percent: narrower bars carry no number
 LONGEST_NAME = 44  # characters of a line
-HATCHES = ("", "//", "\\\\", "xx")  # to tell components apart that outnumber the shades
+HATCHES = ("", "//", "\\\\", "xx")  # of components beyond the number of colours
 
 
 @register_plot(points=("status",), modes=("track", "unstable", "overdamped"))
@@ -72,7 +86,7 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     if not len(shown):
         is_solved = (results.points["status"] == "ok").any()
         return empty_figure("no unstable mode" if is_solved else "no design point is solved")
-    columns = [*GROUPED, *energy_columns(results.columns("modes"))]
+    columns = [*COLUMNS_OF_GROUPS, *energy_columns(results.columns("modes"))]
     unstable = results.rows("modes", columns, lambda modes: modes["unstable"].to_numpy(bool))
     energies = mean_energies(unstable, shown["track"].tolist())
     figure = new_figure(10.5 if len(energies.columns) else 6.5, 1.9 + 0.38 * len(shown))
@@ -112,7 +126,7 @@ def _name(row: Mapping[Hashable, Any], names: Mapping[int, tuple[str, bool]]) ->
 
 
 def _shares(axes: Axes, shown: pd.DataFrame, unit: str) -> None:
-    """Draw bars of the unstable share, with growth and onset, in a unit, beside them."""
+    """Draw bars of the unstable share, and write growth rate and onset [unit] beside each."""
     share, positions = 100 * shown["unstable_share"].to_numpy(), np.arange(len(shown))
     axes.barh(positions, share, height=0.62, color=UNSTABLE)
     for y, x, row in zip(positions, share, shown.to_dict("records"), strict=True):
@@ -133,12 +147,13 @@ def _energies(axes: Axes, energies: pd.DataFrame) -> None:
     positions, bar_starts = np.arange(len(energies)), np.zeros(len(energies))
     for k, component in enumerate(energies.columns):
         share = 100 * energies[component].fillna(0.0).to_numpy()
-        shade, hatch = SHADES[k % len(SHADES)], HATCHES[k // len(SHADES) % len(HATCHES)]
+        n_colours = len(COMPONENT_COLOURS)
+        shade, hatch = COMPONENT_COLOURS[k % n_colours], HATCHES[k // n_colours % len(HATCHES)]
         bars = axes.barh(
             positions, share, 0.62, bar_starts, color=shade, hatch=hatch, label=component
         )
         texts = [f"{width:.0f}" if width >= MIN_NUMBERED_BAR_PERCENT else "" for width in share]
-        ink = "black" if shade in LIGHT else "white"
+        ink = "black" if shade in LIGHT_COLOURS else "white"
         axes.bar_label(bars, texts, label_type="center", fontsize=8, color=ink)
         bar_starts = bar_starts + share
     finish(axes, "Elastic energy, mean over unstable points [%]", "")

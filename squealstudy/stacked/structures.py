@@ -1,4 +1,8 @@
-"""Structures in component-mode coordinates, side by side: M = I, elastic stiffness diagonal."""
+"""Structures of many design points as arrays, in the coordinates of free component modes.
+
+Small models are solved in these coordinates, many at once: the mass is the identity and the elastic
+stiffness is diagonal.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +22,9 @@ class StackedStructures:
     Attributes
     ----------
     components : tuple of str
+        Names of the components.
     offsets : ndarray (n_components + 1,)
-        Number of the first coordinate of each component, then n.
+        Index of the first coordinate of each component; the last entry is n.
     k_el : ndarray (m, n)
         Squares of the components' free angular frequencies, (rad/s)^2.
     springs, static_springs : ndarray (m, n, n)
@@ -28,9 +33,10 @@ class StackedStructures:
         The components' own damping, rad/s; None where there is none.
     N, T, T_perp : ndarray (m, c, n)
     area, gap0, frictional, speed_factor : ndarray (m, c)
-        As in ContactInterface.
+        Observation matrices and values of the c contact points, as in
+        `models.assembly.ContactInterface`.
     load : ndarray (m, n, 2)
-        Loads of a unit brake pressure, and constant loads.
+        Loads of a unit brake pressure [N/(Pa sqrt(kg))], and constant loads [N/sqrt(kg)].
     phi : ndarray (m, n, n)
         Displacements of the degrees of freedom for unit coordinates.
     sensors : ndarray (m, s, n)
@@ -66,7 +72,10 @@ class StackedStructures:
         return int(self.phi.shape[2])
 
     def coordinate(self, component: str, mode: int) -> int:
-        """Coordinate of a component's free mode, numbered from 1; KeyError where there is none."""
+        """Index of the coordinate of a component's free mode, which is numbered from 1.
+
+        KeyError where the component does not have that mode.
+        """
         i = self.components.index(component) if component in self.components else -1
         if i < 0 or not 1 <= mode <= self.offsets[i + 1] - self.offsets[i]:
             raise KeyError((component, mode))
@@ -75,7 +84,6 @@ class StackedStructures:
     @staticmethod
     def of(a: StackedAssembly) -> StackedStructures:
         """Structures of assemblies with finite matrices and positive definite masses."""
-        phi = np.zeros_like(a.M)
         m = max(len(a.M), len(a.K))
         phi = np.zeros((m, a.n, a.n))
         k_el = np.zeros((m, a.n))
@@ -101,14 +109,17 @@ class StackedStructures:
             speed_factor=a.speed_factor,
             load=phi_T @ loads,
             phi=phi,
-            sensors=roots_of(a.M) @ phi,
+            sensors=square_roots(a.M) @ phi,
             spring_points=a.spring_points,
             own_friction=a.own_friction,
         )
 
 
 def free_modes(M: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squares of frequencies (m, n) [(rad/s)^2], ascending, and M-orthonormal modes (m, n, n)."""
+    """Free modes of m bodies: squared angular frequencies (m, n), ascending, and shapes (m, n, n).
+
+    The shapes have unit modal mass.
+    """
     lower = np.linalg.cholesky(M)
     inverse = np.linalg.inv(lower)
     _, y = np.linalg.eigh(_symmetric(inverse @ K @ inverse.swapaxes(1, 2)))
@@ -116,7 +127,7 @@ def free_modes(M: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.einsum("mij,mij->mj", phi, K @ phi), phi
 
 
-def roots_of(M: np.ndarray) -> np.ndarray:
+def square_roots(M: np.ndarray) -> np.ndarray:
     """Symmetric square roots (m, n, n) of positive definite masses."""
     w, y = np.linalg.eigh(M)
     root: np.ndarray = (y * np.sqrt(w)[:, None, :]) @ y.swapaxes(1, 2)
@@ -124,5 +135,5 @@ def roots_of(M: np.ndarray) -> np.ndarray:
 
 
 def _symmetric(A: np.ndarray) -> np.ndarray:
-    half: np.ndarray = (A + A.swapaxes(1, 2)) / 2
-    return half
+    symmetric_part: np.ndarray = (A + A.swapaxes(1, 2)) / 2
+    return symmetric_part

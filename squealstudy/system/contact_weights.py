@@ -1,4 +1,6 @@
-"""Weights of contact and friction in a system linearised about steady sliding; derivatives.
+"""Stiffness and damping of contact points, for matrices linearised about steady sliding.
+
+The module also gives their derivatives by parameters, for sensitivities.
 
 At a contact point of area A, pressure p and tangent kappa = -dp/dg, which slides at speed s with
 the friction coefficient mu(s, p), the forces A p and mu A p change with gap and sliding by
@@ -6,9 +8,9 @@ the friction coefficient mu(s, p), the forces A p and mu A p change with gap and
     stiffness  N^T (A kappa) N  +  T^T (-(mu + p dmu/dp) A kappa) N
     damping    T_perp^T (mu A p / s) T_perp  +  T^T (dmu/ds A p) T
 
-where s is the velocity of the point itself along T, and mu has the sign of s. These four weights,
-one number each for every contact point, are formed here alone, whatever the coordinates; mu is
-multiplied by the factor `frictional` of the point. Runs in time have the same signs, in the
+where s is the sliding velocity of that point along T, and mu has the sign of s. The four bracketed
+weights have one value for each contact point, and mu is multiplied by the point's factor
+`frictional`. All linearised matrices take them from here. Runs in time have the same signs, in the
 traction and its slope in `kernels/laws.py` and, for loops over points, in `kernels/law_text.py`.
 """
 
@@ -49,16 +51,18 @@ class ContactWeights(NamedTuple):
 def contact_weights(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint
 ) -> ContactWeights:
-    """Weights of contact and friction at a working point."""
+    """Weights of contact and friction at a working point, by the formulas above."""
     p = point.contact_pressure
     friction = operating.friction_at(p, contact.speed_factor, contact.own_friction)
     k_n = contact.area * point.tangent
-    rubbing = contact.area * p * contact.frictional
+    loaded_area = contact.area * p * contact.frictional
     return ContactWeights(
         normal=k_n,
         coupling=-friction.following(p) * contact.frictional * k_n,
-        across=over_speed(friction.mu * rubbing, operating.sliding_speed * contact.speed_factor),
-        along=friction.by_speed * rubbing if np.any(friction.by_speed) else 0.0,
+        across=over_speed(
+            friction.mu * loaded_area, operating.sliding_speed * contact.speed_factor
+        ),
+        along=friction.by_speed * loaded_area if np.any(friction.by_speed) else 0.0,
     )
 
 
@@ -100,7 +104,7 @@ class ContactChange(NamedTuple):
 def contact_weights_change(
     contact: ContactPoints, point: WorkingPoint, operating: OperatingPoint, by: ContactChange
 ) -> ContactWeights:
-    """Derivatives of `contact_weights` by one parameter, by the product rule."""
+    """Derivatives of `contact_weights` by one parameter, for sensitivities at one design point."""
     p = point.contact_pressure
     friction = operating.friction_at(p, contact.speed_factor, contact.own_friction)
     speed = operating.sliding_speed * contact.speed_factor
@@ -116,7 +120,9 @@ def changed_weights(
     speed: np.ndarray,
     by: ContactChange,
 ) -> ContactWeights:
-    """Derivatives of the weights from arrays (nc,), or (m, nc) with a row for each design point.
+    """Derivatives of the weights by one parameter, by the product rule.
+
+    Arrays are (nc,), or (m, nc) with a row for each design point of a batch.
 
     Parameters
     ----------

@@ -18,9 +18,9 @@ from squealstudy.engine.journal import JOURNAL
 from squealstudy.engine.manifest_file import read_manifest
 from squealstudy.engine.recorded_code import (
     RECORDS,
-    code_of,
     enter_executed,
     execute_recorded,
+    extensions_of_results,
     recorded_extensions,
 )
 from squealstudy.engine.result_names import CHUNKS, LOCK, MANIFEST, SET_ASIDE
@@ -303,7 +303,7 @@ def test_code_in_results_is_executed_only_where_its_user_has_run_it(code, tmp_pa
     assert manifest[RECORDS][0]["sources"] == {"my_plot.py": code.read_text()}
     _forget(source)
     (tmp_path / "my_plot.py").write_text(code.read_text())  # in the directory itself
-    assert code_of(manifest, tmp_path) == [("my_plot.py", False)]
+    assert extensions_of_results(manifest, tmp_path) == [("my_plot.py", False)]
     with pytest.raises(ResultsError, match=r"my_plot\.py, which you have not run on this machine"):
         execute_recorded(manifest, tmp_path)
     assert not list(tmp_path.rglob("executed"))
@@ -319,7 +319,7 @@ def test_code_that_was_run_here_serves_without_an_option(code, tmp_path, moved):
     _forget(source)
     if moved:  # its copy in the cache is executed
         code.write_text("raise RuntimeError('another file now')")
-    assert code_of(manifest, tmp_path) == [("my_plot.py", True)]
+    assert extensions_of_results(manifest, tmp_path) == [("my_plot.py", True)]
     changed = {RECORDS: [manifest[RECORDS][0] | {"sources": {"my_plot.py": "raise SystemExit"}}]}
     # plots cannot be registered twice from two places: as a process of its own would have it
     sys.modules[f"squealstudy_extension_my_plot_{source}"] = sys  # "executed"

@@ -193,7 +193,7 @@ def test_modes_that_leave_the_band_and_come_into_it_are_no_break():
 
     def tracks(top):
         tree = TrackTree(np.array([-1, 0]), lams, band=(HZ * 500, HZ * top))
-        return tree.label(tree.stepper(Known([np.eye(3)[[0, 1]], np.eye(3)[[0, 2]]])).all())
+        return tree.label(tree.stepper(Known([np.eye(3)[[0, 1]], np.eye(3)[[0, 2]]])).pair_all())
 
     assert not tracks(2000).ambiguous.flat.any()
     inside = tracks(4000)

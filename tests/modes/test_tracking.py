@@ -469,7 +469,7 @@ def follow_line(solve, values, depth=4):
     tree = TrackTree(np.arange(-1, len(values) - 1), lams, np.asarray(values)[:, None])
     refinement = StepRefinement(lambda x: Modes(*solve(float(x[0]))), depth)
     stepper = tree.stepper(Known([s.shapes for s in states]))
-    pairings = stepper.all()
+    pairings = stepper.pair_all()
     for i in range(1, len(values)):
         expected = stepper.expected(pairings, np.array([i]))[0] if tree.step[i] else None
         ends = np.array([values[i - 1]]), np.array([values[i]])

@@ -19,9 +19,9 @@ from squealstudy.modes.point import linearised_point, solve_point
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.modes.tracking.snapshot_model import (
     SnapshotModel,
+    largest_mode_error,
     snapshot_basis,
     snapshots,
-    unlikeness,
 )
 from squealstudy.root_pairs import angular_band
 from squealstudy.system.linearise import linearise, reduced_structure
@@ -51,7 +51,7 @@ def test_on_a_complete_basis_modes_are_exact(prepared):
     for A, B in ((exact.K, turned.K), (exact.C, turned.C), (exact.K_sym, turned.K_sym)):
         assert np.abs(turn.T @ A @ turn - B).max() <= 1e-11 * np.abs(A).max()
     found = SnapshotModel(prepared, turn, BAND_HZ).modes(state)
-    assert unlikeness(exact_modes(prepared, state), found, BAND, 0.0) <= 1e-6
+    assert largest_mode_error(exact_modes(prepared, state), found, BAND, 0.0) <= 1e-6
 
 
 def test_a_few_points_have_the_modes_of_others(prepared):
@@ -63,23 +63,23 @@ def test_a_few_points_have_the_modes_of_others(prepared):
     few, poor = (SnapshotModel(prepared, W, BAND_HZ) for W in (V, snapshot_basis(blocks[:1])))
     for state in (state_at(0.2, 8e5), state_at(0.55, 16e5)):
         exact = exact_modes(prepared, state)
-        assert unlikeness(exact, few.modes(state), BAND, 0.01) <= MAX_UNLIKENESS
-        assert unlikeness(exact, poor.modes(state), BAND, 0.01) > MAX_UNLIKENESS
+        assert largest_mode_error(exact, few.modes(state), BAND, 0.01) <= MAX_UNLIKENESS
+        assert largest_mode_error(exact, poor.modes(state), BAND, 0.01) > MAX_UNLIKENESS
 
 
 def test_what_one_set_of_modes_lacks_counts_but_at_the_ends_of_the_band():
     lam = 1j * np.array([1.005, 2.0, 3.0])
     exact = Modes(lam, np.eye(3))
-    assert unlikeness(exact, exact, (1.0, 4.0), 0.01) == 0.0
+    assert largest_mode_error(exact, exact, (1.0, 4.0), 0.01) == 0.0
     without = Modes(lam[1:], np.eye(3)[1:])
-    assert unlikeness(exact, without, (1.0, 4.0), 0.01) == 0.0
-    assert unlikeness(without, exact, (1.0, 4.0), 0.01) == 0.0
+    assert largest_mode_error(exact, without, (1.0, 4.0), 0.01) == 0.0
+    assert largest_mode_error(without, exact, (1.0, 4.0), 0.01) == 0.0
     lacking = Modes(lam[:2], np.eye(3)[:2])
-    assert unlikeness(exact, lacking, (1.0, 4.0), 0.01) > 1.0
-    assert unlikeness(lacking, exact, (1.0, 4.0), 0.01) > 1.0
+    assert largest_mode_error(exact, lacking, (1.0, 4.0), 0.01) > 1.0
+    assert largest_mode_error(lacking, exact, (1.0, 4.0), 0.01) > 1.0
     moved = Modes(lam + np.array([0.0, 0.02, 0.0]), np.eye(3))
-    assert unlikeness(exact, moved, (1.0, 4.0), 0.01) == pytest.approx(0.01)
-    assert unlikeness(exact, Modes(lam[:0], np.zeros((0, 3))), (1.0, 4.0), 0.01) == np.inf
+    assert largest_mode_error(exact, moved, (1.0, 4.0), 0.01) == pytest.approx(0.01)
+    assert largest_mode_error(exact, Modes(lam[:0], np.zeros((0, 3))), (1.0, 4.0), 0.01) == np.inf
 
 
 def test_points_far_apart_are_the_middle_and_the_corners():

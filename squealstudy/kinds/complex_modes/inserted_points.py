@@ -24,9 +24,9 @@ from squealstudy.modes.point import DENSE
 from squealstudy.modes.tracking.refinement import Modes
 from squealstudy.modes.tracking.snapshot_model import (
     SnapshotModel,
+    largest_mode_error,
     snapshot_basis,
     snapshots,
-    unlikeness,
 )
 from squealstudy.reduction.prepared import PreparedModel
 
@@ -233,6 +233,6 @@ def check_task(task: CheckTask) -> float:
         modes_in_basis = task.basis.solver(task.neighbourhood)(task.neighbourhood.x)
     except FAILURES:
         return np.inf
-    return unlikeness(
+    return largest_mode_error(
         task.solved, modes_in_basis, (2 * np.pi * low, 2 * np.pi * high), BAND_END_REL_DISTANCE
     )

@@ -109,7 +109,7 @@ class Follower:
             when budget or rounds were spent; pairs ``still_ambiguous``, those of such steps
             included.
         """
-        pairings = self._stepper.all()
+        pairings = self._stepper.pair_all()
         before = pairings.count_unresolved()
         started = time.perf_counter()
         refined_steps = np.zeros(0, dtype=int)
@@ -126,10 +126,10 @@ class Follower:
                 break
             refined_steps = np.union1d(refined_steps, list(refined))
             changed = [i for i, pairing in refined.items() if self._enter(pairings, i, pairing)]
-            self._stepper.again(pairings, np.array(changed, dtype=int), refined_steps)
+            self._stepper.pair_followers(pairings, np.array(changed, dtype=int), refined_steps)
         self.seconds += time.perf_counter() - started
         n_doubtful = len(self._doubtful(pairings, refined_steps)[0]) if refine else 0
-        pairings.unresolved(refined_steps)
+        pairings.mark_unresolved(refined_steps)
         summary = {
             "ambiguous_pairs": before,
             "refined": len(refined_steps),
@@ -300,7 +300,7 @@ class CommonShapes:
         """Shapes (n, count, k) of points of one structure, the first `count` of each."""
         return self._file.stack(points, count)
 
-    def sort(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def coordinate_system(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Number of coordinates (n,) of steps within a structure, -1 for those between two."""
         within = self._structure[a] == self._structure[b]
         return np.where(within, self._file.width(b), -1)

@@ -1,4 +1,7 @@
-"""A design judged again, once a cycle of another design was continued to it."""
+"""Corrects the verdicts of a design after a limit cycle of another design was continued to it.
+
+The continued cycle may be louder, stable or smaller than the cycles that the first verdict knew.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +14,32 @@ from squealstudy.cycles.verdicts import ONLY_UNSTABLE
 from squealstudy.kinds.limit_cycles.tables import known_velocity, summary, with_validity
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
 
-THRESHOLD = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
-SAME_OF_A_CYCLE = "torque_rms", "level_error", "torque_line_hz", "invalid_reason"
+THRESHOLD_COLUMNS = tuple(f"threshold_{name}" for name in ("velocity", "error", "energy", "share"))
+# columns that a verdict and a cycle both have, under the same names
+COLUMNS_OF_BOTH = "torque_rms", "level_error", "torque_line_hz", "invalid_reason"
 
 
 def judge_again(
     row: dict[str, Any], mode: int, came: str, cycle: dict[str, Any] | None = None
 ) -> None:
-    """Judge a design again after a cycle was continued to it (`came`), or was not confirmed.
+    """Change the verdicts in a row of a design after a cycle was continued to it.
 
-    A threshold with more energy than the cycle is removed: motion below it may grow.
+    A threshold with more energy than the new cycle is removed: motion below it may grow.
+
+    Parameters
+    ----------
+    row : dict
+        Row of the design, with its cycles; it is changed in place.
+    mode : int
+        Number of the mode to whose verdict the cycle belongs.
+    came : str
+        The continuation in words: "a cycle continued from ...".
+    cycle : dict or None
+        Row of the new cycle; None where the design did not confirm it.
     """
     for verdict in row["verdicts"]:
         if cycle is not None and verdict["threshold_energy"] > cycle["energy"]:
-            verdict |= dict.fromkeys(THRESHOLD, np.nan) | {"threshold_cycle": ""}
+            verdict |= dict.fromkeys(THRESHOLD_COLUMNS, np.nan) | {"threshold_cycle": ""}
             verdict["reason"] += f"; no threshold: {came} is smaller"
         if verdict["mode"] != mode:
             continue
@@ -34,7 +49,7 @@ def judge_again(
             # the level may be that of the same motion from a run in time, which is less exact
             lowest_level = verdict["torque_rms"] * (1.0 - verdict["level_error"])
             if stable and not lowest_level >= cycle["torque_rms"]:
-                verdict |= {name: cycle[name] for name in SAME_OF_A_CYCLE}
+                verdict |= {name: cycle[name] for name in COLUMNS_OF_BOTH}
                 verdict["regularisation_error"] = np.nan
                 verdict["cycle_frequency_hz"] = cycle["frequency_hz"]
                 verdict["cycle_frequency_error"] = cycle["frequency_error"]
@@ -49,10 +64,10 @@ def judge_again(
                 verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
             verdict["verdict"] = IF_KICKED
         elif verdict["verdict"] == NO_CYCLE:
-            verdict["verdict"], verdict["reason"] = UNDECIDED, came + _of_what_kind(cycle)
+            verdict["verdict"], verdict["reason"] = UNDECIDED, came + _why_not_stable(cycle)
         elif cycle is None or cycle["stable"] is None:
             joined = ", and" if cycle is None else " but"
-            reason = f"{ONLY_UNSTABLE}{joined} {came}{_of_what_kind(cycle, ' that')}"
+            reason = f"{ONLY_UNSTABLE}{joined} {came}{_why_not_stable(cycle, ' that')}"
             verdict["reason"] = verdict["reason"].replace(ONLY_UNSTABLE, reason)
         elif not verdict["threshold_velocity"] > 0.0 and ONLY_UNSTABLE not in verdict["reason"]:
             verdict["reason"] += f"; {came} is unstable, at {cycle['contact_velocity']:.3g} m/s"
@@ -60,14 +75,14 @@ def judge_again(
 
 
 def _of_steady_sliding(row: dict[str, Any]) -> str:
-    """Beside a stable cycle of a stable mode."""
+    """End of a reason for a stable cycle of a stable mode: whether steady sliding is stable."""
     if any(v["unstable"] for v in row["verdicts"]) or row["unstable_outside"]:
         return "steady sliding is not, by another mode"
     return "so is steady sliding; no threshold"
 
 
-def _of_what_kind(cycle: dict[str, Any] | None, that: str = "") -> str:
-    """End of a sentence on a cycle that is not surely stable; empty if it was not confirmed."""
+def _why_not_stable(cycle: dict[str, Any] | None, that: str = "") -> str:
+    """End of a sentence that tells why a cycle may not be stable; empty if it was not confirmed."""
     if cycle is None:
         return ""
     if cycle["status"] != OK:

@@ -1,8 +1,9 @@
-"""Onsets of many modes at once: the root finding of `onsets.refine_onset` in all brackets.
+"""Refines the onsets of many modes together, so that small models are solved in batches.
 
-Every iteration of Chandrupatla's method (1997) solves one design point for each bracket, all in one
-batch. Brackets with a difficulty are left to `onsets.refine_onset`: those whose mode is lost, whose
-ends are of two modes, or in which the damping ratio jumps.
+The method is that of `onsets.refine_onset`, in all brackets at once. Every iteration of
+Chandrupatla's method (1997) solves one design point for each bracket, all in one batch. Brackets
+with a difficulty are left to `onsets.refine_onset`: those whose mode is lost, whose ends are of two
+modes, or in which the damping ratio jumps.
 """
 
 from __future__ import annotations
@@ -48,16 +49,28 @@ SolveMany = Callable[[np.ndarray, np.ndarray], tuple[ManyModes, np.ndarray]]
 
 
 @dataclass
-class _Ends:
-    """One end of all brackets: value, damping ratio plus tolerance, modes, index of the mode."""
+class _Side:
+    """One side of all brackets.
+
+    Attributes
+    ----------
+    x : ndarray (n,)
+        Value of the parameter.
+    f : ndarray (n,)
+        Damping ratio of the followed mode plus the tolerance; zero at the onset.
+    modes : ManyModes
+        All modes there.
+    place : ndarray (n,) of int
+        Index of the followed mode.
+    """
 
     x: np.ndarray
     f: np.ndarray
     modes: ManyModes
     place: np.ndarray
 
-    def take(self, rows: np.ndarray, other: _Ends, rows_of_other: np.ndarray) -> None:
-        """Copy `rows_of_other` of another end into `rows` of this one."""
+    def take(self, rows: np.ndarray, other: _Side, rows_of_other: np.ndarray) -> None:
+        """Copy `rows_of_other` of another side into `rows` of this one."""
         self.x[rows], self.f[rows], self.place[rows] = (
             other.x[rows_of_other],
             other.f[rows_of_other],
@@ -113,7 +126,7 @@ def refine_onsets_together(
     """
     n = len(x[0])
     ends = [
-        _Ends(
+        _Side(
             np.array(at, dtype=float),
             _excess(m.lam[np.arange(n), mode_number], tolerance),
             ManyModes(m.lam.astype(complex), m.shapes.astype(np.complex64)),
@@ -145,7 +158,7 @@ def refine_onsets_together(
             solved_modes.at(still_followed),
         )
         f = _excess(solved_modes.lam[np.arange(len(still_followed)), mode_number], tolerance)
-        new = _Ends(at, f, solved_modes, mode_number)
+        new = _Side(at, f, solved_modes, mode_number)
         scale[active] = np.maximum(scale[active], np.abs(f))
         same = np.sign(f) == np.sign(a.f[active])
         third_x[active] = np.where(same, a.x[active], b.x[active])
@@ -184,14 +197,15 @@ def refine_onsets_together(
 
 
 def _excess(lam: np.ndarray, tolerance: float) -> np.ndarray:
+    """Damping ratio of roots plus the stability tolerance: negative where they are unstable."""
     excess: np.ndarray = -lam.real / np.maximum(np.abs(lam), 1e-300) + tolerance
     return excess
 
 
-def _followed(a: _Ends, b: _Ends, rows: np.ndarray, modes_between: ManyModes) -> np.ndarray:
+def _followed(a: _Side, b: _Side, rows: np.ndarray, modes_between: ManyModes) -> np.ndarray:
     """Index (r,) of each bracket's mode among the modes between its ends; -1 where it is lost.
 
-    It is paired from both ends; where these disagree the pairing of more trust counts.
+    The mode is paired from both ends. Where the two pairings disagree, that of more trust counts.
     """
     best, partner = np.full(len(rows), -np.inf), np.full(len(rows), -1)
     each = np.arange(len(rows))
@@ -210,7 +224,7 @@ def _followed(a: _Ends, b: _Ends, rows: np.ndarray, modes_between: ManyModes) ->
 
 
 def _step(
-    a: _Ends, b: _Ends, third_x: np.ndarray, third_f: np.ndarray, rows: np.ndarray
+    a: _Side, b: _Side, third_x: np.ndarray, third_f: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:
     """Next point as a share (r,) of the way from a to b: inverse quadratic if safe, else 0.5."""
     x1, x2, x3 = a.x[rows], b.x[rows], third_x[rows]

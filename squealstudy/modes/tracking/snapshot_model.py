@@ -1,7 +1,8 @@
-"""A reduced brake on a basis of its modes at a few design points, for points between those.
+"""A fast approximate solver for the points that mode tracking inserts between design points.
 
-Tracking follows modes through points that are in no table. A basis of right vectors at some design
-points (snapshots) gives the modes of other points with errors of some 1e-4, in a fifth of the time.
+Where two design points lie too far apart to pair their modes, tracking solves points between them.
+The reduced brake is projected on its modes at a few design points (snapshots). The projection gives
+the modes of other points with relative errors of some 1e-4, in a fifth of the time.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from squealstudy.system.parametric import ParametricSystem
 
 # modes up to this factor times the band's top are snapshots, as they may come into the band
 SNAPSHOT_BAND_FACTOR = 1.1
-# least singular value, over the largest, of directions that are used: 148 of 618 for the medium
-# brake over friction and pressure, with errors of roots of 1e-4 at most
+# singular values of the snapshots below this share of the largest are left out of the basis. On the
+# medium brake over friction and pressure 148 of 618 directions stay; roots err by 1e-4 at most
 MIN_SINGULAR_VALUE = 1e-3
 
 
@@ -33,10 +34,10 @@ def snapshots(
     band_hz: tuple[float, float],
     gap: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Real and imaginary parts (n, 2 m) of the modes of a design state, those below the band too.
+    """Real and imaginary parts (n, 2 m) of the modes of a design state, columns of a basis.
 
-    A basis that spans only a part of a mode gives too high a frequency. Modes below the band are
-    snapshots so that they do not appear in it.
+    Modes below the band are included. A basis that spans only a part of a mode gives it too high a
+    frequency: a mode below the band might then appear in the band.
 
     Raises
     ------
@@ -57,7 +58,7 @@ def snapshot_basis(blocks: Sequence[np.ndarray]) -> np.ndarray:
 
 
 class SnapshotModel:
-    """A prepared model on a basis.
+    """Modes of a prepared model at any design state, approximated on a basis of snapshots.
 
     Parameters
     ----------
@@ -99,11 +100,13 @@ class SnapshotModel:
         return Modes(lam[oscillating], unit_shapes(self._shape_rows @ psi[:, oscillating]))
 
 
-def unlikeness(exact: Modes, other: Modes, band: tuple[float, float], edge: float) -> float:
-    """Largest distance of a mode of one set from the nearest of another, both ways.
+def largest_mode_error(exact: Modes, other: Modes, band: tuple[float, float], edge: float) -> float:
+    """How far the approximate modes `other` are from the exact ones: decides if a basis is used.
 
-    The distance is |lam - other lam| / |lam| + 1 - MAC, where lam is the exact root. Modes within
-    `edge` (relative) of an end of the band [rad/s] do not count: their partners may be beyond it.
+    It is the largest distance of a mode of either set from the nearest mode of the other set. The
+    distance of two modes is |lam - other lam| / |lam| + 1 - MAC, where lam is the exact root. Modes
+    within `edge` (relative) of an end of the band [rad/s] do not count: the modes nearest to them
+    may lie outside the band.
     """
     size = np.maximum(np.abs(exact.lam), 1e-300)
     distances = np.abs(exact.lam[:, None] - other.lam) / size[:, None]

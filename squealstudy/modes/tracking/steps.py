@@ -1,4 +1,8 @@
-"""Pairings of all steps of a tree of design points, many at a time."""
+"""The complex modes of each design point, paired with those of its parent in the tracking tree.
+
+A step of the tree leads from a parent to a point. Tracks of modes are made from these pairings
+(`labels.TrackingTree`). Many steps are paired in one call, which is far faster than one by one.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +14,22 @@ import numpy as np
 from squealstudy.modes.tracking.pairing import PASSING_TRUST, Band, Pairing, pair_many
 from squealstudy.modes.tracking.ragged import Ragged
 
-AT_ONCE = 16_384  # entries of cost tables that are computed together: they fit a cache
+# most mode pairs whose costs are computed in one call, so that tables fit the processor cache
+MAX_PAIRS_PER_CALL = 16_384
 
 
 class Shapes(Protocol):
-    """Shapes of the modes of design points; those at both ends of a step in common coordinates."""
+    """Source of the mode shapes at both ends of a step, in the same coordinates."""
 
-    def sort(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Number (n,) of the sort of each step: steps of one sort have as many coordinates."""
+    def coordinate_system(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Number (n,) of the coordinates of each step from point a to point b.
+
+        Steps of one number have shapes of the same length k, so that they fit one array.
+        """
         ...
 
     def of(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Shapes (n, ma, k) and (n, mb, k) at both ends of steps of one sort and equal counts."""
+        """Shapes (n, ma, k) at points a and (n, mb, k) at points b of steps with one number."""
         ...
 
 
@@ -70,7 +78,7 @@ class Pairings:
         self.source[self._first[points[i]] + pairing.partner[i, a]] = a
         return changed
 
-    def unresolved(self, refined: np.ndarray) -> None:
+    def mark_unresolved(self, refined: np.ndarray) -> None:
         """Mark doubtful pairs as ambiguous, except on the `refined` steps.
 
         `refinement.unresolved` does the same for one pairing.
@@ -84,26 +92,31 @@ class Pairings:
         return int((self.ambiguous.flat | self._doubtful()).sum())
 
     def _doubtful(self) -> np.ndarray:
+        """Flags of all pairs in flat order: modes that pass each other in frequency too closely."""
         doubtful: np.ndarray = (self.trust.flat <= PASSING_TRUST) & (self.partner.flat >= 0)
         return doubtful
 
 
 class Stepper:
-    """Pairs the modes of points with those of their parents.
+    """Pairs the modes of design points with those of their parents in the tracking tree.
 
-    Where a branch of the tree is straight, roots are extrapolated by the pairing of the step
-    before. All steps are paired together, as if modes had the same order at both ends of the step
-    before. Where that turns out wrong, the step after is paired again. The final pairings are those
-    that pairing in order would give.
+    Along a straight branch of the tree, the roots at a point are predicted: the last change of each
+    mode's root continues. The prediction needs the pairing of the previous step. To pair all steps
+    together, modes are first assumed to have the same order at both ends of every previous step.
+    Where that assumption is wrong, the next step is paired again. The final pairings equal those of
+    pairing one step after the other.
 
     Parameters
     ----------
     parents : ndarray (n,) of int
+        Point at which the step to each point begins, -1 where no step leads to it.
     step : ndarray (n,)
-        Share of the last change of the roots that is expected to continue; 0 off a straight line.
+        Part of the last change of the roots that is predicted to follow once more on the step to
+        each point; 0 where the step does not continue a straight line.
     lams : Ragged
         Roots of each point, rad/s.
     shapes : Shapes
+        Shapes of the modes in the order of `lams`.
     band : (low, high) or None
         Band of the roots, rad/s (`pair_modes`).
     """
@@ -119,36 +132,36 @@ class Stepper:
         self._parents, self._step, self._lams, self._shapes = parents, step, lams, shapes
         self._band = band
         straight = np.flatnonzero(step)
-        self._after = straight[np.argsort(parents[straight], kind="stable")]
+        self._straight_by_parent = straight[np.argsort(parents[straight], kind="stable")]
 
-    def all(self) -> Pairings:
-        """The pairings of all steps."""
+    def pair_all(self) -> Pairings:
+        """Pair all steps of the tree."""
         pairings = Pairings(self._parents, self._lams.counts)
         steps = np.flatnonzero(self._parents >= 0)
         before, after = self._lams.counts[self._parents[steps]], self._lams.counts[steps]
         for count in np.unique(np.minimum(before, after)):
             points = steps[np.minimum(before, after) == count]
-            own_numbers = np.broadcast_to(np.arange(count, dtype=np.int32), (len(points), count))
-            pairings.partner.flat[pairings.partner.block(points, int(count))] = own_numbers
-            pairings.source[self._lams.block(points, int(count))] = own_numbers
+            same_order = np.broadcast_to(np.arange(count, dtype=np.int32), (len(points), count))
+            pairings.partner.flat[pairings.partner.block(points, int(count))] = same_order
+            pairings.source[self._lams.block(points, int(count))] = same_order
         self.pair(pairings, steps, np.zeros(0, dtype=int))
         return pairings
 
-    def again(self, pairings: Pairings, changed: np.ndarray, refined: np.ndarray) -> None:
-        """Pair the steps after changed pairings again, except the `refined` ones."""
+    def pair_followers(self, pairings: Pairings, changed: np.ndarray, refined: np.ndarray) -> None:
+        """Pair again the steps that continue steps to `changed` points, except `refined` steps."""
         self.pair(pairings, np.setdiff1d(self._followers(changed), refined), refined)
 
     def pair(self, pairings: Pairings, points: np.ndarray, refined: np.ndarray) -> None:
-        """Pair the steps to points, and again the steps after those whose pairing has changed."""
+        """Pair the steps to points, then those after each step whose pairing has changed."""
         while len(points):
-            batches = self._paired(pairings, points)
+            batches = self._pair_in_batches(pairings, points)
             changed = [
                 batch[pairings.enter(batch, pairing, count)] for batch, pairing, count in batches
             ]
             points = np.setdiff1d(self._followers(np.concatenate(changed)), refined)
 
     def expected(self, pairings: Pairings, points: np.ndarray) -> np.ndarray:
-        """The parents' roots (r, ma) as expected at points (r,), rad/s.
+        """Predicted roots (r, ma) [rad/s] at points (r,) of their parents' modes.
 
         All parents must have the same number of modes.
         """
@@ -162,28 +175,33 @@ class Stepper:
         return lam
 
     def _followers(self, points: np.ndarray) -> np.ndarray:
-        """Points one step after these on straight lines, ascending."""
-        parents = self._parents[self._after]
+        """Points of the next steps on the straight lines through some points, ascending."""
+        parents = self._parents[self._straight_by_parent]
         first, last = (np.searchsorted(parents, points, side) for side in ("left", "right"))
         count = last - first
         positions = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
-        return np.sort(self._after[positions])
+        return np.sort(self._straight_by_parent[positions])
 
-    def _paired(
+    def _pair_in_batches(
         self, pairings: Pairings, points: np.ndarray
     ) -> Iterator[tuple[np.ndarray, Pairing, int]]:
-        """Batches of steps of equal counts of modes, their pairings, and the count at the end."""
+        """Pair steps in batches of arrays; yield each batch, its pairings and the modes of a point.
+
+        All steps of a batch have the same numbers of modes at their start and at their end.
+        """
         parents = self._parents[points]
         counts = self._lams.counts[parents], self._lams.counts[points]
-        sizes = np.column_stack([*counts, self._shapes.sort(parents, points)])
-        kinds, which = np.unique(sizes, axis=0, return_inverse=True)
-        which = which.reshape(-1)
-        ordered = np.argsort(which, kind="stable")
-        ends = np.cumsum(np.bincount(which, minlength=len(kinds)))
-        for (before, after, _), step_rows in zip(kinds, np.split(ordered, ends[:-1]), strict=True):
-            together = max(1, AT_ONCE // int(before * after))
-            for start in range(0, len(step_rows), together):
-                batch = points[step_rows[start : start + together]]
+        sizes = np.column_stack([*counts, self._shapes.coordinate_system(parents, points)])
+        sizes_of_group, group = np.unique(sizes, axis=0, return_inverse=True)
+        group = group.reshape(-1)
+        ordered = np.argsort(group, kind="stable")
+        ends = np.cumsum(np.bincount(group, minlength=len(sizes_of_group)))
+        for (before, after, _), rows_of_group in zip(
+            sizes_of_group, np.split(ordered, ends[:-1]), strict=True
+        ):
+            together = max(1, MAX_PAIRS_PER_CALL // int(before * after))
+            for start in range(0, len(rows_of_group), together):
+                batch = points[rows_of_group[start : start + together]]
                 p = self._parents[batch]
                 at_a, at_b = self._shapes.of(p, batch)
                 expected = self.expected(pairings, batch)

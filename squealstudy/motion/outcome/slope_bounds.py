@@ -1,7 +1,8 @@
-"""The slope of a line through a logarithm, and its bounds.
+"""The growth rate of an amplitude in a run, as the slope of its logarithm, with bounds.
 
-The bounds include noise and three other causes that bend a line: growth that depends on the
-amplitude, remains of the start, and other modes that a projection does not remove.
+`growth.fit_growth` needs the slope and its 95 % interval. The interval includes noise and three
+causes that bend the logarithm: growth that depends on the amplitude, remains of the start, and
+other modes that a projection does not remove.
 """
 
 from __future__ import annotations
@@ -11,16 +12,17 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-FIT_BLOCKS = (48, 24, 12)  # blocks of a line; fewer are used if neighbours are correlated
-MAX_CORRELATION = 0.3  # largest correlation of neighbouring blocks that counts as none
-CURVE_ROUND_OFF = 1e-10  # relative bent part of a curve up to which it is straight
-# block means of a ratio of amplitudes over its largest value; less turns too fast to tilt a line
+FIT_BLOCKS = (48, 24, 12)  # numbers of blocks that are averaged; fewer if neighbours correlate
+MAX_CORRELATION = 0.3  # neighbouring blocks with less correlation count as independent
+CURVE_ROUND_OFF = 1e-10  # a curve with a smaller relative part off a line counts as straight
+# a ratio of amplitudes whose block means stay below this share of its largest value oscillates too
+# fast to change a fitted slope
 LEAST_SLOW_SHARE = 0.1
-LEAST_REL_ERROR = 1e-7  # least relative error of a slope: chosen, above the round-off of runs
+LEAST_REL_ERROR = 1e-7  # least relative half-width of an interval, chosen above round-off of runs
 
 
 def block_means(log: np.ndarray, width: int, real: bool) -> np.ndarray:
-    """Means of a logarithm over blocks of rows; if `real`, the logarithm of the amplitude's RMS.
+    """Means of a logarithm over blocks of rows; of a real amplitude the logarithm of its RMS.
 
     A real envelope that ripples comes close to zero, and the mean of its logarithm would depend on
     the dips. Noise on a complex amplitude does not bias the mean of the logarithm.
@@ -45,21 +47,24 @@ def slope_interval(
     Parameters
     ----------
     log : ndarray (rows,)
+        Logarithm of the amplitude.
     step : float
-        s.
+        Time between rows, s.
     real : bool
-        Whether it is that of a real envelope, not of a complex amplitude.
+        Whether the amplitude is a real envelope, not complex.
     mixed : sequence of ndarray (rows,) complex
-        Amplitudes of other modes over this one's. Steps of finite length have other left vectors
-        than the equations, along which a share of the other modes is therefore observed, too.
+        Ratios of the amplitudes of other modes to this one. A time step of finite length changes
+        the left vectors of the equations. Projections on the unchanged ones therefore contain a
+        share of the other modes.
 
     Returns
     -------
     slope, half_width : float
         Slope and half-width of its 95 % interval, 1/s. The latter follows from the HC3 variance and
-        Student's t, and is widened by the correlation that twelve blocks still have. It is at least
-        the tilt of the line by other terms: one in the amplitude, as growth a (1 + b r) depends on
-        it; one in its inverse, for motion that dies away or stays; and one in each of `mixed`.
+        Student's t, and is widened where twelve blocks still correlate. It is at least the
+        change of slope that further terms of a fit could cause: a term in the amplitude r, for
+        growth a (1 + b r); a term in 1 / r, for motion that dies away or stays; and each of
+        `mixed`.
     time, level : float
         Mean time from the first row [s] and mean of the blocks: a point of the line.
     """
@@ -82,13 +87,13 @@ def slope_interval(
     log_growth = slope * x
     shapes = [np.exp(sign * log_growth - np.abs(log_growth).max())[:, None] for sign in (1, -1)]
     shapes += [curve for ratio in mixed if (curve := _slow_part(ratio, width)) is not None]
-    tilts = [_tilt(x, residual, curve, correlation_factor) for curve in shapes]
-    half_width = max(half_width, *tilts, LEAST_REL_ERROR * abs(slope))
+    slope_changes = [_slope_change(x, residual, curve, correlation_factor) for curve in shapes]
+    half_width = max(half_width, *slope_changes, LEAST_REL_ERROR * abs(slope))
     return slope, half_width, step * (0.5 * len(y) * width - 0.5), float(y.mean())
 
 
 def _slow_part(ratio: np.ndarray, width: int) -> np.ndarray | None:
-    """Real and imaginary block means (m, 2) of a complex ratio (rows,); None where they vanish."""
+    """Block means (m, 2) of the real and imaginary part of a ratio; None for fast oscillation."""
     size = np.abs(ratio).max()
     mean = in_blocks(ratio, width).mean(axis=1) / (size or 1.0)
     if not np.abs(mean).max() > LEAST_SLOW_SHARE:
@@ -96,27 +101,30 @@ def _slow_part(ratio: np.ndarray, width: int) -> np.ndarray | None:
     return np.column_stack([mean.real, mean.imag])
 
 
-def _tilt(
+def _slope_change(
     x: np.ndarray, residual: np.ndarray, curves: np.ndarray, correlation_factor: float
 ) -> float:
-    """Tilt of a fitted line by other terms, with one standard error added [1/s].
+    """Change of a fitted slope [1/s] by further terms, with one standard error added.
 
     Parameters
     ----------
     x, residual : ndarray (m,)
-        Times from the middle [s], and the logarithm less the line.
+        Times from the middle [s], and the logarithm minus the line.
     curves : ndarray (m, p)
-        The terms, fitted beside the line together.
+        The further terms at these times, fitted together with the line.
     correlation_factor : float
         Factor on standard errors by correlation.
     """
     linear_part = (x @ curves) / (x @ x)
     bent = curves - curves.mean(axis=0) - x[:, None] * linear_part
     size = np.sqrt((bent**2).sum(axis=0))
-    is_bent = size > CURVE_ROUND_OFF * np.sqrt((curves**2).sum(axis=0))
-    if not is_bent.any():
+    is_curved = size > CURVE_ROUND_OFF * np.sqrt((curves**2).sum(axis=0))
+    if not is_curved.any():
         return 0.0
-    bent, linear_part = bent[:, is_bent] / size[is_bent], linear_part[is_bent] / size[is_bent]
+    bent, linear_part = (
+        bent[:, is_curved] / size[is_curved],
+        linear_part[is_curved] / size[is_curved],
+    )
     inverse = np.linalg.pinv(bent.T @ bent)
     coefficients = inverse @ (bent.T @ residual)
     remainder = residual - bent @ coefficients
