@@ -1,4 +1,4 @@
-"""The tables of results as attributes; each kind of study has some of them."""
+"""The tables of results as attributes, for Python: `results.modes` is `results.table("modes")`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 
 class NamedTables:
-    """Tables of results; ResultsError for a table that the kind of study does not have.
+    """Tables of results as attributes; each kind of study has some of them.
+
+    Others raise ResultsError.
 
     Attributes
     ----------
@@ -27,12 +29,12 @@ class NamedTables:
 
     @property
     def points(self) -> pd.DataFrame:
-        """One row a design point."""
+        """One row for each design point."""
         return self.table("points")
 
     @property
     def modes(self) -> pd.DataFrame:
-        """One row a complex mode, or an assembly mode of a run in time, of a design point."""
+        """One row for each complex mode of a design point, or assembly mode of a run in time."""
         return self.table("modes")
 
     @property
@@ -45,14 +47,15 @@ class NamedTables:
 
     @property
     def sensitivities(self) -> pd.DataFrame:
-        """One row a parameter, mode and design point of a sensitivity study."""
+        """One row for each parameter, at each mode of each design point of a sensitivity study."""
         return self.table("sensitivities")
 
     @property
     def growth(self) -> pd.DataFrame:
-        """One row a complex mode of a run in time, with its fitted and its predicted growth rate.
+        """One row for each complex mode of a run in time: its fitted and predicted growth rate.
 
-        The modes are the unstable ones, or the least stable one without any (column `unstable`).
+        The modes are the unstable ones, or the least stable one where none is unstable (column
+        `unstable`).
 
         Raises ResultsError for other kinds of study, and for a table of an earlier version.
         """
@@ -66,75 +69,75 @@ class NamedTables:
 
     @property
     def windows(self) -> pd.DataFrame:
-        """One row a window of a run in time whose speed or pressure changes."""
+        """One row for each window of a run in time whose speed or pressure changes."""
         return self.table("windows")
 
     @property
     def measurements(self) -> pd.DataFrame:
-        """One row a method and knob value of a work-precision study."""
+        """One row for each method at each value of its setting, in a work-precision study."""
         return self.table("measurements")
 
     @property
     def errors(self) -> pd.DataFrame:
-        """One row a quantity, mode and point of each measurement of a work-precision study."""
+        """One row for each error of a measurement of a work-precision study."""
         return self.table("errors")
 
     @property
     def cells(self) -> pd.DataFrame:
-        """One row a cell of a method-stability study."""
+        """One row for each pair of settings in a map of a method-stability study."""
         return self.table("cells")
 
     @property
     def verdicts(self) -> pd.DataFrame:
-        """One row a mode of a design point in a study of limit cycles: whether it squeals."""
+        """One row for each mode of a design point: whether it squeals, by its limit cycles."""
         return self.table("verdicts")
 
     @property
     def cycles(self) -> pd.DataFrame:
-        """One row a limit cycle of a study of limit cycles."""
+        """One row for each limit cycle of a study of limit cycles."""
         return self.table("cycles")
 
     @property
     def curves(self) -> pd.DataFrame:
-        """One row an amplitude of a family of motions, with its growth rate there."""
+        """One row for each amplitude of motions along one mode: their growth rate."""
         return self.table("curves")
 
     @property
     def branches(self) -> pd.DataFrame:
-        """One row a cycle of the branches that were followed over a parameter."""
+        """One row for each cycle of the branches that were followed over a parameter."""
         return self.table("branches")
 
     @property
     def borders(self) -> pd.DataFrame:
-        """One row a fold or Hopf point that was continued over two parameters."""
+        """One row for each fold or Hopf point that was continued over two parameters."""
         return self.table("borders")
 
     @property
     def velocities(self) -> pd.DataFrame:
-        """One row a named point of a limit cycle."""
+        """One row for each named place of a model in a limit cycle: its velocity there."""
         return self.table("velocities")
 
     @property
     def designs(self) -> pd.DataFrame:
-        """One row a design that a design study evaluated."""
+        """One row for each design that a design study evaluated."""
         return self.table("designs")
 
     @property
     def margins(self) -> pd.DataFrame:
-        """One row a mode of least damping of a design at an operating point."""
+        """One row for each mode of least damping of a design at an operating point."""
         return self.table("margins")
 
     @property
     def slopes(self) -> pd.DataFrame:
-        """One row a mode and variable of a design study: the effect of a change on its damping."""
+        """One row for each mode and variable of a design study: how damping changes with it."""
         return self.table("slopes")
 
     @property
     def proof(self) -> pd.DataFrame:
-        """One row a check of the chosen design of a design study."""
+        """One row for each check that the chosen design of a design study had to pass."""
         return self.table("proof")
 
     @property
     def variants(self) -> pd.DataFrame:
-        """One row an alternative of a design study."""
+        """One row for each alternative of a design study, which has a search of its own."""
         return self.table("variants")

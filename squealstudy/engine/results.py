@@ -227,7 +227,7 @@ class Results(RankedResults):
     def names(
         self, tracks: Iterable[int] | None = None, most: int | None = MOST_NAMED
     ) -> pd.DataFrame:
-        """Names of modes by their shapes, one row a mode (`engine.mode_names.mode_names`).
+        """Names of modes by their shapes: one row for each mode (`engine.mode_names.mode_names`).
 
         ``modes.merge(names, on=["point_id", "mode"])`` adds them to the modes.
 

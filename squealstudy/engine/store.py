@@ -1,8 +1,8 @@
 """A results directory: what its files are called, and the one place that writes and reads them.
 
 Each file is whole or absent, and stands in the journal once it is finished; what is read is held
-against the journal. The manifest is sealed by itself. A chunk file has one row a design point with
-its findings in lists, under an explicit schema.
+against the journal. The manifest is sealed by itself. A chunk file has one row for each design
+point with its findings in lists, under an explicit schema.
 """
 
 from __future__ import annotations

@@ -43,11 +43,12 @@ DRAWN_COLUMNS = (  # columns of modes
     *(ROW, "track", "frequency_hz", "damping_ratio", "growth_rate", "unstable", "overdamped"),
 )
 MAX_LABELS = 10  # tracks named in one picture
-LONGEST_NAME = 26  # characters of a line
-LEAST_SPAN = 0.02  # span of the axis over twice the mean frequency, at least a half of this
-STABLE_DOTS = 60_000  # stable dots that are drawn; of more only every n-th
-MAX_RIMMED_DOTS = 1_500  # unstable dots with rims; those of more would hide the colours
-N_CELLS = (450, 300)  # cells of the axes, about 2 pixels wide, in which one unstable dot is drawn
+LONGEST_NAME = 26  # characters of a line of a label
+MIN_REL_SPAN = 0.02  # least span of the frequency axis over its mean frequency
+STABLE_DOTS = 60_000  # most stable dots that are drawn; of more, every second, third, ... dot is
+MAX_RIMMED_DOTS = 1_500  # more unstable dots are drawn without rims, which would hide the colours
+# numbers of cells along the axes, each about 2 pixels wide; one unstable dot is drawn in a cell
+N_CELLS = (450, 300)
 
 
 def _all_and_worst(results: Results) -> Iterator[tuple[str, Choices]]:
@@ -96,17 +97,17 @@ def stability_diagram(
     >>> results.plot.stability_diagram(colour_by="friction").savefig("diagram.png")
     """
     points, units = results.points, results.units
-    on_line = np.ones(len(points), dtype=bool)
+    is_drawn = np.ones(len(points), dtype=bool)
     if point_id is not None:
-        on_line = (points["point_id"] == point_id).to_numpy(bool)
-    shown = points[on_line]
+        is_drawn = (points["point_id"] == point_id).to_numpy(bool)
+    shown = points[is_drawn]
     if not len(shown):
         raise ResultsError(f"the study has no design point '{point_id}'")
     varied = parameter_columns(points, varied=True)
     if colour_by is not None and colour_by not in parameter_columns(points):
         hint = did_you_mean(colour_by, results.parameters)
         raise ResultsError(f"'{colour_by}' is no parameter of this study{hint}")
-    table = results.rows("modes", DRAWN_COLUMNS, lambda modes: on_line[modes[ROW].to_numpy()])
+    table = results.rows("modes", DRAWN_COLUMNS, lambda modes: is_drawn[modes[ROW].to_numpy()])
     drawn = oscillating(table)
     figure, axes = one_panel(ax)
     axes.set_ylim(damping_limits(100 * drawn["damping_ratio"].to_numpy()))
@@ -132,20 +133,22 @@ def stability_diagram(
     labels = _labels(drawn, names)
     if ax is None:
         place_labels(figure, axes, labels, _obstacles(axes, drawn))
-    for label in labels if ax is not None else ():  # the figure is not finished yet
+    # places cannot be searched on axes that were given: their figure is not finished yet
+    for label in labels if ax is not None else ():
         _write(axes, label, LABEL_DISTANCES_POINTS[0], LABEL_DIRECTIONS[0])
     return figure
 
 
 def _widen(axes: Axes) -> None:
-    """Widen a narrow span of frequency, as that of two modes locked in, to tell numbers apart."""
+    """Widen a narrow frequency axis, as of two coalesced modes, so that its numbers differ."""
     low, high = axes.get_xlim()
-    min_half_span = LEAST_SPAN * (low + high) / 2
-    if high - low < min_half_span:
-        axes.set_xlim((low + high - min_half_span) / 2, (low + high + min_half_span) / 2)
+    min_span = MIN_REL_SPAN * (low + high) / 2
+    if high - low < min_span:
+        axes.set_xlim((low + high - min_span) / 2, (low + high + min_span) / 2)
 
 
 def _one_point(axes: Axes, modes: pd.DataFrame) -> None:
+    """Draw the modes of one design point: rings for stable modes, dots for unstable ones."""
     unstable = modes["unstable"].to_numpy(bool)
     x, y = modes["frequency_hz"].to_numpy(), 100 * modes["damping_ratio"].to_numpy()
     axes.scatter(x[~unstable], y[~unstable], s=28, facecolor="none", edgecolor=COLOURS[1])
@@ -171,7 +174,7 @@ def _all_points(
 
 
 def _last_of_each_cell(x: np.ndarray, y: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Of very many dots only the topmost in each cell; others would be covered."""
+    """Indices of the dots that can be seen: where there are very many, the topmost in each cell."""
     if len(chosen) <= N_CELLS[0] * N_CELLS[1]:
         return chosen
     cells = np.zeros(len(chosen), dtype=np.int64)
@@ -202,11 +205,12 @@ def _obstacles(axes: Axes, modes: pd.DataFrame) -> np.ndarray:
 def _label_names(
     names: Mapping[int, tuple[str, bool]], single: bool
 ) -> dict[int, tuple[str, bool]]:
-    """Names of tracks for labels; at a single design point only those that are the same at all."""
+    """Names of tracks for labels; at a single design point without names that differ elsewhere."""
     return {track: named for track, named in names.items() if not (single and named[1])}
 
 
 def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[Label]:
+    """Labels of the fastest-growing unstable modes: of tracks if there are many design points."""
     if len(modes) and np.ptp(modes[ROW].to_numpy()) > 0:
         worst = worst_tracks(modes, MAX_LABELS)
     else:
@@ -221,7 +225,7 @@ def _labels(modes: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> list[
 
 
 def _named_modes(results: Results, modes: pd.DataFrame, points: int) -> str:
-    """How many modes are unstable, in words; tracks that are one mode count once."""
+    """How many modes are unstable, in words. Tracks of one family are one mode and count once."""
     numbers = worst_tracks(modes)["track"].to_numpy()
     if points == 1 or len(numbers) < 2:
         return plural(len(numbers), "unstable track") if len(numbers) else ""
@@ -234,7 +238,7 @@ def _named_modes(results: Results, modes: pd.DataFrame, points: int) -> str:
 
 
 def _summary(points: pd.DataFrame, modes: pd.DataFrame, named: str) -> str:
-    """Text on the unstable modes, of which `named` tells the tracks, and on what is not shown."""
+    """Subtitle: the unstable modes (`named`, in words), and what the picture leaves out."""
     drawn = oscillating(modes)
     unstable = drawn[drawn["unstable"].to_numpy(bool)]
     if len(points) == 1:
@@ -266,7 +270,7 @@ LABEL_DIRECTIONS = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0),
 LABEL_DISTANCES_POINTS = (7.0, 16.0, 28.0, 42.0, 58.0, 76.0)  # from the dot, typographic points
 VERTICAL_DISTANCE_RATIO = 0.7  # distance of labels above and below a dot over that at its sides
 LABEL_FONT_POINTS = 8.5  # font size of labels
-MARKER_HALF_SIZE_POINTS = 4.0  # half size of what a label should not cover, in typographic points
+MARKER_HALF_SIZE_POINTS = 4.0  # half size of a dot that labels avoid, in typographic points
 ALIGN = {1: "left", 0: "center", -1: "right"}
 VALIGN = {1: "bottom", 0: "center", -1: "top"}
 
@@ -284,8 +288,9 @@ class Label:
 def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label], avoid: np.ndarray) -> None:
     """Write labels near their dots, inside the axes, and if possible without overlap.
 
-    In the given order each takes the place of least cost: in distance, in covered labels, and in
-    covered points `avoid` (n, 2), in data coordinates. Everything else must have been drawn before.
+    Labels are placed in the given order, each at the place of least cost. The cost counts the
+    distance from the dot, covered labels, and covered points `avoid` (n, 2) in data coordinates.
+    Everything else must have been drawn before.
     """
     canvas = FigureCanvasAgg(figure)
     figure.draw_without_rendering()

@@ -1,4 +1,7 @@
-"""Mode shapes measured on a component, from universal files (UFF), beside computed ones."""
+"""Compares modes measured on a component with computed ones, to judge its mesh and material.
+
+Measured shapes are read from universal files (UFF).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,8 @@ from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.free_modes import rigid_count
 from squealstudy.shapes.names import SAME_NAME_REL_DISTANCE
 
-NODES = (15, 2411)  # datasets of coordinates
+# numbers of the datasets of a universal file
+NODES = (15, 2411)  # coordinates
 UNITS, SHAPE, FUNCTION = 164, 55, 58
 NORMAL, COMPLEX, COMPLEX_VELOCITY = 2, 3, 7  # analysis types of dataset 55 that are modes
 
@@ -37,8 +41,8 @@ class Measured:
     frequency_hz : ndarray (m,)
         Frequency of each mode, Hz.
     damping_ratio, hysteretic : ndarray (m,)
-        Viscous damping ratio, and for normal modes the hysteretic damping as in the file; NaN where
-        the file has none.
+        Viscous damping ratio, and of normal modes the hysteretic damping ratio; NaN where the file
+        has none.
     shapes : ndarray (m, n, 3) complex
         Displacements of the points; 0 where nothing was measured.
     left_out : int
@@ -55,20 +59,20 @@ class Measured:
 
     @property
     def measured_directions(self) -> np.ndarray:
-        """Whether each direction of the points (n, 3) is measured: whether any mode moves in it."""
+        """Which directions of the points are measured (n, 3): those in which some mode moves."""
         moving: np.ndarray = np.abs(self.shapes).max(axis=0) > 0
         return moving
 
 
 def read_measured(path: Path, unit: float = 1.0) -> Measured:
-    """Modes of a universal file: nodes (15 or 2411) and normal or complex modes (55).
+    """Read measured modes from nodes (dataset 15 or 2411) and mode shapes (55) of a universal file.
 
     Parameters
     ----------
     path : Path
         The universal file.
     unit : float
-        Length unit of its coordinates, m; used if the file has no dataset 164.
+        Length unit of the coordinates, m; used if the file has no dataset 164 (units).
 
     Raises
     ------
@@ -106,6 +110,7 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
 
 
 def _sets(path: Path) -> list[Mapping[str, Any]]:
+    """Datasets of a universal file; of types that are not used here the type alone."""
     import pyuff
 
     with named(path):
@@ -130,6 +135,7 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
 def _node_places(
     path: Path, sets: Iterable[Mapping[str, Any]]
 ) -> dict[int, tuple[float, float, float]]:
+    """Coordinates of each node by its number, in the unit of the file."""
     place_of: dict[int, tuple[float, float, float]] = {}
     axes: set[float] = set()
     for s in sets:
@@ -167,7 +173,7 @@ MAX_INDISTINCT_MAC = 0.5
 
 @dataclass(frozen=True)
 class Correlation:
-    """Comparison of measured and computed modes of a component.
+    """How well computed modes of a component agree with measured ones.
 
     Attributes
     ----------
@@ -178,18 +184,20 @@ class Correlation:
     used : ndarray (n,) of bool
         Whether the point is within the tolerance.
     in_assembly : bool
-        Whether the points are placed as the component is in the assembly; else as in its mesh file.
+        Whether the measured coordinates are those of the assembly; else they are those of the mesh
+        file.
     groups : tuple of tuple of int
         Numbers of the computed elastic modes, counted from 1 with rigid modes first. Modes of equal
         frequency are a group, as round-off decides on their order.
     frequency_hz : ndarray (g,)
         Mean frequency of each group, Hz.
     mac : ndarray (m, g)
-        Share of each measured shape in the span of each group; for groups of one mode the MAC.
+        Share (0 to 1) of each measured shape that a combination of the group's modes describes; for
+        a group of one mode this is the MAC.
     pairs : tuple of (int, int)
         Indices of measured mode and group, ascending in the measured mode.
     alike : tuple of (int, int, float)
-        Pairs of groups that the measured points hardly tell apart, with their MAC.
+        Pairs of groups whose shapes look alike at the measured points, with their MAC.
     """
 
     n_rigid: int
@@ -214,10 +222,10 @@ def correlated(
 ) -> Correlation:
     """Compare measured modes of a free component with its elastic modes.
 
-    Points are paired with the nearest node, with the component placed as in the assembly or as in
-    its mesh file, whichever gives more points a node. Directions in which no mode moves are left
-    out as not measured. Modes are paired so that the sum of MAC is largest; pairs below
-    MIN_PAIR_MAC are dropped.
+    Each measured point is compared at the nearest node. The component is placed as in the assembly
+    or as in its mesh file: the placement is used that brings more points near a node. Directions in
+    which no mode moves count as not measured. Modes are paired so that the sum of MAC is largest;
+    pairs below MIN_PAIR_MAC are dropped.
 
     Parameters
     ----------
@@ -231,15 +239,17 @@ def correlated(
         Displacements of the nodes from the degrees of freedom, in the assembly's axes. Nodes that
         no degree of freedom moves are left out.
     placement : ndarray (3, 3), ndarray (3,)
-        Rotation and shift [m] from the mesh file to the assembly: x becomes turn x + shift.
+        Rotation and shift [m] from the mesh file to the assembly: a point x of the file lies at
+        rotation x + shift.
     tolerance : float
-        Largest distance of a point and its node, m.
+        Largest distance of a measured point from its node, m.
 
     Raises
     ------
     ModelError
-        Where fewer than MIN_MEASURED_DOF measured degrees of freedom have a node, these are too
-        close together, or no elastic mode is below BAND_FACTOR times the top measured frequency.
+        Where fewer than MIN_MEASURED_DOF measured degrees of freedom have a node, the points with
+        a node lie too close together, or no elastic mode is below BAND_FACTOR times the top
+        measured frequency.
     """
     turn, shift = placement
     free_nodes = np.flatnonzero((np.diff(E.indptr) > 0).reshape(-1, 3).all(axis=1))
@@ -279,10 +289,10 @@ def correlated(
     size = np.maximum((np.abs(u) ** 2).sum(axis=1), 1e-300)
     mac = np.column_stack([(np.abs(u @ Q) ** 2).sum(axis=1) / size for Q in spans])
     alike = [
-        (i, j, float(mac_here))
+        (i, j, float(mac_of_pair))
         for i in range(len(spans))
         for j in range(i)
-        if (mac_here := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > MAX_INDISTINCT_MAC
+        if (mac_of_pair := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > MAX_INDISTINCT_MAC
     ]
     return Correlation(
         n_rigid=first,

@@ -1,1 +1,1 @@
-"""Small models in batches: all design points at once, as arrays with one row a design point."""
+"""Small models in batches: all design points at once, as arrays with a row for each."""

@@ -268,7 +268,7 @@ def _order(
 def _summary(
     points: pd.DataFrame, modes: pd.DataFrame, group: np.ndarray, code: np.ndarray, n_points: int
 ) -> pd.DataFrame:
-    """All but thresholds, one row a group of unstable modes, indexed by `track`."""
+    """Ranking without thresholds: one row for each group of unstable modes, by `track`."""
     rows = np.flatnonzero(group)
     energies = energy_columns(modes.columns)
     needed = [*energies, *SUMMARISED]

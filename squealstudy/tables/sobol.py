@@ -90,7 +90,7 @@ def sobol_table(
     confidence: float = 0.95,
     onsets: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """First and total Sobol indices of growth rates, one row a quantity and parameter.
+    """First and total Sobol indices of growth rates: one row for each quantity and parameter.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def saltelli_estimate(f_A: np.ndarray, f_B: np.ndarray, f_AB: np.ndarray) -> np.
 
 
 def _moments(groups: Groups) -> np.ndarray:
-    """Quantities (n, 2 + 3 d), a row a group, whose means give the estimators.
+    """Quantities (n, 2 + 3 d) whose means over the n groups of points give the estimators.
 
     A resample is then a weighted sum of rows: its values need not be gathered.
     """
@@ -191,7 +191,7 @@ def _from_moments(m: np.ndarray) -> np.ndarray:
 
 
 def _indices(groups: Groups, confidence: float) -> pd.DataFrame:
-    """Indices and intervals, one row a parameter."""
+    """Indices and their intervals: one row for each parameter."""
     from scipy.stats import bootstrap
 
     n = len(groups.a)

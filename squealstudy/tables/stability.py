@@ -50,7 +50,7 @@ def unstable_bounds(
         ranked_rows = np.flatnonzero(np.isin(numbers, groups))
         group_index, point = np.searchsorted(groups, numbers[ranked_rows]), code[ranked_rows]
         span = int(point.max(initial=0)) + 1
-        pairs = np.unique(group_index * span + point)  # one number a group and point
+        pairs = np.unique(group_index * span + point)  # one number for each pair of group and point
         table[f"unstable_points_{side}"] = np.bincount(pairs // span, minlength=len(groups))
     return table
 

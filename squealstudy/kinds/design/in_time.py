@@ -116,9 +116,9 @@ def carried(x: np.ndarray, old: str, new: str, request: CyclesRequest) -> np.nda
     ndarray (n', k)
         Modal coordinates of the new one, by least squares over `PreparedModel.sensor_shapes`.
     """
-    phi, prepared = request.reference(old).phi, prepared_model(old)
+    phi, prepared = request.shared_modes(old).phi, prepared_model(old)
     sensor_motion = prepared.sensor_shapes @ (prepared.shape_rows @ (phi @ x))
-    phi, prepared = request.reference(new).phi, prepared_model(new)
+    phi, prepared = request.shared_modes(new).phi, prepared_model(new)
     coefficients, *_ = la.lstsq(prepared.sensor_shapes, sensor_motion)
     coordinates: np.ndarray = phi.T @ (prepared.shape_basis @ coefficients)
     return coordinates

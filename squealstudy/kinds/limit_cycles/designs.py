@@ -1,4 +1,7 @@
-"""Design points of a study of limit cycles as oscillators, and the designs between two of them."""
+"""Oscillators in contact, from design points of a study and from designs between two of them.
+
+Harmonic balance needs an oscillator; branches over a parameter need the designs between two points.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +36,13 @@ class CyclesRequest:
     Attributes
     ----------
     section : LimitCyclesSection
+        Keys of [limit_cycles] in the study file.
     operating : OperatingPoint
         Operating point of the study's [parameters], at which the shared modes are computed.
     component_modes : tuple of (component, mode)
         Component modes that design points may change.
     band_hz : (low, high)
+        Band of the modes, Hz.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     """
@@ -54,7 +59,7 @@ class CyclesRequest:
         return angular_band(self.band_hz)
 
     def search(self, contact: ContactOscillator) -> Search:
-        """Settings of the search at a design point."""
+        """Settings of `cycles.cycle.Search` for a design point with this oscillator."""
         section = self.section
         return Search(
             None if section.harmonics == AUTO else int(section.harmonics),
@@ -63,7 +68,7 @@ class CyclesRequest:
             self.band[1],
         )
 
-    def reference(self, structure: str) -> SharedModes:
+    def shared_modes(self, structure: str) -> SharedModes:
         """Modes that all design points of a structure share; ConvergenceError for too many."""
         shared = shared_reference(structure, self.operating, self.component_modes, ALL_MODES)
         if shared.system.n > MAX_COORDINATES:
@@ -72,11 +77,11 @@ class CyclesRequest:
 
     def contact(self, point: DesignPoint, gaps: NewGaps) -> tuple[WorkingPoint, ContactOscillator]:
         """Working point and oscillator of a design point, with its unstable modes."""
-        reference = self.reference(point.structure)
+        shared = self.shared_modes(point.structure)
         steady, motion_start = steady_motion(
-            reference, point, self.section.friction, self.band_hz, self.tolerance, gaps
+            shared, point, self.section.friction, self.band_hz, self.tolerance, gaps
         )
-        return steady, ContactOscillator(reference.system, motion_start)
+        return steady, ContactOscillator(shared.system, motion_start)
 
     def contact_near(
         self, point: DesignPoint, gap: np.ndarray | None
@@ -85,16 +90,16 @@ class CyclesRequest:
 
         They are not cached, and have no unstable modes.
         """
-        reference, prepared = self.reference(point.structure), prepared_model(point.structure)
+        shared, prepared = self.shared_modes(point.structure), prepared_model(point.structure)
         friction = self.section.friction
         steady, motion_start = motion_at(
-            reference, prepared, point, friction, None, self.tolerance, start_gap=gap
+            shared, prepared, point, friction, None, self.tolerance, start_gap=gap
         )
-        return steady, ContactOscillator(reference.system, motion_start)
+        return steady, ContactOscillator(shared.system, motion_start)
 
 
 def request(plan: Plan) -> CyclesRequest:
-    """The study's request for every design point."""
+    """Settings of the search, from the plan of a study."""
     return CyclesRequest(
         section=plan.study.section,
         operating=plan.nominal,
@@ -117,6 +122,7 @@ class DesignLine:
     ----------
     request : CyclesRequest
     first, last : DesignPoint
+        Designs at the ends of the line.
     bounds : (low, high)
         Coordinates of the first and the last design: values of a parameter, or 0 and 1.
     """
@@ -125,8 +131,10 @@ class DesignLine:
     first: DesignPoint
     last: DesignPoint
     bounds: tuple[float, float] = (0.0, 1.0)
-    _known: dict[float, ContactOscillator] = field(default_factory=dict, init=False)
-    _last: list[np.ndarray] = field(default_factory=list, init=False)  # gaps of the latest design
+    _oscillators: dict[float, ContactOscillator] = field(default_factory=dict, init=False)
+    _last_gap: list[np.ndarray] = field(
+        default_factory=list, init=False
+    )  # gaps of the latest design
 
     def design(self, value: float) -> DesignPoint:
         """The design at a value, which may be a little beyond the ends."""
@@ -137,15 +145,15 @@ class DesignLine:
         return self.first.with_values(values)
 
     def contact(self, value: float) -> ContactOscillator:
-        """The oscillator at a value."""
-        if value not in self._known:
-            while len(self._known) >= DESIGN_CACHE_SIZE:
-                del self._known[next(iter(self._known))]
-            last_gap = self._last[0] if self._last else None
-            steady, oscillator = self.request.contact_near(self.design(value), last_gap)
-            self._last[:] = [steady.gap]
-            self._known[value] = oscillator
-        return self._known[value]
+        """The oscillator at a value; the latest ones are cached."""
+        if value not in self._oscillators:
+            while len(self._oscillators) >= DESIGN_CACHE_SIZE:
+                del self._oscillators[next(iter(self._oscillators))]
+            start_gap = self._last_gap[0] if self._last_gap else None
+            steady, oscillator = self.request.contact_near(self.design(value), start_gap)
+            self._last_gap[:] = [steady.gap]
+            self._oscillators[value] = oscillator
+        return self._oscillators[value]
 
     def oscillator(self, value: float) -> Oscillator:
         """Equation of motion at a value of the parameter."""

@@ -1,4 +1,8 @@
-"""The onset of the mode to which cycles shrink, along a line of designs."""
+"""Finds the onset at which a branch of limit cycles begins or ends.
+
+Along a line of designs, limit cycles may shrink to steady sliding. There a complex mode turns
+unstable: the point is a Hopf point of the branch and an onset of that mode.
+"""
 
 from __future__ import annotations
 
@@ -13,32 +17,34 @@ from squealstudy.mechanics.failures import FAILURES
 from squealstudy.modes.tracking.onsets import SolvedLine, refine_onset
 from squealstudy.modes.tracking.refinement import Modes
 
-ONSET_REL_TOLERANCE = 1e-9  # tolerance over the range of the parameter
+ONSET_REL_TOLERANCE = 1e-9  # error of an onset over the range of the parameter
 MIN_BRACKET_HALF_WIDTH = 1e-6  # least half-width of the first bracket over the range
 MAX_BRACKET_DOUBLINGS = 8  # number of brackets that are tried, each twice as wide as the last
-# distance of a neutral root to the motion that begins at it, over the frequency
+# largest distance of a root from i omega of a small cycle, over omega, that shows a neutral mode
 NEUTRAL_REL_DISTANCE = 1e-4
-SMALLER = 0.9  # size of a cycle that has shrunk over that of the branch's first, at most
-NO_SIZE = 1e-6  # contact velocity over the sliding speed below which a cycle counts as none
+MAX_SHRUNK_SIZE_RATIO = 0.9  # a cycle has shrunk if its size is below this share of the first one's
+# contact velocity over the sliding speed below which a cycle is steady sliding
+MIN_CYCLE_VELOCITY_RATIO = 1e-6
 
 
 def has_shrunk(
     designs: DesignLine, motion: PeriodicMotion, start: PeriodicMotion | None = None
 ) -> bool:
-    """Whether a cycle is steady sliding, nearly: it is small, and a mode of its frequency neutral.
+    """Whether a branch of cycles has come to an onset, so that it can end there.
 
-    Two modes whose frequencies are as 1 to 2 have small cycles that end at no onset. Nor do those
-    that are no smaller than the branch's `start`.
+    The cycle must be small, and a mode of its frequency neutral. Small cycles without a neutral
+    mode occur where the frequencies of two modes are as 1 to 2. A cycle that is about as large as
+    the branch's first, `start`, has not shrunk either.
     """
     contact = designs.contact(motion.parameter)
     velocity, speed = contact.contact_velocity(motion), abs(contact.point.speed)
     if not velocity < START * speed:
         return False
-    if velocity < NO_SIZE * speed:
+    if velocity < MIN_CYCLE_VELOCITY_RATIO * speed:
         return True
     if start is not None:
         first = designs.contact(start.parameter).contact_velocity(start)
-        if velocity > SMALLER * first:
+        if velocity > MAX_SHRUNK_SIZE_RATIO * first:
             return False
     lam, _ = contact.oscillator.steady_modes(2.0 * motion.omega)
     distance = np.abs(lam - 1j * motion.omega).min(initial=np.inf)
@@ -57,8 +63,8 @@ def onset_near(
     motion : PeriodicMotion
         A small cycle; its `parameter` is a value nearby.
     half : float
-        Half-width of the first bracket about that value; it is doubled while stability does not
-        change in it.
+        Half-width of the first bracket about that value. The bracket is widened to twice its width
+        until stability changes within it.
 
     Returns
     -------
@@ -79,7 +85,7 @@ def onset_near(
         lam, psi = designs.oscillator(value).steady_modes(2.0 * motion.omega)
         return Modes(lam[lam.imag > 0], psi[:, lam.imag > 0].T)
 
-    def place(modes: Modes) -> int:
+    def nearest_mode(modes: Modes) -> int:
         return int(np.argmin(np.abs(np.abs(modes.lam) - motion.omega)))
 
     width = abs(designs.bounds[1] - designs.bounds[0])
@@ -87,14 +93,14 @@ def onset_near(
     for _ in range(MAX_BRACKET_DOUBLINGS):
         low, high = motion.parameter - half, motion.parameter + half
         ends = [modes(value) for value in (low, high)]
-        zeta = [-m.lam[place(m)].real / abs(m.lam[place(m)]) for m in ends]
+        zeta = [-m.lam[nearest_mode(m)].real / abs(m.lam[nearest_mode(m)]) for m in ends]
         if (zeta[0] + designs.request.tolerance) * (zeta[1] + designs.request.tolerance) < 0:
             break
         half *= 2.0
     else:
         raise ConvergenceError("no_onset", "no change of stability beside the end of a branch")
     line = SolvedLine(low, ends[0], high, ends[1], modes)
-    modes_at_ends = [place(m) for m in ends]
+    modes_at_ends = [nearest_mode(m) for m in ends]
     found = refine_onset(
         line,
         modes_at_ends[0],
@@ -113,11 +119,11 @@ def onset_near(
 
 
 def onset_error(designs: DesignLine, value: float, frequency_hz: float) -> float:
-    """Error of an onset where it stands for the start of cycles, in units of the parameter.
+    """Error [unit of the parameter] of an onset as the value at which cycles begin.
 
-    It is the sum of the error of the search, and of the distance from the value at which the
-    damping ratio is zero, where cycles begin: a mode counts as unstable only where its damping
-    ratio is below minus the tolerance. NaN where a value beside the onset cannot be solved.
+    Cycles begin where the damping ratio of the mode is zero. The onset is where it is minus the
+    tolerance. The error is the distance of these two values plus the error of the search. NaN where
+    a value beside the onset cannot be solved.
     """
     width, omega = abs(designs.bounds[1] - designs.bounds[0]), 2.0 * np.pi * frequency_hz
     step = MIN_BRACKET_HALF_WIDTH * width
