@@ -1,4 +1,4 @@
-"""Text of `squealstudy run` below its findings."""
+"""What `squealstudy run` prints below its findings: how sure they are, and what to do next."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from squealstudy.wording import failure_counts, plural
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-MOST_OF_A_PLOT = 3  # most pictures of one plot that are named one by one
+MAX_NAMED_PICTURES = 3  # most pictures of one plot whose file names are all printed
 
 
 def blocks(results: Results, drawn: list[Path], verbose: bool = False) -> list[RenderableType]:
@@ -26,7 +26,7 @@ def blocks(results: Results, drawn: list[Path], verbose: bool = False) -> list[R
     if drawn:
         files.append(("pictures", _files_text(results.directory, _by_plot(drawn))))
     solved, total = results.solved or 0, manifest["n_points"]
-    time = f"{manifest['timings']['total_s']:.1f} s{_of_run(solved, total)}"
+    time = f"{manifest['timings']['total_s']:.1f} s{_run_of_time(solved, total)}"
     done = [("time", time), *rows_by_block[""]]
     shown: list[RenderableType] = [
         "",
@@ -63,7 +63,7 @@ def _by_block(results: Results) -> dict[str, Rows]:
 
 
 def _counts(results: Results) -> str:
-    """Text on how many design points are solved, were solved before, or are not ok."""
+    """Text on how many design points were solved now, by earlier runs, or not."""
     manifest = results.manifest
     solved, total = results.solved or 0, manifest["n_points"]
     lost = manifest["n_failed"] + manifest.get("n_inaccurate", 0)
@@ -79,7 +79,7 @@ def _counts(results: Results) -> str:
     return text
 
 
-def _of_run(solved: int, total: int) -> str:
+def _run_of_time(solved: int, total: int) -> str:
     """Text on the run that a time belongs to; empty if it solved everything."""
     if solved == total:
         return ""
@@ -101,12 +101,14 @@ def _by_plot(drawn: list[Path]) -> list[str]:
     return [
         text
         for plot, names in by_plot.items()
-        for text in (names if len(names) <= MOST_OF_A_PLOT else [f"{plot}_*.png ({len(names)})"])
+        for text in (
+            names if len(names) <= MAX_NAMED_PICTURES else [f"{plot}_*.png ({len(names)})"]
+        )
     ]
 
 
 def outside(results: Results, head: str = "") -> list[str]:
-    """A line on design points outside validity, where there are any."""
+    """A line on design points outside the assumptions of the model; empty without such points."""
     if "points" not in results.tables:
         return []
     text = outside_validity(results.points, head)
@@ -114,7 +116,7 @@ def outside(results: Results, head: str = "") -> list[str]:
 
 
 def fidelity(fidelity_facts: Mapping[str, Any] | None) -> Rows:
-    """Rows on the settings that [fidelity] chose, their neighbours and the audit."""
+    """Rows on the settings that [fidelity] chose, the next cheaper and dearer, and the audit."""
     if fidelity_facts is None:
         return []
     rows = [("fidelity", f"{_choice(fidelity_facts['chosen'])}: {fidelity_facts['reason']}")]
@@ -137,6 +139,7 @@ def _error(relative: float) -> str:
 
 
 def _choice(setting: Mapping[str, Any]) -> str:
+    """Text of settings with their estimated error and time, or why they were not chosen."""
     seconds = setting["seconds"]
     if seconds is None:
         return (

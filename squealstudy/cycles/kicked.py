@@ -1,4 +1,4 @@
-"""Runs in time that decide what cycles leave open, and the least kick that starts squeal."""
+"""Runs in time for verdicts that limit cycles leave open, and the least kick that starts squeal."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from squealstudy.cycles.trials import (
 from squealstudy.cycles.verdicts import NOT_FOLLOWED, SEARCHED_ENDS, Family, Followed
 from squealstudy.wording import IF_KICKED, NEUTRAL, NO_CYCLE, SQUEALS, UNDECIDED
 
-N_PHASES = 8  # phases of a kick
-MIN_REL_KICK = 1e-3  # smallest kick that is tried over the first one
+N_PHASES = 8  # number of phases of a kick that are tried
+MIN_REL_KICK = 1e-3  # smallest kick that is tried, over the first one
 KICK_REL_TOLERANCE = 0.02  # relative width of the bracket at which a search ends
-START_SIZES = 1.0, 1.5  # contact velocities over `reach` with which runs of a lost curve begin
-START_ANGLES_RAD = 0.0, 0.5 * np.pi  # angles of the motion at which these runs begin
-CYCLE = "the cycle"  # start of a run that continues a cycle, in words
-START_OF_LOST = "the curve's largest motion"  # start of runs of a lost curve, in words
-MADE_AS_LARGE = "scaled to"
-FROM_SMALL = "small motion"  # start of a run as squeal begins by itself, in words
-SMALL_START_RATIO = 0.1  # size with which it begins over the smallest cycle's
-ABOVE = 1.1  # size over an unstable cycle's with which a run begins that shows what is beyond it
-# status of a search
+# runs from the largest motion of a curve: its contact velocity over `reach`, its phase at the start
+START_SIZES, START_ANGLES_RAD = (1.0, 1.5), (0.0, 0.5 * np.pi)
+# how messages name the states with which runs start
+CYCLE = "the cycle"
+START_OF_LOST, MADE_AS_LARGE = "the curve's largest motion", "scaled to"
+FROM_SMALL = "small motion"
+SMALL_START_RATIO = 0.1  # size of this small motion over that of the smallest cycle
+ABOVE = 1.1  # size of the start of a run above an unstable cycle, over the size of the cycle
+# status of a search for the least kick
 KICK_FOUND, NO_KICK, KICK_UNDECIDED, KICK_WITHOUT_CYCLE = "ok", "none", "undecided", "no_cycle"
 
-LEVEL = "torque_rms"  # level by which cycles of a design that squeals are compared
-DISTINCT_LEVEL_RATIO = 1.02  # a level above another by this ratio is that of another motion
-MAX_LEVEL_RUNS = 2  # most runs for the level of a design that squeals
+LEVEL = "torque_rms"  # level that tells which motion is the loudest
+DISTINCT_LEVEL_RATIO = 1.02  # least ratio of the levels of two motions that are not the same
+MAX_LEVEL_RUNS = 2  # most runs of `_with_level` for a design
 FREQUENCY_MARGIN = 1.01  # modes are computed up to this factor times the frequency of the mode
 
 
@@ -79,12 +79,12 @@ class Kick:
 def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: float) -> Kick:
     """Bisect the size of a kick along a complex mode, all phases at once.
 
-    A kick is a state Re(phi exp(i phase)) of displacements with the velocities that the mode has
-    there. The first size is twice the stable cycle's contact velocity, but `largest` at most. It is
-    halved until no phase leads to the cycle; where no phase of the first size does, it is doubled
-    up to `largest`. The last two sizes are bisected. Still larger kicks may decay again: the size
-    that is returned is an edge next to silence. From large kicks contact that softens may run away:
-    then half the size is tried.
+    A kick is a state of the mode's motion: displacements Re(phi exp(i phase)) and their velocities.
+    The first size is twice the stable cycle's contact velocity, but `largest` at most. The size is
+    halved until no phase leads to the cycle. Where no phase of the first size leads to it, the size
+    is doubled up to `largest`. The last two sizes are bisected. Larger kicks than the returned one
+    may decay again: it is one border between decay and growth. Large kicks may make contact that
+    softens run away: then half the size is tried.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
     lam : complex
         Root of the mode, rad/s.
     phi : ndarray (n,) complex
-        Its right vector.
+        Right vector of the mode.
     largest : float
         Contact velocity of the largest kick, m/s.
     """
@@ -137,21 +137,18 @@ def kick_along_mode(trials: Trials, lam: complex, phi: np.ndarray, largest: floa
 def decided_in_time(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """A design whose verdict or level its cycles leave open, after runs in time.
+    """Decide a design's verdicts and level by runs in time, where its limit cycles leave them open.
 
-    A design that squeals gets the level of a run where no stable cycle is the loudest
-    (`_with_level`), where small motion grows to a louder one (`_from_rest`), or where a run to a
-    larger motion lasts (`_with_larger`).
-
-    In a design whose modes are all stable, runs are made for the families that are undecided. They
-    begin with the loudest cycle, or above it where that is unstable. Without a cycle they begin
-    with the motion that is nearest to growing, and with the largest of the curve, scaled to `reach`
-    [m/s] and to more: on the brake a motion along a mode may decay from `reach` although there is a
-    cycle of half that size. Where one run lasts the design squeals if kicked, and no more are made.
-    Where all runs of a family decay the verdict is that no cycle was found, if only the end of the
-    curve was missing; else it stays open, and the reason names the runs.
-
-    `band` [rad/s] is that of `run_on`.
+    A design that squeals gets its level from a run in three cases: no stable cycle is the loudest
+    (`_with_level`), small motion grows to a louder one (`_from_rest`), or a run from a larger
+    motion lasts (`_with_larger`). If all modes are stable, runs are made for families without a
+    verdict. They begin with the loudest cycle, or above that cycle if it is unstable. Without a
+    cycle they begin with the motion that is nearest to growing, and with the curve's largest
+    motion, scaled to `reach` [m/s] and to more: on the brake a motion may decay from `reach`
+    although there is a cycle of half that size. If one run lasts, the design squeals if kicked, and
+    no more runs are made. If all runs of a family decay and only the end of its curve was missing,
+    the verdict is that no cycle was found. Otherwise the verdict stays open, and its reason names
+    the runs. `band` [rad/s] is that of `run_on`.
     """
     families = [family for _, family in followed.families]
     if any(family.verdict == NEUTRAL for family in families):
@@ -163,19 +160,19 @@ def decided_in_time(
         return followed
     starts = [list(_starts(contact, family, reach)) for family in families]
     ends: list[list[Ended]] = [[] for _ in families]
-    for some in (slice(0, 1), slice(1, None)):
+    for round_ in (slice(0, 1), slice(1, None)):  # the first start of each family, then the others
         if any(family.verdict == IF_KICKED for family in families) or _lasting(chain(*ends)):
             break
-        tries = [
+        plans = [
             (family_ends, *s)
-            for family_ends, all_ in zip(ends, starts, strict=True)
-            for s in all_[some]
+            for family_ends, family_starts in zip(ends, starts, strict=True)
+            for s in family_starts[round_]
         ]
         points = [
-            replace(contact.point, q0=q, v0=v, continued=name == CYCLE) for _, name, (q, v) in tries
+            replace(contact.point, q0=q, v0=v, continued=name == CYCLE) for _, name, (q, v) in plans
         ]
         for (family_ends, name, _), motion in zip(
-            tries, run_on(contact, points, band), strict=True
+            plans, run_on(contact, points, band), strict=True
         ):
             family_ends.append(with_regularisation(contact, ended(name, motion), motion, band))
     decided = []
@@ -197,12 +194,13 @@ def decided_in_time(
 def _with_level(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """A design that squeals, with the level of a run where no stable cycle is known to be loudest.
+    """Take the level of a design that squeals from a run, where no stable cycle is the loudest.
 
-    Runs are made for families whose loudest cycle is louder than every stable one, and for unstable
-    modes without a stable cycle: first the louder one, then the one that grows faster. They begin
-    as `_starts` says. Where a run does not last the next is made, `MAX_LEVEL_RUNS` at most. Where a
-    mode outside the band grows the level is that of the torque within the band.
+    Runs are made for families whose loudest cycle is louder than every stable cycle, and for
+    unstable modes without a stable cycle. The loudest family comes first; of equally loud ones the
+    one that grows fastest. `_starts` gives the states with which runs begin. If a run does not
+    last, the next run is made, `MAX_LEVEL_RUNS` at most. If a mode outside the band grows, the
+    level is that of the torque within the band.
     """
     families = dict(followed.families)
     levels = [
@@ -210,17 +208,17 @@ def _with_level(
         for followed_family in families.values()
         if followed_family.loudest
     ]
-    tries = {}
+    plans = {}
     for mode, family in families.items():
         level = max((c.levels[LEVEL] for c in family.cycles), default=0.0)
         louder = level > DISTINCT_LEVEL_RATIO * max(levels, default=0.0)
-        louder |= family.verdict == SQUEALS and family.loudest is None  # it has a level of its own
+        louder |= family.verdict == SQUEALS and family.loudest is None  # unknown level
         if louder and (start := next(_starts(contact, family, reach), None)):
-            tries[mode] = (level, family.lam.real), start
-    if not tries:
+            plans[mode] = (level, family.lam.real), start
+    if not plans:
         return followed
-    for number in sorted(tries, key=lambda mode: tries[mode][0], reverse=True)[:MAX_LEVEL_RUNS]:
-        family, (name, (q, v)) = families[number], tries[number][1]
+    for number in sorted(plans, key=lambda mode: plans[mode][0], reverse=True)[:MAX_LEVEL_RUNS]:
+        family, (name, (q, v)) = families[number], plans[number][1]
         point = replace(contact.point, q0=q, v0=v, continued=name == CYCLE)
         (motion,) = run_on(contact, [point], band)
         run = with_regularisation(contact, ended(name, motion, band), motion, band)
@@ -241,10 +239,10 @@ def _with_level(
 def _from_rest(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float]
 ) -> Followed:
-    """A design that squeals, with the level that small motion grows to where that is louder.
+    """Take the level of a design that squeals from a run from small motion, if that is louder.
 
-    The run is made for the mode that grows fastest, where no stable cycle of its curve is known:
-    runs that began above its unstable cycle may have come to another motion.
+    The run is made for the mode that grows fastest, if no stable cycle of its curve is known:
+    earlier runs began above its unstable cycle and may have come to another motion.
     """
     growing = [(n, f) for n, f in followed.families if f.verdict == SQUEALS]
     mode, family = max(growing, key=lambda numbered: numbered[1].lam.real)
@@ -268,10 +266,10 @@ def _from_rest(
 def _with_larger(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
-    """A design that squeals, with the level of a larger motion where a run to it lasts.
+    """Take the level of a design that squeals from a larger motion, if a run from it lasts.
 
     The run is made for the loudest family that squeals and whose curve was not followed to its end:
-    there may be another motion beyond, which a kick leads to.
+    beyond the last motion of the curve there may be a louder one, which a kick leads to.
     """
     levels = {
         mode: _level(family)
@@ -280,7 +278,7 @@ def _with_larger(
         and family.largest is not None
         and family.end not in (*SEARCHED_ENDS, NOT_FOLLOWED)
         and _level(family) > 0.0
-        # others began above all cycles
+        # other runs began above all cycles already
         and (family.run is None or family.run.start in (CYCLE, FROM_SMALL))
     }
     if not levels or contact.point.growing.n_outside > 0:
@@ -293,7 +291,7 @@ def _with_larger(
     loudest = max(_level(family) for family in families.values())
     if run.outcome == LASTS and run.torque_rms > DISTINCT_LEVEL_RATIO * loudest:
         reason = f"{family.reason}; the level is that of a louder run in time from {name}"
-        if family.loudest is None:  # its level was of a quieter run
+        if family.loudest is None:  # it had the level of a quieter run
             reason = f"unstable mode; level of a run in time from {name}"
         families[mode] = replace(family, run=run, reason=reason)
     elif run.outcome == LASTS:
@@ -312,14 +310,14 @@ def _level(family: Family) -> float:
 
 
 def _lasting(runs: Iterable[Ended]) -> list[Ended]:
-    """The outcomes of runs that last."""
+    """Those of the runs that last."""
     return [run for run in runs if run.outcome == LASTS]
 
 
 def _starts(
     contact: ContactOscillator, family: Family, reach: float
 ) -> Iterator[tuple[str, State]]:
-    """Starts of runs for a family that is undecided or squeals, in words and as states."""
+    """States with which runs for a family begin, each with its name in messages."""
     if family.verdict not in (UNDECIDED, SQUEALS):
         return
     if family.cycles:
@@ -329,9 +327,10 @@ def _starts(
         yield name, state_of(cycle.motion, ABOVE if above else 1.0)
         return
     if family.look is not None:
-        open_ = [*family.look.open, *(p.motion for piece in family.look.pieces for p in piece)]
-        if open_:
-            yield "the motion nearest to growing", state_of(max(open_, key=lambda m: m.parameter))
+        looked_at = chain(family.look.open, (p.motion for p in chain(*family.look.pieces)))
+        nearest = max(looked_at, key=lambda m: m.parameter, default=None)
+        if nearest is not None:
+            yield "the motion nearest to growing", state_of(nearest)
     if family.largest is not None:
         for size, theta in itertools.product(START_SIZES, START_ANGLES_RAD):
             yield _scaled_start(contact, family, size * reach, theta)
@@ -348,7 +347,7 @@ def _scaled_start(
 
 
 def _decided(family: Family, ends: Sequence[Ended]) -> Family:
-    """A family after its runs in time."""
+    """The family with the verdict and reason that its runs in time give."""
     if not ends:
         return family
     if lasting := _lasting(ends):
@@ -388,6 +387,7 @@ def kicks(contact: ContactOscillator, followed: Followed, largest: float) -> dic
 
 
 def _kick(contact: ContactOscillator, family: Family, largest: float) -> Kick:
+    """The least kick along the mode of a family that leads to its loudest stable cycle."""
     stable, cycles = family.loudest, family.cycles
     if stable is None:
         return Kick(np.nan, np.nan, np.nan, np.nan, KICK_WITHOUT_CYCLE)

@@ -1,6 +1,7 @@
-"""An assembly projected on a basis of displacements, with dense matrices.
+"""An assembly projected on a basis, from which reductions are made as from an assembly.
 
-Code that makes reductions treats it as an assembly, one with far fewer degrees of freedom.
+A structural parameter with many values would need a reduction of the large meshes for each. The
+projected assembly has far fewer degrees of freedom and dense matrices.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class ProjectedComponent:
     C : ndarray (k, k) or None
         Damping of the component; None where it has none.
     turning : ndarray (k, k) or None
-        As in `Component`.
+        Gyroscopic terms at 1 rad/s, as in `models.assembly.Component`.
     """
 
     name: str
@@ -115,7 +116,7 @@ class ProjectedAssembly:
         return _block_diagonal(blocks) / self.rotors.radius
 
     def K_springs(self, static: bool = False) -> np.ndarray:
-        """Stiffness (n, n) of linear interfaces, of all or of those in the `static` state."""
+        """Stiffness (n, n) of the linear interfaces; if `static`, of those in the static state."""
         return self.springs[int(static)]
 
     def K_contact(self, tangent: float | np.ndarray) -> np.ndarray:
@@ -160,10 +161,10 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
     """Project an assembly on a basis with one block (n_component, k) for each component."""
     spans = [assembly.slices[name] for name in assembly.component_names]
 
-    def observed(A: sp.csr_matrix) -> np.ndarray:
+    def project_columns(A: sp.csr_matrix) -> np.ndarray:
         return np.hstack([A[:, s] @ V for s, V in zip(spans, blocks, strict=True)])
 
-    def restricted(f: np.ndarray) -> np.ndarray:
+    def project_force(f: np.ndarray) -> np.ndarray:
         return np.concatenate([V.T @ f[s] for s, V in zip(spans, blocks, strict=True)])
 
     c = assembly.contact
@@ -172,26 +173,30 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
         components=tuple(
             ProjectedComponent(
                 part.name,
-                _within(part.M, V),
-                _positive(_within(part.K, V)),
-                None if part.C is None else _within(part.C, V),
-                None if part.turning is None else _skew_within(part.turning, V),
+                _project_symmetric(part.M, V),
+                _without_negative_diagonal(_project_symmetric(part.K, V)),
+                None if part.C is None else _project_symmetric(part.C, V),
+                None if part.turning is None else _project_skew(part.turning, V),
             )
             for part, V in zip(assembly.components, blocks, strict=True)
         ),
-        contact=replace(c, N=observed(c.N), T=observed(c.T), T_perp=observed(c.T_perp)),
-        springs=(
-            _few_rows(assembly.K_springs(), spans, blocks),
-            _few_rows(assembly.K_springs(static=True), spans, blocks),
+        contact=replace(
+            c, N=project_columns(c.N), T=project_columns(c.T), T_perp=project_columns(c.T_perp)
         ),
-        load=restricted(assembly.load),
-        constant_load=restricted(assembly.constant_load),
+        springs=(
+            _project_sparse_rows(assembly.K_springs(), spans, blocks),
+            _project_sparse_rows(assembly.K_springs(static=True), spans, blocks),
+        ),
+        load=project_force(assembly.load),
+        constant_load=project_force(assembly.constant_load),
         correspondence=sp.block_diag(correspondences, format="csr"),
         rotors=assembly.rotors,
     )
 
 
-def _few_rows(A: sp.csr_matrix, spans: Sequence[slice], blocks: Sequence[np.ndarray]) -> np.ndarray:
+def _project_sparse_rows(
+    A: sp.csr_matrix, spans: Sequence[slice], blocks: Sequence[np.ndarray]
+) -> np.ndarray:
     """Project a symmetric matrix (n_dof, n_dof) with few non-zero rows on the basis."""
     block_rows = []
     for span, V in zip(spans, blocks, strict=True):
@@ -207,11 +212,13 @@ def _few_rows(A: sp.csr_matrix, spans: Sequence[slice], blocks: Sequence[np.ndar
     return _symmetric(np.block(block_rows))
 
 
-def _within(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:
+def _project_symmetric(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:
+    """Projection V^T A V (k, k) of a symmetric matrix."""
     return _symmetric(V.T @ (A @ V))
 
 
-def _skew_within(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:
+def _project_skew(A: sp.csr_matrix, V: np.ndarray) -> np.ndarray:
+    """Projection V^T A V (k, k) of a skew-symmetric matrix."""
     B = V.T @ (A @ V)
     half: np.ndarray = (B - B.T) / 2
     return half
@@ -222,8 +229,8 @@ def _symmetric(A: np.ndarray) -> np.ndarray:
     return half
 
 
-def _positive(K: np.ndarray) -> np.ndarray:
-    """Set negative diagonal entries to 0, in place: rigid motions have such by round-off."""
+def _without_negative_diagonal(K: np.ndarray) -> np.ndarray:
+    """Set negative diagonal entries to 0, in place: round-off makes them for rigid motions."""
     np.fill_diagonal(K, np.maximum(np.diag(K), 0.0))
     return K
 

@@ -1,4 +1,8 @@
-"""The complete map of a boundary design: every node of its full grid, solved or not."""
+"""Fills the grid of a boundary design, so that its map, ranking and shares count every node.
+
+The design solves nodes near stability boundaries only. Each other node gets the results of a solved
+neighbour.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +17,19 @@ from squealstudy.tables.mode_ranking import unstable_groups
 from squealstudy.tables.point_rows import ROW, point_codes
 from squealstudy.tables.stability import is_uncertain
 
-FILLED = "~"  # between the id of the point that stands for a node and the node's number
+FILLED = (
+    "~"  # in the id of a filled node: between id of the solved neighbour and number of the node
+)
 
 
 def full_points(
     points: pd.DataFrame, axes: Mapping[str, Sequence[float]], levels: int
 ) -> tuple[pd.DataFrame, np.ndarray]:
-    """The points table on the full grid, the first parameter varying fastest.
+    """The points table with one row for each node of the full grid, the first parameter fastest.
 
-    A node that was not solved is the nearest corner of the cell it lies in, with its own parameter
-    values and that corner's `point_id`: all known nodes of such a cell agree in what is unstable.
+    The row of a node that was not solved is that of the nearest corner of its cell, with the
+    corner's `point_id`, but the node's parameter values. All solved nodes of such a cell agree in
+    which modes are unstable.
 
     Parameters
     ----------
@@ -31,7 +38,7 @@ def full_points(
     axes : mapping of parameter -> values
         Values of each parameter on the full grid.
     levels : int
-        How often a cell of the coarse grid may have been halved.
+        Largest number of times that cells of the coarse grid were halved.
 
     Returns
     -------
@@ -45,8 +52,8 @@ def full_points(
         Points that are not those of a boundary design.
     """
     rows = _node_rows(points, axes)
-    owner = _owners(rows, 2**levels)
-    table = points.iloc[owner.ravel(order="F")].reset_index(drop=True)
+    row_of_node = _filled_rows(rows, 2**levels)
+    table = points.iloc[row_of_node.ravel(order="F")].reset_index(drop=True)
     grids = np.meshgrid(*axes.values(), indexing="ij")
     values = {n: g.ravel(order="F") for n, g in zip(axes, grids, strict=True)}
     solved = (rows.ravel(order="F") >= 0) & (table["status"] == "ok").to_numpy(bool)
@@ -56,9 +63,10 @@ def full_points(
 def full_tables(
     points: pd.DataFrame, modes: pd.DataFrame, axes: Mapping[str, Sequence[float]], levels: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables of points and modes on the full grid, for a ranking: ids are unique, no stable tracks.
+    """Tables of points and modes on the full grid, for a ranking.
 
-    Modes that may be unstable are not. The column ROW of modes tells their nodes.
+    Ids of points are unique. Modes of tracks that are stable everywhere are left out, except modes
+    whose stability is uncertain. The column ROW of a mode is the row of its node.
     """
     table = full_points(points, axes, levels)[0]
     group = unstable_groups(modes)
@@ -67,8 +75,8 @@ def full_tables(
     rows = np.flatnonzero(is_ranked)
     code = point_codes(points, modes)[rows]
     rows, code = (a[np.argsort(code, kind="stable")] for a in (rows, code))
-    owner = pd.Index(points["point_id"]).get_indexer(pd.Index(table["point_id"]))
-    first, last = (np.searchsorted(code, owner, side=s) for s in ("left", "right"))
+    row_of_node = pd.Index(points["point_id"]).get_indexer(pd.Index(table["point_id"]))
+    first, last = (np.searchsorted(code, row_of_node, side=s) for s in ("left", "right"))
     count = last - first
     positions = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     chosen = rows[np.repeat(first, count) + positions]
@@ -95,22 +103,22 @@ def _node_rows(points: pd.DataFrame, axes: Mapping[str, Sequence[float]]) -> np.
     return rows
 
 
-def _owners(rows: np.ndarray, stride: int) -> np.ndarray:
-    """`rows` with every node filled, by the smallest cell that it lies in."""
-    leaves = sorted(_leaves(rows, stride), key=lambda leaf: leaf[1])
-    owner = rows.copy()
-    for corner, size in leaves:
+def _filled_rows(rows: np.ndarray, stride: int) -> np.ndarray:
+    """Row in `points` that stands for each node: its own, else a corner of its smallest cell."""
+    cells = sorted(_unhalved_cells(rows, stride), key=lambda leaf: leaf[1])
+    row_of_node = rows.copy()
+    for corner, size in cells:
         box = tuple(slice(c, c + size + 1) for c in corner)
         nearer_node = np.where(2 * np.arange(size + 1) > size, size, 0)
         nearest = rows[np.ix_(*(c + nearer_node for c in corner))]
         if (nearest < 0).any():
             raise ResultsError("the points table lacks corners of cells of its map")
-        owner[box] = np.where(owner[box] < 0, nearest, owner[box])
-    return owner
+        row_of_node[box] = np.where(row_of_node[box] < 0, nearest, row_of_node[box])
+    return row_of_node
 
 
-def _leaves(rows: np.ndarray, stride: int) -> Iterator[tuple[tuple[int, ...], int]]:
-    """Lowest node and stride of each cell that was not halved: its middle was not solved."""
+def _unhalved_cells(rows: np.ndarray, stride: int) -> Iterator[tuple[tuple[int, ...], int]]:
+    """Lowest node and stride of each cell that was not halved, as its middle was not solved."""
     pending = [
         (corner, stride)
         for corner in itertools.product(*(range(0, n - 1, stride) for n in rows.shape))

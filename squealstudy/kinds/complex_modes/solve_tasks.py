@@ -1,6 +1,6 @@
-"""Tasks of design points for workers, and their solution: a row for each point.
+"""Divides the design points of a study into tasks for workers, and solves a task.
 
-A task is a box of neighbouring points, or a chunk of them for rungs that need no box.
+A task is a box of neighbouring points, or any part of them for rungs that need no box.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import answers, beyond_tolerance
 from squealstudy.modes.rungs import rung_named
 
-# design points of a box: enough to pay for patches, few enough to lose when a run is stopped
-LEAST_BOX, MOST_BOX = 160, 1600
-BOXES = 16  # boxes of a structure, within these limits
+# design points of a box: enough to pay for patches; few enough, as a stopped run loses unfinished
+# boxes
+MIN_BOX_POINTS, MAX_BOX_POINTS = 160, 1600
+BOXES_PER_STRUCTURE = 16  # number of boxes of a structure, unless these limits forbid it
 KEEP_GAPS_LIMIT = 5000  # design points up to which working points are kept for other studies
 
 
@@ -47,7 +48,7 @@ class SolveTask:
     box : Box
         Part of the structure's box that holds the points.
     keep_gaps : bool
-        Keep new working points in the cache for other studies.
+        Whether new working points are stored in the cache for other studies.
     """
 
     structure: SweptStructure
@@ -58,17 +59,17 @@ class SolveTask:
 
 
 def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[SolveTask]:
-    """Tasks of points that are to be solved, those in boxes first.
+    """Tasks that solve the given points; tasks with boxes come first.
 
     Where the study's rung needs a sweep basis that a structure does not have, the exact rung solves
     its points.
     """
     served = {s.key: (s, rung_of(plan, s)) for s in swept_structures(plan)}
     exact = [key for key, (_, name) in served.items() if rung_named(name).exact]
-    is_single = np.isin(points.structures, exact)[points.structure_index]
+    needs_no_box = np.isin(points.structures, exact)[points.structure_index]
     keep = len(plan.tasks) <= KEEP_GAPS_LIMIT
-    if not is_single.all():
-        for structure, rows, box in boxes(plan, points.at(np.flatnonzero(~is_single))):
+    if not needs_no_box.all():
+        for structure, rows, box in boxes(plan, points.at(np.flatnonzero(~needs_no_box))):
             yield SolveTask(
                 structure=structure,
                 rung=plan.method.name,
@@ -76,7 +77,7 @@ def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[
                 box=box,
                 keep_gaps=False,
             )
-    for part in workers.pace.parts(points.at(np.flatnonzero(is_single)), workers.jobs):
+    for part in workers.pace.parts(points.at(np.flatnonzero(needs_no_box)), workers.jobs):
         structure, name = served[part.structures[part.structure_index[0]]]
         yield SolveTask(
             structure=structure,
@@ -89,8 +90,8 @@ def solve_tasks(plan: Plan, points: DesignPoints, workers: Workers) -> Iterator[
 
 def rung_of(plan: Plan, structure: SweptStructure) -> str:
     """Name of the rung for a structure: the exact one where a sweep basis is needed but missing."""
-    needs, method = plan.method.rung.over_a_basis, plan.method
-    return method.exact if needs and not structure.has_basis else method.name
+    needs_basis, method = plan.method.rung.over_a_basis, plan.method
+    return method.exact if needs_basis and not structure.has_basis else method.name
 
 
 def whole_box(structure: SweptStructure) -> Box:
@@ -100,11 +101,11 @@ def whole_box(structure: SweptStructure) -> Box:
 
 
 def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.ndarray, Box]]:
-    """Boxes of the design that hold asked-for points, each with the plan's rows of these points.
+    """Boxes that hold some of the given points, each with the rows of these points in the plan.
 
-    The outermost boxes come first: modes change most at the ends of sweeps, and what takes longest
-    must not come last. Boxes depend on the whole design alone, not on the points asked for: a
-    resumed study has the same ones.
+    The outermost boxes come first: modes change most at the ends of sweeps, and the longest task
+    must not come last. Boxes depend on the whole design alone, not on the given points: a
+    resumed study has the same boxes.
     """
     is_asked = np.isin(plan.tasks.ids, points.ids)
     rows_of_structure = dict(plan.tasks.of_structures())
@@ -115,7 +116,9 @@ def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.nda
             continue
         values = [plan.tasks.column(name)[rows] for name in structure.chart.names]
         theta = structure.chart.theta(np.array(values).reshape(-1, len(rows)).T)
-        for part, box in split_boxes(theta, min(MOST_BOX, max(LEAST_BOX, len(rows) // BOXES))):
+        for part, box in split_boxes(
+            theta, min(MAX_BOX_POINTS, max(MIN_BOX_POINTS, len(rows) // BOXES_PER_STRUCTURE))
+        ):
             chosen = rows[part][is_asked[rows[part]]]
             if len(chosen):
                 box_list.append((structure, chosen, box))
@@ -123,7 +126,7 @@ def boxes(plan: Plan, points: DesignPoints) -> list[tuple[SweptStructure, np.nda
 
 
 def split_boxes(theta: np.ndarray, max_points: int) -> list[tuple[np.ndarray, Box]]:
-    """Rows and box of parts of the points theta (n, d), each with at most `max_points`.
+    """Divide points theta (n, d) into boxes of at most `max_points`: rows and box of each.
 
     A part that has more is cut across its longest side, at the median of its points. Only points
     that all coincide stay together.
@@ -168,9 +171,10 @@ def solve_points(task: SolveTask) -> Solved:
 
 
 def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception, str]]:
-    """Yield each point's index, its modes or the error, and why its rung left it over, or "".
+    """Solve the points of a task in any order; yield index, modes or error, and a remark.
 
-    The order is any. Points that an approximate rung leaves over are solved exactly.
+    Points that an approximate rung does not solve are solved exactly. The remark tells why the rung
+    did not solve the point; it is empty otherwise.
     """
     rung = rung_named(task.rung)
     problem = problem_of(task.structure, rung)
@@ -189,8 +193,8 @@ def _solved(task: SolveTask) -> Iterator[tuple[int, PointModes | Exception, str]
         except FAILURES as error:
             why = ": ".join(part for part in reason(error) if part)
         remaining = {
-            i: f"left over by {rung.name}: {own_reason or why}"
-            for i, own_reason in remaining.items()
+            i: f"left over by {rung.name}: {reason_of_point or why}"
+            for i, reason_of_point in remaining.items()
         }
         rung = rung_named(problem.swept.exact)
     for i, left_over in remaining.items():

@@ -1,8 +1,8 @@
-"""Matrices from Nastran's DMIG cards: punched files (``.pch``) and bulk data (``.bdf``).
+"""Reads matrices from Nastran's DMIG cards: punched files (``.pch``) and bulk data (``.bdf``).
 
 Small, large and free fields (MSC Nastran Quick Reference Guide, DMIG). All other cards are passed
-over, so that the file may be a whole deck. Its PARAM WTMASS does not multiply the matrices (same
-guide, M2GG, remarks).
+over, so that the file may be a whole deck. PARAM WTMASS of a deck does not multiply the matrices
+(same guide, M2GG, remarks).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from squealstudy.models.matrices.text import COUNT, TextFile, shortened
 CARD = "DMIG"
 FIELDS, LARGE_FIELDS = 8, 4  # fields of a line after its first
 WIDTH, LARGE_WIDTH, FIRST = 8, 16, 8
-SCALED = re.compile(  # a line of a deck with a factor on matrices that case control selects
+SCALED = re.compile(  # a line that multiplies selected matrices: PARAM CK2, or K2GG = 2.0*NAME
     r"\s*PARAM\*?[\s,]+(?P<name>C[KMB]2|CK42)[\s,]+(?P<factor>[^\s,$]+)"
     r"|\s*(?P<command>K42GG|[KMB]2(?:GG|PP))\s*=[^$]*\*",
     re.I,
@@ -60,7 +60,7 @@ class _Matrix:
 
 
 def read_dmig(path: Path, name: str | None = None, square: bool = False) -> LabelledMatrix:
-    """The matrix of a name, or the only one. With `square` it need not be symmetric.
+    """The matrix of a name, or the only one of a file. If `square`, it may be unsymmetric.
 
     Raises
     ------
@@ -185,6 +185,7 @@ def _add(text: TextFile, card: _Card, matrices: dict[str, _Matrix]) -> None:
 
 
 def _check_head(text: TextFile, card: _Card) -> None:
+    """Raise ModelError unless the head of a matrix states a real square or symmetric one."""
     form, kind = (_whole_number(text, card, k, "a whole number") for k in (2, 3))
     if form not in (SQUARE, SYMMETRIC):
         what = f"expected a square or symmetric matrix (form 1 or 6), found form {form}"
