@@ -1,9 +1,9 @@
-"""Levels of cycles on branches: their errors, and more harmonics where these are large.
+"""Levels of the cycles on a branch, with error estimates, for the table of branches.
 
-A branch keeps the number of harmonics that its first cycle needs. Away from that cycle the contact
-may stick, and its levels be wrong by a fifth. So each cycle of a small model has the error that a
-cycle of a design has (`cycle.series_errors`), and where it is beyond the tolerance the
-cycle is solved with as many harmonics as it needs.
+All cycles of a branch have the number of harmonics that the first one needs. At other values of the
+parameter the contact may stick, and levels may be wrong by a fifth. So the error of each cycle of a
+small model is estimated (`cycle.series_errors`). If it is beyond the tolerance, the cycle is solved
+with as many harmonics as it needs.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from squealstudy.cycles.cycle import (
 from squealstudy.cycles.projection import Projection
 from squealstudy.errors import ConvergenceError
 
-FEWER_HARMONICS = 1.5  # harmonics over those of the series that its change is judged by
-# relative changes of frequency and contact velocity, beyond which more harmonics have led to
-# another cycle: the other side of a fold
+FEWER_HARMONICS = 1.5  # harmonics of a cycle over those with which it is solved for comparison
+# if more harmonics change frequency or contact velocity by more than these relative amounts, they
+# have led to another cycle, beyond a fold
 MAX_FREQUENCY_CHANGE, MAX_VELOCITY_CHANGE = 0.02, 0.05
 
 
@@ -40,11 +40,11 @@ class BranchLevel(NamedTuple):
     Attributes
     ----------
     point : BranchPoint
-        Its motion, multipliers and residual are those of more harmonics where these were needed.
+        The point, with motion, multipliers and residual of more harmonics where it needs more.
     levels : dict
         `ContactOscillator.levels`.
     error : float
-        Relative error of the level, as that of a `Cycle`; NaN where it is not known.
+        Relative error of the level, as `Cycle.level_error`; NaN where it is not known.
     """
 
     point: BranchPoint
@@ -53,14 +53,18 @@ class BranchLevel(NamedTuple):
 
 
 def level_on_branch(contact: ContactOscillator, point: BranchPoint, search: Search) -> BranchLevel:
-    """The level of a point on a branch; of many coordinates and at a Hopf point as it is."""
+    """The level of a point on a branch, with more harmonics if it needs more.
+
+    No error is estimated, and no harmonic added, for large models and at Hopf points.
+    """
     motion = replace(point.motion, parameter=0.0)
     levels = contact.levels(motion)
     projection = Projection.on_harmonics_of(contact.oscillator, motion)
     if not projection.complete or point.event == HOPF:
         return BranchLevel(point, levels, np.nan)
     error = _level_error(contact, projection, CycleLevels(motion, levels))
-    # an event is located on the branch, and harmonics that were asked for stay
+    # events stay as they were located on the branch, and so do numbers of harmonics that users
+    # chose
     if point.event or search.harmonics is not None or error < search.tolerance:
         return BranchLevel(point, levels, error)
     with suppress(ConvergenceError):
@@ -77,7 +81,7 @@ def level_on_branch(contact: ContactOscillator, point: BranchPoint, search: Sear
 def _level_error(
     contact: ContactOscillator, projection: Projection, cycle_levels: CycleLevels
 ) -> float:
-    """Error of a level by fewer and more harmonics; NaN where these have no such cycle."""
+    """Error of a level, by cycles with fewer and more harmonics; NaN where there are none."""
     motion, by_changes = cycle_levels.motion, SeriesErrors()
     with suppress(ConvergenceError):
         fewer, _ = projection.cycle_near(motion, max(1, round(motion.harmonics / FEWER_HARMONICS)))
@@ -87,7 +91,7 @@ def _level_error(
 
 
 def _is_on_branch(cycle: Cycle, point: BranchPoint, levels: dict[str, float]) -> bool:
-    """Whether a cycle with more harmonics is that of the point, not one beyond a fold."""
+    """Whether a cycle with more harmonics is the cycle of the point, not one beyond a fold."""
     velocity = levels["contact_velocity"]
     stabilities = {cycle.multipliers.stable, point.multipliers.stable} - {None}
     return (

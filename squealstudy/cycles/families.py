@@ -1,4 +1,9 @@
-"""The limit cycles of a design: its mode families, their growth over amplitude, their cycles."""
+"""Searches the limit cycles of a design along the mode families of its complex modes.
+
+A mode family consists of the periodic motions that continue a complex mode to larger amplitudes,
+each with the damping that must be added to make it periodic. Where no damping need be added there
+is a cycle.
+"""
 
 from __future__ import annotations
 
@@ -43,20 +48,21 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.overflow import OVERFLOW
 from squealstudy.wording import NO_CYCLE
 
-N_LARGER_HARMONIC_COUNTS = 2  # larger numbers of harmonics with which a curve is checked
+N_LARGER_HARMONIC_COUNTS = 2  # a curve is checked with this many larger numbers of harmonics
 CURVE_HARMONICS, PROJECTED_HARMONICS = 5, 3  # harmonics of curves: small models, projected ones
-# modes of two designs are the same if their MAC is above the first, with others below the second
+# modes of two designs are the same if their MAC is above the first number, and the MAC of either
+# with any other mode is below the second
 SAME_MODE_MIN_MAC, OTHER_MODE_MAX_MAC = 0.95, 0.8
 START = 1e-3  # contact velocity over the sliding speed at which a curve begins
-# largest change of added damping from the linear mode's to that of a curve's first motion, over it
+# largest relative difference of the added damping of a curve's first motion from the linear mode's
 MAX_REL_START_CHANGE = 0.2
-N_SMALLER_STARTS = 3  # smaller starts that are tried where a first motion is nonlinear, by tens
+N_SMALLER_STARTS = 3  # smaller first motions, each a tenth, that are tried for a more linear one
 EIGENVALUE_REL_ROUND_OFF = 1e-13  # round-off of every root of a dense matrix, over the largest one
 LOST_ROOT = (
     "roots of the model lie too far apart: whether steady sliding diverges is less than the "
     "round-off of the largest"
 )
-ROUNDED = 1e-10  # damping ratio below which it is round-off of a balance
+DAMPING_ROUND_OFF = 1e-10  # damping ratio that round-off of harmonic balance can make
 CURVE_STEPS = Steps(first=0.3, largest=0.5, count=200)
 PROJECTED_STEPS = Steps(first=0.5, least=1e-4, largest=1.0, count=130)
 
@@ -70,7 +76,7 @@ def families(
     screen: float = np.inf,
     near: Followed | None = None,
 ) -> Followed:
-    """The families of a band, by the numbers of their modes, with verdicts.
+    """Follow the family of each mode of a band, and judge by its cycles whether the mode squeals.
 
     Parameters
     ----------
@@ -83,11 +89,11 @@ def families(
         A mode is unstable where the real part of its root is more than this times its modulus.
     search : Search
     screen : float
-        Rate of decay [1/s]: where `mode_numbers` is None, modes that decay faster are left out.
+        Rate of decay [1/s]: if `mode_numbers` is None, modes that decay faster are left out.
     near : Followed or None
-        The families of a design nearby, in the same coordinates. In a large model its silent curves
-        are used for those of this design's modes that are the same, but not where fewer families
-        grow here than there.
+        The families of a similar design, in the same coordinates. In a large model, its silent
+        curves save following the curves of the same modes of this design. They are not used if
+        fewer families grow in this design than in that one.
 
     Raises
     ------
@@ -121,9 +127,8 @@ def families(
         served = silent_family and _silent_nearby(contact, *modes[number], search, silent_family)
         followed_families[number] = served or _family(contact, *modes[number], search, tolerance)
     if near is not None and sum(f.grew for f in followed_families.values()) < near.n_growing:
-        for number in [
-            n for n, f in followed_families.items() if f.origin
-        ]:  # what grew there may go on in it
+        # a mode that grew in the other design may continue as one whose curve is silent there
+        for number in [n for n, f in followed_families.items() if f.origin]:
             followed_families[number] = _family(contact, *modes[number], search, tolerance)
     judged_families = []
     for number, k in enumerate(band_rows, start=1):
@@ -142,10 +147,10 @@ def families(
 def _silent(
     near: Followed | None, contact: ContactOscillator, psi: np.ndarray, unstable: np.ndarray
 ) -> dict[int, Family]:
-    """Silent families of a design nearby, by the numbers of the same stable modes here.
+    """Families without cycles of the similar design `near`, by the numbers of this design's modes.
 
-    `psi` (n, m) are the modes here, `unstable` (m,) tells which are unstable. Two modes are the
-    same where they are much alike, and neither is much like any other.
+    `psi` (n, m) are the modes of this design, `unstable` (m,) tells which are unstable: they get
+    none. Two modes are the same if their MAC is high, and low between either and any other mode.
     """
     if near is None or not near.modes.size or contact.oscillator.n <= MAX_UNPROJECTED_COORDINATES:
         return {}
@@ -166,10 +171,11 @@ def _silent(
 def _silent_nearby(
     contact: ContactOscillator, lam: complex, phi: np.ndarray, search: Search, near: Family
 ) -> Family | None:
-    """The family of a mode by the silent curve of a design nearby; None where that is not enough.
+    """The family of a mode by the silent curve of a similar design, which saves following its own.
 
-    The curve's motions that are nearest to growing are balanced at this design with more harmonics.
-    The others do not grow if they lack much more damping than these change by (`looked_again`).
+    The motions of the curve that are nearest to growing are balanced anew, at this design and with
+    more harmonics. The added damping of the other motions may change as much as that of these: they
+    stay silent if they lack far more (`looked_again`). None where this cannot be decided.
     """
     first = near.path[0].motion
     if near.end == FAR and near.reached < search.reach:
@@ -205,6 +211,7 @@ def _family(
     search: Search,
     tolerance: float,
 ) -> Family:
+    """Follow the family of one mode over amplitude, and solve the cycles at zeros of its curve."""
     speed = abs(contact.point.speed)
     unit = PeriodicMotion(np.vstack([0 * phi.real, phi.real, -phi.imag]), abs(lam.imag))
     velocity = contact.contact_velocity(unit)
@@ -215,7 +222,7 @@ def _family(
     is_complete = projection.complete
     size = START * speed * float(np.linalg.norm(phi * scale)) / velocity
     harmonics = search.harmonics or (CURVE_HARMONICS if is_complete else PROJECTED_HARMONICS)
-    noise = 2.0 * max(tolerance, ROUNDED) * abs(lam)
+    noise = 2.0 * max(tolerance, DAMPING_ROUND_OFF) * abs(lam)
     start = linear_motion(phi, lam, scale, size)
     if is_complete:
         start = _small_enough(projection, start, harmonics, noise)
@@ -246,7 +253,7 @@ def _family(
     ):
         look = looked_again(contact.oscillator, curve, _larger_harmonic_counts(harmonics))
         _confirmed(contact, chain(*look.pieces), search, cycles)
-        if cycles or not (look.open or look.grows):  # more harmonics decide about its zeros
+        if cycles or not (look.open or look.grows):  # more harmonics have decided about the zeros
             lost = 0
     shown = _curve_rows(contact, curve)
     fastest = max(range(len(curve)), key=lambda k: float(shown[k]["contact_velocity"]))
@@ -267,10 +274,10 @@ def _family(
 def _small_enough(
     projection: Projection, start: PeriodicMotion, harmonics: int, noise: float
 ) -> PeriodicMotion:
-    """A linear motion, smaller where contact is nonlinear at its size already.
+    """The linear motion with which a curve begins, made smaller where contact is nonlinear.
 
-    A light load is lifted by motion that is slow beside sliding. A curve that began there would
-    miss smaller cycles.
+    Under a light load, contact opens in motion that is slow compared with sliding. A curve that
+    began with such motion would miss smaller cycles.
     """
     for smaller in 0.1 ** np.arange(1 + N_SMALLER_STARTS):
         tried = replace(start, Q=with_harmonics(smaller * start.Q, harmonics))
@@ -283,7 +290,7 @@ def _small_enough(
 
 
 def _larger_harmonic_counts(harmonics: int) -> list[int]:
-    """Numbers of harmonics with which a curve is checked, ascending."""
+    """Larger numbers of harmonics with which a curve is checked, ascending."""
     return [h for h in HARMONIC_COUNTS if h > harmonics][:N_LARGER_HARMONIC_COUNTS] or [
         harmonics + harmonics // 2
     ]
@@ -292,7 +299,7 @@ def _larger_harmonic_counts(harmonics: int) -> list[int]:
 def _confirmed(
     contact: ContactOscillator, curve: Iterable[CurveMotion], search: Search, cycles: list[Cycle]
 ) -> int:
-    """Add the cycles at the zeros of a curve to `cycles`; the number of zeros without a new one."""
+    """Add the cycles at the zeros of a curve to `cycles`; return the number of zeros without one."""
     lost = 0
     for point in curve:
         if point.event == ZERO:
@@ -304,7 +311,7 @@ def _confirmed(
 
 
 def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search) -> list[Cycle]:
-    """The cycle at a zero of a curve; where more harmonics have none there, those next to it."""
+    """The cycle at a zero of a curve; if more harmonics deny it, the cycles they have nearby."""
     osc, cycles = contact.oscillator, list[Cycle]()
     try:
         return [cycle_near(contact, Projection.on_harmonics_of(osc, zero), zero, search)]
@@ -320,7 +327,7 @@ def _cycles_at(contact: ContactOscillator, zero: PeriodicMotion, search: Search)
 
 
 def _curve_rows(contact: ContactOscillator, curve: list[CurveMotion]) -> list[dict[str, Any]]:
-    """Rows of the curve, one for each motion: `Family.curve`."""
+    """One row for each motion of a curve, for the table of curves (`Family.curve`)."""
     return [
         {
             "contact_velocity": contact.contact_velocity(point.motion),

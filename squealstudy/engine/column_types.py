@@ -1,7 +1,6 @@
-"""Types that the columns of a table must have, whoever wrote it: numbers, texts or flags.
+"""Checks the types of a table's columns, as results directories may come from strangers.
 
-They are checked because a hash in a journal proves that a table is as it was written, but not who
-wrote it.
+A hash in the journal proves that a table was not changed after it was written, not who wrote it.
 """
 
 from __future__ import annotations
@@ -17,26 +16,27 @@ from squealstudy.engine.result_names import MOST_CELLS
 from squealstudy.errors import printable
 
 
-def _numbers(kind: pa.DataType) -> bool:
+def _is_number(kind: pa.DataType) -> bool:
     return bool(of.is_integer(kind) or of.is_floating(kind))
 
 
-def _texts(kind: pa.DataType) -> bool:
+def _is_text(kind: pa.DataType) -> bool:
     return bool(of.is_string(kind) or of.is_large_string(kind))
 
 
-FITS: Mapping[str, Callable[[pa.DataType], bool]] = {
-    NUMBERS: _numbers,
-    TEXTS: _texts,
+# test of a column's type, by what `columns` says that the column holds
+IS_OF_TYPE: Mapping[str, Callable[[pa.DataType], bool]] = {
+    NUMBERS: _is_number,
+    TEXTS: _is_text,
     FLAGS: of.is_boolean,
-    LISTS: lambda kind: of.is_list(kind) and _numbers(kind.value_type),
+    LISTS: lambda kind: of.is_list(kind) and _is_number(kind.value_type),
 }
 
 
 def misfit(
     schema: pa.Schema, kind: str, table: str, parameters: Collection[str], n_rows: int
 ) -> str:
-    """Why a table cannot be that table of this kind of study, in words; empty if it can.
+    """Why a table cannot be this table of this kind of study, in words; empty if it can be.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def misfit(
         column = column_of(kind, table, field.name, parameter_names)
         holds = column.holds if column else ""
         plain = not of.is_nested(field.type) or of.is_list(field.type)
-        if not plain or (holds and not (FITS[holds](field.type) or not n_rows)):
+        if not plain or (holds and not (IS_OF_TYPE[holds](field.type) or not n_rows)):
             name = printable(field.name)[:100]
             return f"column '{name}' holds {field.type}, not {holds or 'what a table holds'}"
     return ""

@@ -1,7 +1,7 @@
-"""The design points of a plan as arrays, one for each parameter; points are made when asked for.
+"""Holds the design points of a plan as one array for each parameter, so that millions fit memory.
 
-A point takes 8 bytes for each swept parameter and 16 for its id. A `DesignPoint`, with its dict of
-all parameters, takes more, and exists only while it is in use.
+A point takes 8 bytes for each swept parameter and 16 bytes for its id. A `DesignPoint`, with its
+dict of all parameters, takes more: it is made when it is asked for.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class DesignValues:
     count : int
         Number of design points.
     one_structure : bool
-        Whether all points count as having one structure, whatever their structural values, because
-        structures are made together with their points.
+        Whether structural values do not divide the points into structures: in batches of small
+        models each point is solved together with its structure.
     """
 
     model: ModelDefinition
@@ -70,7 +70,7 @@ class DesignValues:
         return np.broadcast_to(self.common[name], self.count)
 
     def at(self, rows: np.ndarray | slice) -> DesignValues:
-        """The points at some rows."""
+        """Values of the points at some rows."""
         varied = {name: x[rows] for name, x in self.varied.items()}
         count = len(range(*rows.indices(self.count)) if isinstance(rows, slice) else rows)
         return DesignValues(
@@ -91,11 +91,11 @@ class DesignValues:
 
 
 class Names(Protocol):
-    """Ids of design points and keys of their structures."""
+    """Ids of design points, and keys of the prepared models of their structures."""
 
     @property
     def structures(self) -> tuple[str, ...]:
-        """Keys of prepared models."""
+        """Keys of prepared models, each once."""
         ...
 
     @property
@@ -115,7 +115,7 @@ class Names(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class GivenNames:
-    """Ids and keys as given arrays, such as those that come with a task."""
+    """Ids and keys that are stored as arrays, as in a task for a worker."""
 
     structures: tuple[str, ...]
     structure_index: np.ndarray
@@ -128,14 +128,14 @@ class GivenNames:
 
 @dataclass(frozen=True, eq=False)
 class PartNames:
-    """Ids and keys at some `rows` of the `whole` points."""
+    """Ids and keys of the points at some `rows` of the `whole` design."""
 
     whole: Names
     rows: np.ndarray
 
     @property
     def structures(self) -> tuple[str, ...]:
-        """Keys of prepared models of the whole points."""
+        """Keys of prepared models of the whole design."""
         return self.whole.structures
 
     @property
@@ -154,18 +154,19 @@ class PartNames:
 
 
 class PlannedNames:
-    """Ids and keys of all points of a plan, made when asked for.
+    """Ids and keys of all points of a plan, computed when they are asked for.
 
-    Where a random design draws the same values again, the later point has an id of its own: it is
+    If a random design draws the same values twice, the later point gets another id, so that it is
     solved and counted separately.
 
     Parameters
     ----------
     values : DesignValues
     key_of : callable
-        Takes a design point without names, returns the key of its prepared model.
+        Takes a design point without id and key, returns the key of its prepared model.
     hash_of : callable
-        Takes that key, returns a hash of all that decides results of its points beside values.
+        Takes the key of a prepared model, returns a hash of all that decides results at its points
+        apart from their values.
     """
 
     def __init__(
@@ -178,10 +179,10 @@ class PlannedNames:
 
     @cached_property
     def _keys(self) -> list[str]:
-        """Key of each structure of the values; several structures may have one key."""
+        """Key of each structure; several structures of different values may have one key."""
         _, first = np.unique(self._values.structure_index, return_index=True)
-        bare = (DesignPoints(self._values, _NO_NAMES).bare(int(i)) for i in first)
-        return [self._key_of(point) for point in bare]
+        without_names = (DesignPoints(self._values, _NO_NAMES).without_names(int(i)) for i in first)
+        return [self._key_of(point) for point in without_names]
 
     @cached_property
     def structures(self) -> tuple[str, ...]:
@@ -201,64 +202,64 @@ class PlannedNames:
         return [self._hash_of(key) for key in self.structures]
 
     @cached_property
-    def _naming(self) -> DesignValues:
+    def _values_for_ids(self) -> DesignValues:
         """The values that decide ids: without parameters of laws that are not in use."""
-        names = DesignPoints(self._values, _NO_NAMES).bare(0).own_values
+        names = DesignPoints(self._values, _NO_NAMES).without_names(0).own_values
         v = self._values
         varied = {k: x for k, x in v.varied.items() if k in names}
         return DesignValues(v.model, v.options, names, varied, v.count, v.one_structure)
 
     @cached_property
-    def _again(self) -> dict[int, int]:
-        """Points with the values of an earlier point, and the number of their draw, from 2."""
-        columns = [x.view(np.uint64) for x in self._naming.varied.values()]
+    def _repeated_draws(self) -> dict[int, int]:
+        """Points with the values of an earlier point, and the number of that draw, from 2 on."""
+        columns = [x.view(np.uint64) for x in self._values_for_ids.varied.values()]
         columns.append(self.structure_index.astype(np.uint64))
-        mixed = np.zeros(self._values.count, dtype=np.uint64)
-        for (
-            column
-        ) in columns:  # points with different sums differ; those with equal sums are compared
-            mixed = (mixed ^ column) * np.uint64(0x9E3779B97F4A7C15)
-            mixed ^= mixed >> np.uint64(29)
-        order = np.argsort(mixed, kind="stable")
-        same = np.flatnonzero(mixed[order[1:]] == mixed[order[:-1]])
+        hashes = np.zeros(self._values.count, dtype=np.uint64)
+        # points with different hashes differ; the columns of points with equal hashes are compared
+        for column in columns:
+            hashes = (hashes ^ column) * np.uint64(0x9E3779B97F4A7C15)
+            hashes ^= hashes >> np.uint64(29)
+        order = np.argsort(hashes, kind="stable")
+        equal = np.flatnonzero(hashes[order[1:]] == hashes[order[:-1]])
         draws: Counter[tuple[int, ...]] = Counter()
-        again = {}
-        for i in np.unique(order[np.concatenate([same, same + 1])]).tolist():
+        repeated = {}
+        for i in np.unique(order[np.concatenate([equal, equal + 1])]).tolist():
             values = tuple(int(column[i]) for column in columns)
             draws[values] += 1
             if draws[values] > 1:
-                again[i] = draws[values]
-        return again
+                repeated[i] = draws[values]
+        return repeated
 
     @cached_property
     def ids(self) -> np.ndarray:
         """Id (n,) of each point, 16 bytes."""
         ids = np.empty(self._values.count, dtype=ID_TYPE)
         for number, rows in _groups(self.structure_index, len(self.structures)):
-            part = self._naming.at(rows)
+            part = self._values_for_ids.at(rows)
             structure_hash = self._hashes[number]
             ids[rows] = point_ids(structure_hash, part.common, part.varied, part.count)
-        for i, draw in self._again.items():
+        for i, draw in self._repeated_draws.items():
             ids[i] = self._drawn_again(str(ids[i], "ascii"), draw)
         return ids
 
     def name(self, number: int) -> str:
-        """Id of one of the points; the others are not made for it."""
+        """Id of one of the points, without computing those of the others."""
         if "ids" in self.__dict__:
             return str(self.ids[number], "ascii")
-        part = self._naming.at(slice(number, number + 1))
+        part = self._values_for_ids.at(slice(number, number + 1))
         structure_hash = self._hashes[self.structure_index[number]]
         name = str(point_ids(structure_hash, part.common, part.varied, 1)[0], "ascii")
-        draw = self._again.get(number, 1)
+        draw = self._repeated_draws.get(number, 1)
         return name if draw == 1 else self._drawn_again(name, draw)
 
     @staticmethod
     def _drawn_again(name: str, draw: int) -> str:
+        """Id of a point whose values are drawn again, from the id of the first such point."""
         return content_hash([name, draw])
 
 
 def _groups(index: np.ndarray, count: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield each of `count` numbers that is in an index (n,), and its rows, ascending."""
+    """Yield each number below `count` that an index (n,) contains, with its rows, ascending."""
     order = np.argsort(index, kind="stable")
     ends = np.searchsorted(index[order], np.arange(count + 1))
     for number, (start, end) in enumerate(itertools.pairwise(ends.tolist())):
@@ -270,7 +271,7 @@ _NO_NAMES = GivenNames((), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=ID_TYP
 
 
 class DesignPoints(Sequence[DesignPoint]):
-    """Design points in their order, held as arrays; points are made when asked for.
+    """A sequence of design points that makes each `DesignPoint` when it is asked for.
 
     Parameters
     ----------
@@ -326,7 +327,7 @@ class DesignPoints(Sequence[DesignPoint]):
             yield self.structures[number], rows
 
     def at(self, rows: np.ndarray | slice) -> DesignPoints:
-        """Some of the points, with their names."""
+        """Some of the points, with their ids and keys."""
         chosen = np.arange(len(self))[rows] if isinstance(rows, slice) else np.asarray(rows, int)
         names = self._names
         if isinstance(names, PartNames):
@@ -334,12 +335,12 @@ class DesignPoints(Sequence[DesignPoint]):
         return DesignPoints(self._values.at(chosen), PartNames(names, chosen))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Another process gets the points with their names, not the plan."""
+        """Give another process the points with their ids and keys, not the plan."""
         used, index = np.unique(self.structure_index, return_inverse=True)
         keys = tuple(self.structures[i] for i in used)
         return DesignPoints, (self._values, GivenNames(keys, index.astype(np.int32), self.ids))
 
-    def bare(self, number: int) -> DesignPoint:
+    def without_names(self, number: int) -> DesignPoint:
         """A point with neither id nor structure."""
         v = self._values
         return DesignPoint(v.model, v.options, v.values_of(number))

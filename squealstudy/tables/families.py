@@ -1,10 +1,11 @@
-"""Tracks that are one mode whose number changes between neighbouring design points.
+"""Finds tracks that are one mode, so that a ranking does not count the mode twice.
 
-Around a coalescence in the plane of two parameters two modes change places: no numbering is right
-on all lines of a grid. Two tracks are of one family if an onset turns out to be none, because the
-unstable mode continues under the other number. They are also of one family if two modes near in
-frequency exchange their growth between neighbouring points, and a label there is ambiguous. Modes
-that are followed without doubt are of different families.
+The number of a mode may change between neighbouring design points. Around a coalescence in the
+plane of two parameters two modes change places: no numbering is right on all lines of a grid. Two
+tracks are of one family in two cases. An apparent onset is none, as the unstable mode continues
+under the other number. Or two modes near in frequency exchange their growth between neighbouring
+points, and a label there is ambiguous. Modes that are followed without doubt are of different
+families.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from squealstudy.tables.stability import INTO, REFINED_ONSETS
 RENUMBERED = "renumbered"  # no onset: the mode is unstable at both ends, under two numbers
 NOT_LOCATED = "failed"  # an onset whose refinement failed: somewhere between both ends
 BEGINS_UNSTABLE = ("first_seen", "broken")  # status of onsets of tracks that begin unstable
-ENDS = ["point_before", "point_after"]
+ENDS = ["point_before", "point_after"]  # columns of the points between which an onset lies
 MAX_REL_FREQUENCY_GAP = 0.02  # largest relative distance of two modes that may be exchanged
 MAX_CELLS = 10**8  # most points times squared tracks for which exchanges are sought
 
@@ -36,12 +37,14 @@ def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
     """
     renumbered = onsets[(onsets["status"] == RENUMBERED).to_numpy(bool)]
     begins = onsets["status"].isin(BEGINS_UNSTABLE) & (onsets["direction"] == INTO)
-    begun = onsets[begins.to_numpy(bool)]
+    begins_unstable = onsets[begins.to_numpy(bool)]
     pairs = []
     for (_, after), rows in renumbered.groupby(ENDS, sort=False):
         into = (rows["direction"] == INTO).to_numpy(bool)
         beginning = (
-            rows[into] if into.any() else begun[(begun["point_after"] == after).to_numpy(bool)]
+            rows[into]
+            if into.any()
+            else begins_unstable[(begins_unstable["point_after"] == after).to_numpy(bool)]
         )
         hz = beginning["frequency_hz"].to_numpy(float)
         ending = rows[~into]
@@ -52,9 +55,9 @@ def linked_tracks(onsets: pd.DataFrame) -> list[tuple[int, int]]:
 
 
 def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
-    """Rows (e, 2) of solved points next to each other in one parameter, all others equal.
+    """Rows (e, 2) of solved points that are neighbours on a line of a grid.
 
-    Failed points between two are passed over, as tracks pass over them.
+    All parameters but one are equal on a line. Failed points are skipped, as tracks skip them.
     """
     pairs = [np.zeros((0, 2), dtype=int)]
     solved = np.flatnonzero((points["status"] == "ok").to_numpy(bool))
@@ -69,9 +72,10 @@ def neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
 
 
 def scattered_neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
-    """Rows (e, 2) of solved points of a random design that are near each other.
+    """Rows (e, 2) of neighbouring solved points of a random design.
 
-    Those of the tree along which tracks run, and the nearest of each point.
+    Each point is paired with its parent in the tree along which tracks run, and with its nearest
+    points.
     """
     solved = np.flatnonzero((points["status"] == "ok").to_numpy(bool))
     x = points[list(names)].to_numpy(dtype=float)[solved]
@@ -85,16 +89,16 @@ def scattered_neighbours(points: pd.DataFrame, names: Sequence[str]) -> np.ndarr
 def exchanged_tracks(
     modes: pd.DataFrame, code: np.ndarray, edges: np.ndarray, tracks: Sequence[int]
 ) -> Iterator[tuple[int, int]]:
-    """Pairs of tracks that exchange their growth between neighbouring points, one ambiguous there.
+    """Pairs of tracks that exchange their growth between two points, where one is ambiguous.
 
     Parameters
     ----------
     modes : DataFrame
         Modes, with ``track``, ``track_ambiguous``, ``unstable``, ``frequency_hz``.
     code : ndarray (m,) of int
-        Design point of each of them.
+        Number of the design point of each mode.
     edges : ndarray (e, 2) of int
-        Neighbouring points.
+        Numbers of neighbouring points.
     tracks : sequence of int
         Tracks that are unstable somewhere.
     """
@@ -138,10 +142,10 @@ def same_mode_pairs(
     names: Sequence[str],
     scattered: bool,
 ) -> list[tuple[int, int]]:
-    """Pairs of unstable tracks that are one: `linked_tracks` and `exchanged_tracks`.
+    """Pairs of unstable tracks that are one mode, by `linked_tracks` and `exchanged_tracks`.
 
-    Neighbours are those of a random design where the points, of parameters `names`, are
-    `scattered`.
+    `names` are the parameters of the points. If these are `scattered`, as in a random design, their
+    neighbours are those of `scattered_neighbours`, else those on the lines of a grid.
     """
     tracked = [int(number) for number in tracks if number > 0]
     linked = [] if onsets is None else linked_tracks(onsets)
@@ -152,12 +156,12 @@ def same_mode_pairs(
 
 
 def pairs_growing_together(onsets: pd.DataFrame | None) -> list[tuple[int, int]]:
-    """Pairs of tracks of which one turns unstable before the other is stable again.
+    """Pairs of tracks that are unstable together somewhere between two neighbouring points.
 
-    Between two neighbouring points, by refined onsets and beyond their errors: there are two
-    unstable modes, although no solved point has both.
+    One track turns unstable before the other is stable again, by more than the errors of the two
+    onsets. There are two unstable modes, although no solved point has both.
     """
-    if onsets is None or "error_estimate" not in onsets:  # results of before
+    if onsets is None or "error_estimate" not in onsets:  # results of an earlier version
         return []
     refined = onsets[onsets["status"].isin(REFINED_ONSETS).to_numpy(bool)]
     pairs: list[tuple[int, int]] = []
@@ -165,7 +169,7 @@ def pairs_growing_together(onsets: pd.DataFrame | None) -> list[tuple[int, int]]
         begins = (rows["direction"] == INTO).to_numpy(bool)
         if begins.any() and not begins.all():
             tracks, onset = rows["track"].to_numpy(), rows["onset"].to_numpy(float)
-            error = rows["error_estimate"].to_numpy(float)  # NaN, not known, is no overlap
+            error = rows["error_estimate"].to_numpy(float)  # NaN (unknown) is no overlap
             overlap = (onset + error)[begins, None] < (onset - error)[~begins]
             pairs += [
                 (int(tracks[begins][i]), int(tracks[~begins][j])) for i, j in np.argwhere(overlap)
@@ -174,16 +178,16 @@ def pairs_growing_together(onsets: pd.DataFrame | None) -> list[tuple[int, int]]
 
 
 def family_numbers(tracks: Iterable[int], pairs: Sequence[tuple[int, int]]) -> dict[int, int]:
-    """Family of each track: the least number of the tracks that `pairs` connect with it."""
-    least = {int(track): int(track) for track in tracks}
+    """Family of each track: the least number among the tracks that `pairs` connect with it."""
+    family_of = {int(track): int(track) for track in tracks}
     for track_a, track_b in pairs:
-        if track_a in least and track_b in least:
-            low, high = sorted((least[track_a], least[track_b]))
-            least = {
-                track: low if least_track == high else least_track
-                for track, least_track in least.items()
+        if track_a in family_of and track_b in family_of:
+            low, high = sorted((family_of[track_a], family_of[track_b]))
+            family_of = {
+                track: low if family_there == high else family_there
+                for track, family_there in family_of.items()
             }
-    return least
+    return family_of
 
 
 def families(
@@ -193,25 +197,26 @@ def families(
     code: np.ndarray,
     together: Sequence[tuple[int, int]] = (),
 ) -> pd.DataFrame:
-    """Family of each ranked group of modes.
+    """Family of each row of the ranking, with how many modes and design points it has.
 
     Parameters
     ----------
     tracks : Index of int
         Tracks of the ranking, and numbers below zero, which have no family.
     pairs : sequence of (int, int)
-        Tracks that are one (`linked_tracks`, `exchanged_tracks`).
+        Tracks that are one mode (`linked_tracks`, `exchanged_tracks`).
     group, code : ndarray (m,) of int
-        Group of each mode (`mode_ranking.unstable_groups`), 0 of stable ones, and its design point.
+        Group of each mode (`mode_ranking.unstable_groups`; 0 for stable modes), and number of its
+        design point.
     together : sequence of (int, int)
-        Tracks that grow at once between design points (`pairs_growing_together`).
+        Tracks that are unstable together between design points (`pairs_growing_together`).
 
     Returns
     -------
     DataFrame
-        Indexed by `track`: ``family``, the least track of those that are one, or its own;
-        ``family_modes``, most unstable modes of the family at one design point, or between two;
-        ``family_points``, design points at which one of them is unstable.
+        Indexed by `track`. ``family`` is the least number of the tracks that are one mode;
+        ``family_modes`` is the largest number of unstable modes of the family at one place;
+        ``family_points`` is the number of design points at which the family is unstable.
     """
     number = pd.Series(family_numbers(tracks, pairs), dtype="int64", index=tracks)
     rows = np.flatnonzero(group)

@@ -65,7 +65,7 @@ def training_designs(plan: Plan) -> tuple[DesignPoint, ...]:
     """Designs of the training runs: the nominal one, and some of those at ends of the sweeps."""
     chosen = {int(f(column)) for column in plan.coordinates.T for f in (np.argmin, np.argmax)}
     nominal = plan.design(plan.nominal_values)
-    ends = (plan.tasks.bare(i) for i in sorted(chosen))
+    ends = (plan.tasks.without_names(i) for i in sorted(chosen))
     return (nominal, *(d for d in ends if d.values != nominal.values))[:MOST_TRAINING]
 
 

@@ -1,9 +1,10 @@
-"""Accuracy of the windows rung beside an exceptional point.
+"""Case that maps how accurate the windows rung is close to an exceptional point (lock-in).
 
-Hulten's mass has the friction mu_c (1 - d) or mu_c (1 + d). A patch follows the pair of roots that
-meets as one block, which is smooth at mu_c where the two roots are not. What diverges is the
-condition of the roots. The squared frequencies are near a and differ by 2 b sqrt(2 d). Round-off
-eps of the matrices changes them by a eps / sqrt(2 d), and at mu_c itself by a sqrt(eps):
+Hulten's mass has the friction mu_c (1 - d) or mu_c (1 + d); at mu_c two roots coalesce. A patch
+interpolates both roots as one block of a matrix, which is smooth at mu_c although the roots are
+not. The condition of the roots, however, diverges. The squared frequencies are near a and differ by
+2 b sqrt(2 d). Round-off eps of the matrices changes them by a eps / sqrt(2 d), and at mu_c itself
+by a sqrt(eps):
 
     |d lam| / |lam| = eps / (2 sqrt(2 d)),  sqrt(eps) / 2 at most.
 """
@@ -41,9 +42,9 @@ from squealstudy.system.parametric import Weights
 CRITICAL_FRICTION = (OMEGA_1**2 - OMEGA_2**2) / (2 * OMEGA_1 * OMEGA_2)
 BAND = (1.0, 1e4)  # rad/s
 BOX_SHARE = 0.9  # half-width of the box over the distance to mu_c
-N_NEIGHBOUR_POINTS = 40  # other design points than the two that are judged, to pay for patches
+N_NEIGHBOUR_POINTS = 40  # design points beside the two that are judged, so that patches pay
 ROUND_OFFS = 4.0  # round-offs in a root: of the matrices, the basis and the small eigenproblem
-# largest error over its estimate (THEORY.md eq. (39)), and over the tolerance
+# largest error over its estimate (THEORY.md eq. (39)) that is accepted, and over the tolerance
 ESTIMATE_SAFETY_FACTOR = 2.0
 BASIS_SHARE = 3.0  # tolerance over that of the basis, as in studies
 
@@ -55,9 +56,10 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the largest estimate over the tolerance, `error` the largest of a root.
+    """Solve both design points by windows at one setting of the knobs.
 
-    The outcome is `recovered` if windows left a design point to another rung.
+    `measured` is the largest error estimate over the tolerance, `error` the largest relative error
+    of a root. The outcome is `recovered` if windows left a design point to another rung.
     """
     tolerance, away = knobs["tolerance"], knobs["distance"]
     problem, basis = problem_and_basis(knobs["damping_ratio"], tolerance)
@@ -107,9 +109,9 @@ class FrictionProblem(SmallProblem):
         return super().weights(CRITICAL_FRICTION * (1.0 + BOX_SHARE * np.asarray(theta)))
 
     def exact_roots(self, theta: np.ndarray) -> np.ndarray:
-        """The two roots of imaginary part >= 0, rad/s.
+        """The two roots of imaginary part >= 0, rad/s, as the reference.
 
-        Their distance is computed in fractions, as round-off would spoil the reference.
+        The distance of the roots is computed in fractions, as round-off would spoil it.
         """
         C, K, coupling = self._parts
         mu = Fraction(self.weights(theta)[3])
