@@ -52,7 +52,7 @@ class Progress(Protocol):
 def progress() -> Iterator[Progress]:
     """Show progress in the way that fits the terminal, notebook or log."""
     if messages.is_jupyter:
-        with _later(line := OneLine()):
+        with _shown_after_delay(line := OneLine()):
             yield line
     elif messages.is_terminal and not messages.is_dumb_terminal:
         with _bars() as report:
@@ -61,7 +61,7 @@ def progress() -> Iterator[Progress]:
         yield Lines(LOG.info)
 
 
-class _Begun(Protocol):
+class _Display(Protocol):
     """A display of progress that is started and stopped."""
 
     def start(self) -> None:
@@ -72,7 +72,7 @@ class _Begun(Protocol):
 
 
 @contextlib.contextmanager
-def _later(shown: _Begun) -> Iterator[None]:
+def _shown_after_delay(shown: _Display) -> Iterator[None]:
     """Start a display after BAR_DELAY_S seconds, unless the block within has ended by then."""
     timer = threading.Timer(BAR_DELAY_S, shown.start)
     timer.daemon = True
@@ -132,7 +132,7 @@ class OneLine:
         display = import_module("IPython.display").display  # every notebook has it
 
         with self._lock:
-            self._display = display(self._bundle(), raw=True, display_id=True)
+            self._display = display(self._mime_bundle(), raw=True, display_id=True)
 
     def stop(self) -> None:
         """Show the last state, if the line is shown."""
@@ -141,9 +141,10 @@ class OneLine:
 
     def _show(self) -> None:
         with self._lock:
-            self._display.update(self._bundle(), raw=True)
+            self._display.update(self._mime_bundle(), raw=True)
 
-    def _bundle(self) -> dict[str, str]:
+    def _mime_bundle(self) -> dict[str, str]:
+        """The line in the form that notebooks display."""
         return {"text/plain": self._text}
 
 
@@ -170,40 +171,41 @@ def _bars() -> Iterator[Progress]:
         failed_text = f"{failed} failed" if failed else ""
         bars.update(tasks[stage], completed=done, total=total, failed=failed_text)
 
-    with _later(bars):
+    with _shown_after_delay(bars):
         yield report
 
 
 @dataclass
 class _Stage:
-    """When a stage began, when it got its tasks and with how many done, what was last reported.
+    """State of a stage, from which the remaining time is estimated.
 
-    A search adds tasks to a stage: how long they take is told by them alone, since earlier ones may
-    be of another sort.
+    A search adds tasks to a stage. The remaining time is estimated from the pace since the latest
+    tasks were added, as earlier tasks may be of another sort.
     """
 
-    began: float
-    at_first: int  # of its tasks done when it got the latest ones, at `extended`
-    total: int  # the largest number of tasks that it had: it may end earlier, its budget spent
-    extended: float
-    told_at: float
-    told: int
+    began: float  # time when it began, s
+    at_first: int  # number of tasks that were done when the latest tasks were added
+    total: int  # largest number of tasks that it had; a stage with a budget may end earlier
+    extended: float  # time when the latest tasks were added, s
+    told_at: float  # time of the last report, s
+    told: int  # number of tasks that were done at the last report
 
     def extend(self, now: float, done: int, total: int) -> bool:
-        """Take note of tasks that are added; whether there are any."""
+        """Take note of added tasks; return whether there are any."""
         if total <= self.total:
             return False
         self.extended, self.at_first, self.total = now, done, total
         return True
 
     def seconds_left(self, now: float, done: int, total: int) -> float:
-        """Time that the other tasks take, by those that are done since the latest were added."""
+        """Expected seconds until the stage ends, at its pace since the latest tasks were added."""
         return (now - self.extended) / (done - self.at_first) * (total - done)
 
 
 class Lines:
-    """A line when a stage begins, gets more tasks and ends; between, every 5 %, 30 s apart.
+    """Lines of the log: when a stage begins, gets more tasks or ends, and about every 5 % between.
 
+    Lines between are at least 30 s apart.
     A slow stage has a line every 10 minutes, once a task of it is done.
 
     Parameters
@@ -243,12 +245,14 @@ class Lines:
 
     @staticmethod
     def _due(stage: _Stage, now: float, done: int, total: int) -> bool:
+        """Whether it is time for another line."""
         waited = now - stage.told_at
-        far = done - stage.told >= PROGRESS_STEP * total and waited >= MIN_PROGRESS_INTERVAL_S
-        return far or (waited >= MAX_PROGRESS_INTERVAL_S and done > stage.at_first)
+        advanced = done - stage.told >= PROGRESS_STEP * total and waited >= MIN_PROGRESS_INTERVAL_S
+        return advanced or (waited >= MAX_PROGRESS_INTERVAL_S and done > stage.at_first)
 
     @staticmethod
     def _rate(stage: _Stage, now: float, done: int) -> str:
+        """Text with the tasks done in a second, a minute or an hour."""
         each = (done - stage.at_first) / (now - stage.extended)
         unit, seconds = next((r for r in RATES if each * r[1] >= 1.0), RATES[-1])
         return f"{in_digits(each * seconds)} {unit}"

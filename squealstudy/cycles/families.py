@@ -299,7 +299,7 @@ def _larger_harmonic_counts(harmonics: int) -> list[int]:
 def _confirmed(
     contact: ContactOscillator, curve: Iterable[CurveMotion], search: Search, cycles: list[Cycle]
 ) -> int:
-    """Add the cycles at the zeros of a curve to `cycles`; return the number of zeros without one."""
+    """Add the cycles at zeros of a curve to `cycles`; return the number of zeros without one."""
     lost = 0
     for point in curve:
         if point.event == ZERO:

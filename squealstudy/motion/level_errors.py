@@ -1,4 +1,4 @@
-"""Doubts about the levels of a run that came to its end, and their errors."""
+"""Checks that warn where the levels of a run in time may be wrong, although it reached its end."""
 
 from __future__ import annotations
 
@@ -15,33 +15,39 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint, stick_number
 from squealstudy.wording import ENERGY_RULE
 
-# parts of a run whose medians are compared: within an impact the balance is off, and comes back
+# number of parts of a run whose median imbalance is taken: an impact disturbs the energy balance
+# only for a moment
 N_BALANCE_BLOCKS = 10
-# imbalance in the last row, over the energy of the vibration, that no impact makes
+# an imbalance in the last row above this share of the energy of the vibration is not that of an
+# impact
 MAX_LAST_ROW_ENERGY_JUMP = 0.5
 ENERGY_BALANCE_ROUND_OFF = 1e-9  # over the work of friction and the stored energy
 # stick number beyond which a stuck contact rings at the step: levels of a belt (.3 to
 # 1.1 m/s, kicked by 4, steps of 5e-5 to 4e-4 s) err by .8 % at 26, 3 % at 52 and 12 % at 210
 MAX_STICK_NUMBER = 30.0
 MIN_STICK_SHARE = 0.5  # largest share of the contact area that sticks, above which this is checked
-# steps in a period of the fastest mode below which there are never enough, and above which always:
+# numbers of steps in a period of the fastest mode: fewer than the first are too few in all cases,
+# more than the second are enough in all cases.
 # Hoffmann's oscillator, friction 0.78 and 1 % damping, grows by 83, 11, 2.6 and 0.03 % too slowly
 # at 9, 22, 45 and 450 steps
 TOO_FEW_STEPS_PER_PERIOD, ENOUGH_STEPS_PER_PERIOD = 12.0, 60.0
-GROWTH_APART = 0.05  # relative difference of fitted and predicted growth that is accepted
-DAMPING_APART = 5e-4  # the same as a difference of damping ratios
-STORAGE_LIMIT = 1e-3  # relative change of contact forces that is accepted: a step's imbalance
+# accepted differences of fitted and predicted growth: relative, and as a damping ratio
+MAX_REL_GROWTH_DIFFERENCE, MAX_DAMPING_DIFFERENCE = 0.05, 5e-4
+# accepted relative change of contact forces by storage; the iteration of a step leaves as much
+MAX_STORAGE_CHANGE = 1e-3
 
 
 def doubts(
     motion: Motion, system: ModalSystem, settings: MotionSettings, finding: Mapping[str, Any]
 ) -> dict[str, str]:
-    """Rules that a run breaks, each with a text on what that may do to its levels.
+    """Rules of validity that a run breaks, each with a text on how its levels may be wrong.
 
     Parameters
     ----------
     motion : Motion
+        The run.
     system : ModalSystem
+        Model of the run.
     settings : MotionSettings
         Settings of the run.
     finding : mapping
@@ -49,7 +55,7 @@ def doubts(
     """
     limit, step = settings.integrator.drift_limit, settings.step
     sticks = finding.get("stick_share_max", 0.0)
-    said = {
+    texts = {
         "the step resolves stuck friction": _ringing(
             stick_number(system, motion.point, step) if sticks >= MIN_STICK_SHARE else 0.0,
             sticks,
@@ -59,7 +65,7 @@ def doubts(
         ENERGY_RULE: _drifting(energy_drift(motion), step, limit),
         "the storage resolves contact pressures": _rounded(motion, system, settings),
     }
-    return {rule: text for rule, text in said.items() if text}
+    return {rule: text for rule, text in texts.items() if text}
 
 
 def _ringing(number: float, sticks: float, step: float) -> str:
@@ -84,7 +90,10 @@ def _coarse(finding: Mapping[str, Any], step: float) -> str:
         unsure = finding["growth_rate_high"] - finding["growth_rate_low"]
         step_part = finding.get("growth_rate_step_error", np.nan)
         unsure -= 2 * abs(step_part) if np.isfinite(step_part) else 0.0
-        allowed = max(GROWTH_APART * abs(predicted), DAMPING_APART * 2 * np.pi * hz) + unsure
+        allowed = (
+            max(MAX_REL_GROWTH_DIFFERENCE * abs(predicted), MAX_DAMPING_DIFFERENCE * 2 * np.pi * hz)
+            + unsure
+        )
         if abs(fitted - predicted) > allowed:
             difference_text = (
                 f" and small motions grow by {fitted:.4g} instead of {predicted:.4g} 1/s"
@@ -115,7 +124,7 @@ def _rounded(motion: Motion, system: ModalSystem, settings: MotionSettings) -> s
     if not stored or not len(energy):
         return ""
     number = storage_number(system, motion.point, float(energy.max()))
-    if number <= STORAGE_LIMIT:
+    if number <= MAX_STORAGE_CHANGE:
         return ""
     return (
         f"storage in single precision may change contact pressures by {100 * number:.2g} %, which "
@@ -126,12 +135,13 @@ def _rounded(motion: Motion, system: ModalSystem, settings: MotionSettings) -> s
 def energy_drift(motion: Motion) -> float:
     """Largest imbalance of energy over a run, relative to the energy of its vibration.
 
-    The balance at the end would not do: imbalances may cancel by then, and it is relative to the
-    work of friction, of which steady sliding does most: the energy of the whole vibration may be a
-    thousandth of that. Here the imbalance is followed over the run. It is the largest of the
-    medians of ten parts of the history; the last row counts too where its imbalance is most of the
-    energy, as in a run that explodes at its end. The vibration's energy is its largest modal energy
-    plus the energy that damping took or gave. NaN for a history shorter than ten rows.
+    The balance at the end of a run does not show whether levels are right. Imbalances may have
+    cancelled, and that balance is relative to the work of friction. Steady sliding does most of the
+    work; the energy of the vibration may be a thousandth of it. So the imbalance is followed over
+    the run. The result is the largest of the
+    medians of ten parts of the history. The last row counts, too, where its imbalance is most of
+    the energy, as in a run that explodes at its end. The vibration's energy is its largest modal
+    energy plus the energy that damping took or gave. NaN for a history shorter than ten rows.
     """
     h = motion.history
     if len(h["time"]) < N_BALANCE_BLOCKS:
@@ -153,8 +163,8 @@ def energy_drift(motion: Motion) -> float:
 def storage_number(system: ModalSystem, design: MotionPoint, energy: float) -> float:
     """Bound of the relative change of contact pressures by storage in single precision.
 
-    The entries of N change by dN, which is known, and in a motion of energy E a gap changes by at
-    most |dN / omega| sqrt(2 E) (Cauchy and Schwarz). Modes without stiffness are left out: their
+    Rounding changes the entries of N by a known dN. In a motion of energy E a gap then changes by
+    at most |dN / omega| sqrt(2 E) (Cauchy and Schwarz). Modes without stiffness are left out: their
     displacement has no bound.
 
     Parameters

@@ -39,11 +39,11 @@ MOST_LINES = 8  # as many as there are colours
 DASHES = ("-", "--", "-.", ":")
 MARKERS = "osD^v<>p"
 GRID = "grid"
-NEUTRAL_SHARE = 1e-6  # growth over that at the next point, below which it counts as none
+NEUTRAL_SHARE = 1e-6  # growth below this share of the next point's growth counts as none
 
 
 def _designs(results: Results) -> pd.DataFrame:
-    """Designs, one in each row: values of the varied parameters other than that of the onsets."""
+    """The designs of a study, one in each row: all varied parameters but that of the onsets."""
     points = results.points
     others = [name for name in parameter_columns(points, varied=True) if name != results.along]
     return points[others].drop_duplicates() if others else points[[]].head(1)
@@ -60,8 +60,8 @@ def _of_few_designs(results: Results) -> Iterator[tuple[str, Choices]]:
 def designs(results: Results, ax: Axes | None = None) -> Figure:
     """Largest growth rate over friction, or the parameter of the onsets, a line for each design.
 
-    It is that of all modes of a design point. A line passes through its first refined onset, and
-    through each refined value at which nothing grows any more.
+    Each point of a line is the largest growth rate of all modes of a design point. The line passes
+    through its first refined onset, and through each refined value at which growth ends.
 
     Parameters
     ----------
@@ -166,7 +166,10 @@ def _refined(results: Results, design: Mapping[Hashable, float]) -> tuple[float,
 
 
 def _ends(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> list[float]:
-    """Values, of those at which a mode turns stable, where growth y (n,) ends between points x."""
+    """The values among `ends` at which the largest growth y (n,) turns negative between points x.
+
+    `ends` are values at which some mode turns stable; another mode may still grow there.
+    """
     last = []
     for k in np.flatnonzero((y[:-1] > 0) & (y[1:] <= 0)):
         between = ends[(ends > x[k]) & (ends < x[k + 1])]

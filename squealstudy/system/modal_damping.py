@@ -13,7 +13,9 @@ Modes = tuple[np.ndarray, np.ndarray]  # squares of frequencies (n,) [(rad/s)^2]
 def assembly_damping(
     K_sym: np.ndarray, state: DesignState, damped_to: float = np.inf
 ) -> tuple[np.ndarray | float, Modes | None]:
-    """Modal damping (n, n) [rad/s] of a design point and its real modes; else 0 and None.
+    """Modal damping (n, n) [rad/s] of a design point, and its real modes.
+
+    They are 0 and None where the design state damps no assembly mode.
 
     `damped_to` [rad/s] is explained in `modal_damping`.
 
@@ -40,5 +42,5 @@ def modal_damping(modes: Modes, zeta: np.ndarray, damped_to: float = np.inf) -> 
     rates = 2.0 * zeta * np.minimum(omega, damped_to)
     if (rates < 0).any():
         return (phi * rates) @ phi.T
-    half = phi * np.sqrt(rates)
-    return half @ half.T  # half the work: NumPy computes one triangle of X X^T only
+    damped_modes = phi * np.sqrt(rates)
+    return damped_modes @ damped_modes.T  # half the work: NumPy computes one triangle of X X^T only

@@ -90,6 +90,6 @@ def test_a_run_says_so(tmp_path, monkeypatch):
     plan = Plan(parse_study(STUDY, tmp_path / "belt.toml"))
     run_study(plan, tmp_path / "calm", 1)
     assert squealstudy.open_results(tmp_path / "calm").points["message"][0] == ""
-    monkeypatch.setattr(doubts, "STORAGE_LIMIT", -1.0)
+    monkeypatch.setattr(doubts, "MAX_STORAGE_CHANGE", -1.0)
     run_study(plan, tmp_path / "loud", 1)
     assert 'storage = "double"' in squealstudy.open_results(tmp_path / "loud").points["message"][0]

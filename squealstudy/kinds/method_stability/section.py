@@ -1,4 +1,4 @@
-"""The file of a method-stability study."""
+"""Sections of the file of a method-stability study, which maps where a method fails."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from squealstudy.study.section import FloatList, NumberTable, Section
 
 
 class KnobSection(Section):
-    """One axis of a stability map: a list of values, or a range."""
+    """Section [[knob]], one axis of a stability map: a list of values, or a range."""
 
     name: str = Field(description="a knob of the case")
     values: FloatList = Field(default=(), description="its values, SI units")
@@ -41,7 +41,7 @@ class KnobSection(Section):
 
 
 class MethodStabilitySection(Section):
-    """Which method, on its minimal model."""
+    """Section [method_stability]: the method, and the settings of its case that are not swept."""
 
     case: str = Field(description="method whose limits are mapped")
     set: NumberTable = Field(

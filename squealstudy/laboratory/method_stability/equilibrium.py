@@ -1,4 +1,4 @@
-"""The working point of a contact point that friction presses on.
+"""Case that maps where Newton's method finds steady sliding of a contact that friction presses on.
 
 A mass on two coupled springs, x along the sliding and y away from the contact; friction mu A p
 pulls at x, and through the coupling at y. With k the stiffness of y where x is free
@@ -53,7 +53,7 @@ KNOBS = (
     Knob("lambda", "exponent of the contact law", 5e5, low=1e2, high=1e9, unit="1/m"),
     Knob(
         "start",
-        "gap of the first guess beyond a uniform pressure's, in 1/lambda",
+        "gap of the first guess minus that under a uniform pressure, in 1/lambda",
         0.0,
         low=-500.0,
         high=500.0,
@@ -62,10 +62,11 @@ KNOBS = (
 
 
 def measure(knobs: Mapping[str, float]) -> CaseResult:
-    """`measured` is the number of Newton iterations over the allowed number.
+    """Search the working point at one setting of the knobs.
 
-    `error` is the distance to the gap of the closed form, in 1/lambda. Beyond mu_c there is a
-    second equilibrium, pressed and unstable: it is flagged by the root of its linearisation.
+    `measured` is the number of Newton iterations over the allowed number, `error` the distance to
+    the gap of the closed form, in 1/lambda. Beyond mu_c there is a second equilibrium, pressed and
+    unstable: a real positive root of its linearisation shows that it is the wrong one.
     """
     lam, load = knobs["lambda"], knobs["tension"] - knobs["pressure"] * AREA_M2
     predicted = knobs["friction"] / largest_friction(lam, load)
@@ -83,7 +84,7 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     error = lam * abs(float(steady.gap[0]) - exact) if np.isfinite(exact) else np.inf
     slow = steady.iterations > SLOW_FROM
     outcome = WRONG if not error < MAX_GAP_ERROR else SLOW if slow else CONVERGED
-    diverges = outcome == WRONG and leaves(float(steady.tangent[0]), knobs["friction"])
+    diverges = outcome == WRONG and diverges_at(float(steady.tangent[0]), knobs["friction"])
     return CaseResult(
         outcome=outcome,
         predicted=predicted,
@@ -115,8 +116,8 @@ def one_point(tension: float) -> ContactSpace:
     return contact_space(assembly, CONDENSED_STIFFNESS / AREA_M2, np.zeros((2, 0)))
 
 
-def leaves(tangent: float, friction: float) -> bool:
-    """Whether a complex mode at a contact tangent [Pa/m] has a real positive root: divergence."""
+def diverges_at(tangent: float, friction: float) -> bool:
+    """Whether steady sliding diverges at a contact tangent [Pa/m]: a real positive root."""
     k_n = AREA_M2 * tangent
     K = np.array([[K_XX, K_XY - friction * k_n], [K_XY, K_YY + k_n]])
     lam, _ = dense_roots(np.zeros((2, 2)), K, (0.0, np.inf))
@@ -131,9 +132,9 @@ def largest_friction(lam: float, load: float) -> float:
 
 def equilibrium_gap(lam: float, load: float, friction: float) -> float:
     """The gap [m] of the stable equilibrium; NaN where there is none."""
-    share = 1.0 - friction / CRITICAL
+    net_share = 1.0 - friction / CRITICAL
     free = lam * load / CONDENSED_STIFFNESS  # gaps in 1/lambda from here on
-    push = share * lam * AREA_M2 * P_0 / CONDENSED_STIFFNESS
+    push = net_share * lam * AREA_M2 * P_0 / CONDENSED_STIFFNESS
     if push == 0.0:
         return free / lam
     if push > 0.0:  # z - free = push exp(-z), in logarithms: no overflow
@@ -144,10 +145,10 @@ def equilibrium_gap(lam: float, load: float, friction: float) -> float:
         top = np.log(push) - free
         s = brentq(excess, min(top, 0.0) - 1.0, np.log(max(top, 0.0) + 1.0) + 1.0, xtol=1e-13)
         return float((free + np.exp(s)) / lam)
-    turn = np.log(-push)  # the two equilibria are on either side of it
-    if turn > free - 1.0:
+    fold = np.log(-push)  # the two equilibria are on either side of it
+    if fold > free - 1.0:
         return float("nan")
-    return float(brentq(lambda z: z - free - push * np.exp(-z), turn, free, xtol=1e-13) / lam)
+    return float(brentq(lambda z: z - free - push * np.exp(-z), fold, free, xtol=1e-13) / lam)
 
 
 WORKING_POINT = StabilityCase(

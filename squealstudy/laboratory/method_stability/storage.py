@@ -25,7 +25,7 @@ from squealstudy.laboratory.method_stability.contract import (
 )
 from squealstudy.laws import FrictionLaw, contact_law
 from squealstudy.motion.integrators.newmark import Newmark
-from squealstudy.motion.level_errors import STORAGE_LIMIT, storage_number
+from squealstudy.motion.level_errors import MAX_STORAGE_CHANGE, storage_number
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import simulate
 from squealstudy.motion.system import ModalSystem, MotionPoint
@@ -65,8 +65,8 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
     energy = float(stored.history["modal_energy"].max())
     number = storage_number(system, design, energy) if single else 0.0
     return judged(
-        error > STORAGE_LIMIT,
-        alarm("storage number", number, STORAGE_LIMIT),
+        error > MAX_STORAGE_CHANGE,
+        alarm("storage number", number, MAX_STORAGE_CHANGE),
         predicted=predicted,
         measured=number,
         error=error,
@@ -86,7 +86,12 @@ def light_touch(lam: float) -> tuple[ModalSystem, MotionPoint]:
 def predict(knobs: Mapping[str, float]) -> float:
     """Bound of the pressure's relative error by round-off, over the limit."""
     return float(
-        knobs["lambda"] * 2 * FLOAT32_ROUND_OFF * np.prod(ROWS) * knobs["amplitude"] / STORAGE_LIMIT
+        knobs["lambda"]
+        * 2
+        * FLOAT32_ROUND_OFF
+        * np.prod(ROWS)
+        * knobs["amplitude"]
+        / MAX_STORAGE_CHANGE
     )
 
 

@@ -1,4 +1,4 @@
-"""Elastic materials of archives of ANSYS: properties of MP and MPDATA at one temperature."""
+"""Reads elastic materials of ANSYS archives from the commands MP and MPDATA."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from squealstudy.models.fem.solid import Isotropic
 ELASTIC = ("EX", "EY", "EZ", "PRXY", "PRXZ", "PRYZ", "NUXY", "NUXZ", "NUYZ", "GXY", "GXZ", "GYZ")
 # constants that only an orthotropic material has
 ORTHOTROPIC = frozenset(("EY", "EZ", "GXZ", "GYZ", "PRXZ", "PRYZ", "NUXZ", "NUYZ"))
-# relative difference of GXY from E / (2 (1 + nu)) of an isotropic material: files round
+# accepted relative difference of GXY from E / (2 (1 + nu)) of an isotropic material, as numbers in
+# files are rounded
 G_REL_TOLERANCE = 0.01
 # properties that are passed over, and why
 OTHER_PROPERTIES = {
@@ -39,7 +40,7 @@ def materials(
     Parameters
     ----------
     single, tables : iterable of (Line, words)
-        Commands MP and MPDATA.
+        Commands MP (a property at all temperatures), and MPDATA (at listed temperatures).
 
     Returns
     -------
@@ -78,7 +79,7 @@ def materials(
 
 
 def _material(name: str, constants: Mapping[str, tuple[float, Line]]) -> Elastic | Unfinished:
-    """The material of these constants; Unfinished where it has no density."""
+    """The material with these constants; Unfinished if they lack a density."""
     _, line = next(iter(constants.values()))
     if constants.get("DENS", (0.0, line))[0] > 0:
         return _elastic(name, constants)

@@ -1,4 +1,4 @@
-"""Geometry of a model file, which no stiffness changes: bodies, faces and pairs of faces."""
+"""Bodies of a model file and the faces that meet: one geometry serves all materials."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from squealstudy.models.turning import Rotors
 SEARCH_OVER_FACET = 0.5  # default search distance over the radius of a facet
 LAYER_POINTS = 3  # points along a side of a facet
 MAX_TIE_GAP_OVER_FACET = 1e-4  # gap over facet size up to which a tie hardly strains in rigid turns
-STIFFER = 1000.0  # stiffness of a tie over that of one layer of elements beside it
+TIE_STIFFNESS_RATIO = 1000.0  # stiffness of a tie over that of a layer of elements beside it
 
 
 class Geometry:
-    """Bodies, their faces, and the pairs that meet: no stiffness changes them.
+    """Bodies of a model file at an angle of the rotor, and the points at which they meet.
 
     Parameters
     ----------
@@ -59,8 +59,9 @@ class Geometry:
     n_dof : int
         Number of these displacements.
     kept : dict of str -> ndarray of int
-        Degrees of freedom of each body that the model file does not hold.
+        Degrees of freedom of each body that no [[fixed]] table of the model file holds.
     rotation : Rotation or None
+        Axis of the sliding; None where the file has none.
     contacts : list of Pair
         Contact points of each contact of the file.
     ties : list of Pair
@@ -111,10 +112,8 @@ class Geometry:
             raise PlacedError(keys, f"expected COMPONENT.SET, got '{reference}'")
         if name not in self.bodies:
             names = tuple(self.bodies)
-            listed = ", ".join(names)
-            raise PlacedError(
-                keys, f"there is no component '{name}'; there is {listed}", name, names
-            )
+            text = f"there is no component '{name}'; there is {', '.join(names)}"
+            raise PlacedError(keys, text, name, names)
         mesh = self.bodies[name].mesh
         if not (has_name(mesh.surfaces, label) or has_name(mesh.node_sets, label)):
             sets = tuple(sorted({*mesh.surfaces, *mesh.node_sets}))
@@ -167,11 +166,11 @@ class Geometry:
             try:
                 facets(body.mesh, label)
             except ModelError:
-                return name, self._alike(name, nodes, reference, keys)
+                return name, self._node_points(name, nodes, reference, keys)
         return name, self.face(reference, keys)[1].gauss_points(LAYER_POINTS)[0]
 
-    def _alike(self, name: str, nodes: np.ndarray, reference: str, keys: KeyPath) -> Surface:
-        """Nodes as points of equal weight 1."""
+    def _node_points(self, name: str, nodes: np.ndarray, reference: str, keys: KeyPath) -> Surface:
+        """Nodes of a set as points of weight 1 each."""
         self._check_rows(name, nodes, reference, keys)
         x, ones = self.bodies[name].nodes, np.ones(len(nodes))
         rows = (np.arange(len(nodes)), nodes)
@@ -179,6 +178,7 @@ class Geometry:
         return Surface(x[nodes], ones, np.tile([0.0, 0.0, 1.0], (len(nodes), 1)), shape)
 
     def _kept(self) -> dict[str, np.ndarray]:
+        """The attribute `kept`; PlacedError where a set cannot be held."""
         fixed_freedoms = {
             name: np.zeros(b.expansion.E.shape[1], bool) for name, b in self.bodies.items()
         }
@@ -270,7 +270,7 @@ class Geometry:
     def _opposite(
         self, slave: Facets, master: Facets, keys: KeyPath, distance: float | None, quadrature: str
     ) -> Pair:
-        """The pair of two faces within a distance, or within half the radius of a facet."""
+        """Points of two faces that meet within a distance, by default half the radius of a facet."""
         size = LENGTH.factor(self.file.units)
         default = SEARCH_OVER_FACET * float(slave.radii.mean())
         search = default if distance is None else distance * size
@@ -320,7 +320,7 @@ class Geometry:
                 keys, "expected bedding = STIFFNESS PER AREA: the matrices have no materials"
             )
         _, face = self.face(getattr(table, sides[0]), (*keys, sides[0]))
-        return STIFFER * stiffest / (2 * float(face.radii.mean()))
+        return TIE_STIFFNESS_RATIO * stiffest / (2 * float(face.radii.mean()))
 
     def _load(self, number: int) -> tuple[Surface, Surface | None]:
         table = self.file.load[number]
@@ -387,7 +387,7 @@ class Geometry:
 def geometry_of(brake: Brake, angle: float = 0.0) -> Geometry:
     """The geometry of a model file with its turning components at an angle [deg], cached.
 
-    Raises PlacedError where the file cannot be used, or not at an angle.
+    Raises PlacedError where the file cannot be used, or has no rotor that can be turned.
     """
     if angle:
         expect_rotor(brake.file)

@@ -1,10 +1,11 @@
-"""Closed-form sensitivities of complex modes, each beside a finite reanalysis.
+"""Sensitivities of complex modes to parameters, each checked by solving a changed model.
 
 With right and left vectors x and y of (lambda^2 M + lambda C + K) x = 0,
 
     d lambda/d theta = -y^H (lambda^2 dM + lambda dC + dK) x / (y^H (2 lambda M + C) x).
 
-The matrices depend on the working point, which moves: derivatives are total.
+The working point moves with the parameter, and the matrices with it: dM, dC, dK are total
+derivatives.
 """
 
 from __future__ import annotations
@@ -91,9 +92,9 @@ def point_sensitivities(
     change : float
         Finite change, relative to each parameter's reference.
     top_hz : float
-        Top of the band, for stiffness damping of zero.
+        Top of the band, Hz: it gives the reference of stiffness damping that is zero.
     reanalysis : bool
-        Whether the finite change is solved beside each derivative.
+        Whether the model is also solved with the finite change, to check each derivative.
     """
     omega = component_frequencies(design.prepared.model)
     steps = [parameter_step(p, design.state, omega, change, top_hz) for p in parameters]
@@ -125,7 +126,7 @@ def point_sensitivities(
     return tuple(
         ModeSensitivities(family, *facts, tuple(of_mode))
         for family, facts, of_mode in zip(
-            design.families, _facts(design), sensitivities, strict=True
+            design.families, _mode_facts(design), sensitivities, strict=True
         )
     )
 
@@ -137,7 +138,7 @@ def parameter_step(
     change: float,
     top_hz: float,
 ) -> Step:
-    """The finite change of a parameter: upwards, or downwards where that leaves its range."""
+    """The finite change of a parameter: upwards, or downwards where upwards leaves its range."""
     parameter_value = parameter.value(state)
     reference = parameter.reference(parameter_value, top_hz)
     size = change * reference
@@ -161,8 +162,8 @@ def _gradients(
     return [ModeGradient(family, derivatives.structure, real) for family in design.families]
 
 
-def _facts(design: ChosenModes) -> list[tuple[float, np.ndarray]]:
-    """Biorthogonality and energy shares of each chosen mode."""
+def _mode_facts(design: ChosenModes) -> list[tuple[float, np.ndarray]]:
+    """Facts of each chosen mode: its largest biorthogonality product, and its energy shares."""
     if not design.families:
         return []
     products = biorthogonality(design.system.pencil, design.families)
@@ -181,7 +182,7 @@ class ModeChoice:
     count : int or None
         The modes of largest growth rate; None for all unstable ones.
     frequencies_hz : tuple of float
-        Where there are any, the mode nearest each, by |lambda| / 2 pi.
+        If there are any, the modes whose |lambda| / 2 pi are nearest to these are chosen.
     stability_tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     """
@@ -192,7 +193,7 @@ class ModeChoice:
 
 
 def chosen_roots(lam: np.ndarray, choice: ModeChoice) -> list[complex]:
-    """The chosen ones among the roots of a band, largest growth first; real roots are no modes."""
+    """The chosen roots of a band, largest growth first; real roots are never chosen."""
     modes = lam[lam.imag > 0]
     if choice.frequencies_hz and len(modes):
         distance = np.abs(np.abs(modes)[:, None] / (2 * np.pi) - np.array(choice.frequencies_hz))
