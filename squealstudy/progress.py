@@ -205,8 +205,8 @@ class _Stage:
 class Lines:
     """Lines of the log: when a stage begins, gets more tasks or ends, and about every 5 % between.
 
-    Lines between are at least 30 s apart.
-    A slow stage has a line every 10 minutes, once a task of it is done.
+    Lines between are at least 30 s apart. A slow stage has a line every 10 minutes, once a task of
+    it is done.
 
     Parameters
     ----------

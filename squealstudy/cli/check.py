@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.cluster import Worker
     from squealstudy.kinds.methods import MethodsPlan
 
-MOST_MADE = 1_000_000  # design points beyond the limit of `run` that are made for a forecast
+MAX_FORECAST_POINTS = 1_000_000  # most design points that `check` makes beyond the limit of `run`
 
 
 def check(
@@ -88,8 +88,8 @@ def check(
         runs = cast("MethodsPlan", study.plan())
         return [("study", f"{name}: {kind}, valid"), *runs.facts, *_cluster(members)]
     count = as_kind(resolved.kind).n_points(resolved)
-    if count > max(MOST_MADE, resolved.definition.design.limit):
-        return _unmade(resolved, count)
+    if count > max(MAX_FORECAST_POINTS, resolved.definition.design.limit):
+        return _without_forecast(resolved, count)
     plan, facts = cast("Plan", study.plan()), None
     if resolved.definition.fidelity is not None:
         from squealstudy.fidelity.run import resolve
@@ -97,7 +97,7 @@ def check(
         with progress() as tell:
             chosen = resolve(resolved, jobs, tell)
         plan, facts = chosen.plan, chosen.facts
-    if manifest and manifest.get("basis_enriched"):  # as it was solved
+    if manifest and manifest.get("basis_enriched"):  # with the basis of earlier runs
         plan = Plan(plan.study, plan.swept, True)
     if text := check_shapes(plan):
         warning(text)
@@ -113,7 +113,7 @@ def check(
     store = Store(directory)
     plan = solver.extended_plan(plan, store)
     missing = len(plan.tasks)
-    if len(done := store.finished_points(solver.schema)):  # ids are not made without
+    if len(done := store.finished_points(solver.schema)):  # ids are computed only to compare them
         missing -= int(np.isin(plan.tasks.ids, done).sum())
     rows = [*_facts(plan, directory, missing, jobs, estimate(plan), members), *_cluster(members)]
     rows += _mesh_error(plan, jobs) if of_mesh else []
@@ -124,13 +124,13 @@ def check(
     return [*rows, *fidelity(facts)]
 
 
-def _unmade(study: ResolvedStudy, count: int) -> Rows:
-    """Describe a study with too many points to make them, which `run` refuses."""
+def _without_forecast(study: ResolvedStudy, count: int) -> Rows:
+    """Describe a study that `run` refuses, with too many design points to forecast its time."""
     kind = study.definition.study.kind
     text = f"{count:,} points{_refused(study)}; what they take is not looked at beyond "
     return [
         ("study", f"{study.name}: {kind} on {study.model.name}, its file is valid"),
-        ("design", f"{text}{MOST_MADE:,} points unless that limit allows them"),
+        ("design", f"{text}{MAX_FORECAST_POINTS:,} points unless that limit allows them"),
         *_ranges(study),
     ]
 
@@ -143,6 +143,7 @@ def _facts(
     cost: Estimate,
     members: Sequence[Worker],
 ) -> Rows:
+    """Rows on the study, its design points, and the time and memory that a run takes."""
     study, solver = plan.study, as_model_kind(plan.kind)
     kind = study.definition.study.kind
     bound = "; runs end once their outcome is known" if solver.may_end_early(plan) else ""
@@ -178,7 +179,7 @@ def _facts(
             f"{_from_to(shortest, longest)} without pictures: an exact point takes "
             f"{cost.point_s:.2g} s on one core, {plural(workers, 'worker')}{bound}",
         ),
-        *_between(plan, cost.point_s, jobs),
+        *_refinement(plan, cost.point_s, jobs),
         ("memory", _memory((cost.memory_mb or 0) / 1024, workers, members)),
     ]
 
@@ -209,8 +210,8 @@ def _from_to(least: float, longest: float) -> str:
     return " to ".join(ends) if len(ends) > 1 else f"about {next(iter(ends))}"
 
 
-def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
-    """Row on the cost of refining tracks and onsets; none where nothing is refined."""
+def _refinement(plan: Plan, point_s: float, jobs: int) -> Rows:
+    """Row on the cost of points between design points, which refine tracks and onsets."""
     max_solves = as_model_kind(plan.kind).solves(plan).between
     if not max_solves:
         return []
@@ -220,7 +221,7 @@ def _between(plan: Plan, point_s: float, jobs: int) -> Rows:
 
 
 def _memory(each: float, workers: int, members: Sequence[Worker]) -> str:
-    """Text on the memory `each` [GB] that a process needs, and whether so much is free."""
+    """Text on the memory `each` [GB] of a process, and whether there is enough for all."""
     if members:
         limits = [m.limit_mb / 1024 for m in members if m.limit_mb]
         few = sum(limit < each for limit in limits)
@@ -256,7 +257,7 @@ def _cluster(members: Sequence[Worker]) -> Rows:
 
 
 def _validity(plan: Plan) -> Rows:
-    """Row on design points whose parameters break assumptions; results may break others later."""
+    """Row on design points whose parameters break assumptions, before their results are known."""
     broken_by_rule = parameter_reasons(plan)
     if not broken_by_rule:
         return []
@@ -266,7 +267,7 @@ def _validity(plan: Plan) -> Rows:
 
 
 def _mesh_error(plan: Plan, jobs: int) -> Rows:
-    """Solve the next finer mesh, too: a row on how results change."""
+    """Solve one design point on two meshes: a row on how results change with the finer mesh."""
     from squealstudy.engine.forecast import mesh_error
 
     difference = mesh_error(plan, jobs)
@@ -282,10 +283,8 @@ def _mesh_error(plan: Plan, jobs: int) -> Rows:
     if difference.unpaired:
         text += f"{plural(difference.unpaired, 'more mode')} of {finer} without a counterpart; "
     text += f"unstable are {difference.unstable[0]} on {mesh}, {difference.unstable[1]} on {finer}"
-    cost = (
-        f"{duration(difference.seconds[0])} on {mesh}, {duration(difference.seconds[1])} on {finer}"
-    )
-    return [("mesh error", f"{text} ({cost})")]
+    coarse_time, fine_time = map(duration, difference.seconds)
+    return [("mesh error", f"{text} ({coarse_time} on {mesh}, {fine_time} on {finer})")]
 
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:
@@ -299,7 +298,7 @@ def _design(plan: Plan, missing: int, directory: Path) -> str:
 
 
 def _refused(study: ResolvedStudy) -> str:
-    """Text that the study has too many points to run without --yes."""
+    """End of a text: the study has too many points to run without --yes."""
     limit = study.definition.design.limit
     return f"; `run` refuses more than design.limit = {limit:,} without --yes"
 
@@ -322,7 +321,7 @@ def _constant(study: ResolvedStudy) -> Rows:
         if option.name in study.options:
             law = laws[str(study.options[option.name])]
             tabled = any(_without_slope(table) for table in study.model.tables)
-            switched_off = "" if tabled else _plain(law, study, constant)
+            switched_off = "" if tabled else _reduced_law(law, study, constant)
             texts.append(f"{option.name} = {law.name}{switched_off}")
     rows = [("  constant", ", ".join(texts))] if texts else []
     rows += [("  follows", _followed(table)) for table in study.model.tables]
@@ -344,14 +343,14 @@ def _followed(table: ParameterTable) -> str:
 
 
 def _without_slope(table: ParameterTable) -> bool:
-    """Whether friction changes with the operating point, and would have slopes as a law."""
+    """Whether a table changes friction with the operating point, without the slopes of a law."""
     return table.name == FRICTION.name and not {SLIDING_SPEED.name, PRESSURE.name}.isdisjoint(
         table.over
     )
 
 
-def _plain(law: LawDefinition, study: ResolvedStudy, constant: Collection[str]) -> str:
-    """In brackets, what a law has become by parameters that switch it off; else empty."""
+def _reduced_law(law: LawDefinition, study: ResolvedStudy, constant: Collection[str]) -> str:
+    """In brackets, the simpler law that constant parameters reduce a law to; else empty."""
     names = [parameter.name for parameter in law.parameters]
     if law.plain is None or any(name not in constant for name in names):
         return ""
@@ -362,6 +361,7 @@ def _plain(law: LawDefinition, study: ResolvedStudy, constant: Collection[str]) 
 
 
 def _range(study: ResolvedStudy, sweep: Sweep) -> str:
+    """Text of a swept range with its unit and number of values."""
     values = sweep.values
     drawn = study.definition.design.type in RANDOM_DESIGNS
     scatter = "random" if drawn else "searched"  # the variables of a design study
@@ -376,7 +376,7 @@ def _range(study: ResolvedStudy, sweep: Sweep) -> str:
 
 
 def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
-    """Reductions to make, or the files of a family, which is never reduced here."""
+    """Row on reductions to make; of a family of matrices, which is not reduced, on its files."""
     if isinstance(plan.study.model, FamilyDefinition):
         n = len(plan.study.model.sources)
         return "matrices", f"{n} terms read, parameters {', '.join(plan.study.values) or 'none'}"
@@ -387,7 +387,7 @@ def _structures(plan: Plan, cost: Estimate) -> tuple[str, str]:
     if plan.shared_range is not None:
         text += f"; one basis, made first for {plan.shared_range.text}, serves most structures"
     elif total > 1:
-        text += "; a swept parameter of the structure costs one reduction a value"
+        text += "; each value of a swept structural parameter costs a reduction"
     if cost.n_missing_structures and cost.structure_s:
         text += f" ({duration(cost.structure_s)} each)"
     return "reductions", text

@@ -1,4 +1,4 @@
-"""Kinds of study that solve design points of a model: structures first, then the points."""
+"""Base of kinds of study that solve design points of a model: structures first, then the points."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from squealstudy.study.sampling import count_points
 from squealstudy.study.sections import StudyDefinition
 from squealstudy.study.source import SourceText
 
-# degrees of freedom of a family of matrices up to which a point takes milliseconds
+# largest number of degrees of freedom of a family of matrices whose points take milliseconds
 MILLISECOND_MAX_DOF = 100
-WORKER_START_WORTH_S = 3.0  # s of work done without workers, two of which take 2 s to start
+WORKER_START_WORTH_S = 3.0  # work [s] that is not worth starting workers: two take 2 s to start
 Columns = dict[str, float | np.ndarray]  # values of parameters at all design points
 
 
 @dataclass(frozen=True)
 class Solves:
-    """Cost of a study, in solves of one design point by itself with the exact method.
+    """Forecast cost of a study. The unit is one design point solved alone by the exact method.
 
     Attributes
     ----------
     point : float
         Cost of one design point of the study.
     shared : float
-        Cost of what is made once, before the design points.
+        Cost of what is computed once for all design points.
     checks : float
         Cost of all checks, which the workers share.
     between : float
-        Largest cost of further points solved between the design points, after these. `longest` may
-        include it.
+        Largest cost of further points between the design points, which are solved last. `longest`
+        may include it.
     least, longest : float
-        Factors on the forecast time of the design points: shortest and longest it may be.
+        Factors on the forecast time of the design points for the shortest and longest time.
     not_in_it : str
         Work that comes on top and cannot be forecast, in words.
     """
@@ -61,6 +61,7 @@ class Solves:
     not_in_it: str = ""
 
 
+# keys by section that new study files show
 OFTEN_CHANGED = {
     "parameters": ("friction", "pressure", "sliding_speed", "damping_ratio", "normal_force"),
     "modes": ("band",),
@@ -77,13 +78,13 @@ class ModelKind(Kind):
     file_defaults : mapping
         Defaults by section and key that differ from those of a study of complex modes.
     begins_with : mapping of str -> float
-        Values in a new study file of parameters that the model has, with 0 as their default.
+        Values of parameters in a new study file, for parameters that the model has with default 0.
     start : mapping of str -> mapping, or list of mappings
         Further sections of a new study file; values that the model proposes replace these.
     short : mapping of str -> sequence of str
         Keys by section that matter most: a new study file shows them at their defaults.
     tells_reduction : bool
-        Whether its tables have the error of the reduction, against a finer model.
+        Whether its tables have the error of the reduction, estimated by a finer model.
     chooses_rung : bool
         Whether its design points are solved by a rung of reanalysis, `[modes] method`.
     has_fidelity : bool
@@ -124,7 +125,7 @@ class ModelKind(Kind):
         return count_points(study)
 
     def check_count(self, study: ResolvedStudy, yes: bool) -> None:
-        """Do `check_limit` for the points that a study begins with, before they are made."""
+        """Raise as `check_limit` does, by the number of points that a study begins with."""
         _check_limit(study, self.n_points(study), yes)
 
     def check_limit(self, plan: Plan, yes: bool) -> None:
@@ -140,16 +141,16 @@ class ModelKind(Kind):
         return lambda values: values
 
     def identity(self, plan: Plan) -> list[Any]:
-        """All that a design point's row depends on beside its structure and values."""
+        """What a row depends on beside structure and values, for the hash that identifies it."""
         return []
 
     def table_identity(self, plan: Plan) -> list[Any]:
-        """All that the tables depend on beside the rows."""
+        """What the tables depend on beside the rows, for the hash that identifies them."""
         return []
 
     # -- a run -----------------------------------------------------------------------------------
     def seconds_without_workers(self, plan: Plan) -> float:
-        """Seconds that this process works alone on a small model before workers are started."""
+        """Seconds that this process works alone before it starts workers; 0 for large models."""
         key, family = plan.tasks[0].structure, isinstance(plan.study.model, FamilyDefinition)
         if has_mesh(plan.study) or (family and not is_prepared(key)):
             return 0.0
@@ -188,7 +189,7 @@ class ModelKind(Kind):
         return plan
 
     def begin(self, plan: Plan) -> None:
-        """Begin, in other processes, work that can be done while structures are made."""
+        """Start, in other processes, work that can be done while structures are made."""
 
     def stacks(self, plan: Plan) -> bool:
         """Whether a plan's points are solved as a batch of small models, without structures."""

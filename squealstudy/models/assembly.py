@@ -45,14 +45,15 @@ class Component:
     coordinates : ndarray (n_nodes, 3)
         Node coordinates, m; empty for minimal models.
     correspondence : csr_matrix (s, n) or None
-        Rows that observe the same places of the component at any values of the model's parameters,
-        weighted by the square root of the mass that each represents. Mode shapes of two structures
-        are compared by them. None stands for the degrees of freedom, by the diagonal of M.
+        Observes displacements by which mode shapes of two structures are compared: the same places
+        of the component whatever the parameters, each times the square root of the mass that it
+        represents. None for the degrees of freedom themselves, with the diagonal of M.
     cells : ComponentCells or None
         Cells of a meshed component, for pictures of its shapes.
     dofs : ndarray (n,) of int or None
-        3 * node + axis of each degree of freedom, where some are held or nodes follow others; -1
-        for a rotation or a modal coordinate. None where all 3 n_nodes are degrees of freedom.
+        3 * node + axis of each degree of freedom; -1 for a rotation or a modal coordinate. None if
+        all 3 n_nodes displacements are degrees of freedom: none is held, and no node follows
+        others.
     expansion : csr_matrix (3 n_nodes, n) or None
         Maps degrees of freedom to displacements of all nodes, where some nodes follow others; None
         where `dofs` is enough.
@@ -117,8 +118,8 @@ class Component:
         return int(self.M.shape[0])
 
     @property
-    def seen(self) -> sp.csr_matrix:
-        """The rows of `correspondence`, or their default where it is None."""
+    def observer(self) -> sp.csr_matrix:
+        """The matrix `correspondence`, or its default where it is None."""
         if self.correspondence is not None:
             return self.correspondence
         return sp.diags(np.sqrt(self.M.diagonal())).tocsr()
@@ -175,19 +176,20 @@ class ContactInterface:
         Factor on the friction coefficient of the operating point, not negative; 0 for contact
         without friction, whose rows of T and T_perp may be empty.
     speed_factor : ndarray (n_points,)
-        Sliding speed of each point over the imposed one, positive: where a body turns, the point's
-        radius over that of the imposed speed. 1 by default, and set to 1 at points without
-        friction. 0 at points with friction of their own on which no sliding is imposed.
+        Sliding speed of each point over the imposed speed, positive. On a body that turns it is the
+        radius of the point over the radius of the imposed speed. 1 by default, and set to 1 at
+        points without friction. 0 at points with friction of their own on which no sliding is
+        imposed.
     points : ndarray (n_points, 3)
         Coordinates of the points, m; empty for models without coordinates.
     pairs : tuple of str
         Name of the pair of surfaces to which each point belongs; empty without names.
     spring_points : ndarray (ns, 5)
-        Numbers of the last ns points, which are springs and no contact (laws/spring.py), with an
-        area of 1 m2 and without friction.
+        Values of the last ns points, which are springs instead of contact (columns:
+        laws/spring.py). They have an area of 1 m2 and no friction.
     own_friction : ndarray (n_points, k)
-        Numbers of points with friction of their own (laws/own_friction.py); no columns where there
-        are no such points.
+        Values of points with friction of their own (columns: laws/own_friction.py); no columns
+        without such points.
     """
 
     N: sp.csr_matrix
@@ -247,7 +249,7 @@ class ContactInterface:
 
 @dataclass(frozen=True)
 class Assembly:
-    """Components, interfaces and loads over one numbering: components in order, then their DOFs.
+    """Components, interfaces and loads; degrees of freedom are numbered component by component.
 
     Attributes
     ----------
@@ -347,8 +349,8 @@ class Assembly:
 
     @cached_property
     def correspondence(self) -> sp.csr_matrix:
-        """Component.seen of all components, block by block: (rows, n_dof)."""
-        return _block_diagonal([c.seen for c in self.components])
+        """Block-diagonal matrix (rows, n_dof) of `Component.observer` of all components."""
+        return _block_diagonal([c.observer for c in self.components])
 
     @cached_property
     def node_slices(self) -> dict[str, slice]:
@@ -368,7 +370,7 @@ class Assembly:
         return np.concatenate(by_component).reshape(-1, 3)
 
     def K_springs(self, static: bool = False) -> sp.csr_matrix:
-        """Stiffness of linear interfaces, of all or of those in the `static` state."""
+        """Stiffness of all linear interfaces; if `static`, of those in the static state."""
         matrices = [s.matrix() for s in self.springs if s.in_static or not static]
         return sum(matrices, sp.csr_matrix((self.n_dof, self.n_dof)))
 
@@ -379,5 +381,5 @@ class Assembly:
 
 
 def _block_diagonal(blocks: Sequence[sp.csr_matrix]) -> sp.csr_matrix:
-    """Block-diagonal matrix; of a single block that block, as minimal models are built often."""
+    """Block-diagonal matrix, made fast for a single block, as minimal models are built often."""
     return blocks[0].tocsr() if len(blocks) == 1 else sp.block_diag(blocks, format="csr")

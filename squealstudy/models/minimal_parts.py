@@ -1,4 +1,4 @@
-"""Common parts of minimal models: a point mass and bilateral contact points of given stiffness."""
+"""Parts that minimal models share: a point mass, and contact points of given stiffness."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from squealstudy.models.stacked_assembly import StackedAssembly
 
 LEVER_ARM_M = 1.0  # m: the torque of a minimal model is its friction force
 ON_BELT = np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]])  # N and T of `mass_on_belt`
-LAW = contact_law("bilateral")  # the areas of the points carry their stiffness
+LAW = contact_law("bilateral")  # stiffness per area is constant: areas set the points' stiffness
 
 
 def point_mass(name: str, mass: float) -> Component:
@@ -32,8 +32,8 @@ def bilateral_points(N: np.ndarray, T: np.ndarray, stiffness: np.ndarray) -> Con
     N, T : ndarray (nc, n_dof)
         Gap (positive when open) and sliding displacement from the degrees of freedom.
     stiffness : ndarray (nc,)
-        Contact stiffness k_n = A dp/d(-g) of each point, N/m. It makes the area
-        A = stiffness / 5e11 m2, to which ``contact.kt`` refers.
+        Contact stiffness k_n = A dp/d(-g) of each point, N/m. The area A = stiffness / 5e11 m2
+        follows from it; the tangential stiffness ``contact.kt`` is per this area.
     """
     n = len(stiffness)
     return ContactInterface(
@@ -94,9 +94,11 @@ def stacked_mass(
         Stiffness (2 x 2) of linear springs, N/m.
     """
     zeros = np.zeros((1, 2, 2))
-    area = _rows(stiffness) / LAW.value(STIFFNESS.name)
+    area = _as_columns(stiffness) / LAW.value(STIFFNESS.name)
     spring_rates = (
-        zeros if springs is None else np.stack(np.broadcast_arrays(*map(_rows, springs)), axis=1)
+        zeros
+        if springs is None
+        else np.stack(np.broadcast_arrays(*map(_as_columns, springs)), axis=1)
     )
     nc = len(N)
     return StackedAssembly(
@@ -115,11 +117,11 @@ def stacked_mass(
         frictional=np.ones((1, nc)),
         speed_factor=np.ones((1, nc)),
         load=np.zeros((1, 2)),
-        constant_load=_rows(force),
+        constant_load=_as_columns(force),
     )
 
 
-def _rows(columns: list[Any]) -> np.ndarray:
+def _as_columns(columns: list[Any]) -> np.ndarray:
     """Stack k numbers or arrays (m,) as columns: (m or 1, k)."""
     arrays = [np.atleast_1d(np.asarray(column, dtype=float)) for column in columns]
     return np.stack(np.broadcast_arrays(*arrays), axis=1)

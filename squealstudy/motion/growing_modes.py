@@ -1,7 +1,7 @@
-"""The complex modes that a run is watched through: unstable ones, and their sensors.
+"""Unstable complex modes, and sensors that follow them in a run in time.
 
 There are two groups of sensors. The projection on the left vector of a mode sees that mode alone,
-and shows how it grows. The plane of motion along a mode shows what share of the energy is in it.
+and shows how it grows. The projection on the plane of its motion shows its share of the energy.
 
 A motion along a complex mode, 2 Re(a x exp(lambda t)), has its states (q, q') in the plane that the
 real and imaginary parts of (x, lambda x) span. The energy |q'|^2 / 2 + |Omega q|^2 / 2 makes these
@@ -32,8 +32,8 @@ class GrowingModes:
     Attributes
     ----------
     lam : ndarray (m,) complex
-        Roots, rad/s. Where no mode of the band is unstable only the least stable one; of several
-        neutral modes that of the lowest frequency.
+        Roots, rad/s. If no mode of the band is unstable, the least stable one; of several neutral
+        modes that of the lowest frequency.
     right, left : ndarray (n, m) complex
         Vectors of unit norm with Q(lam) right = 0 and left^H Q(lam) = 0.
     n_unstable : int
@@ -41,17 +41,17 @@ class GrowingModes:
     n_above, n_below : int
         Numbers of unstable modes above and below the band.
     growth_outside, frequency_outside : float
-        Growth rate [1/s] and frequency [Hz] of the fastest of those; 0 without any.
+        Growth rate [1/s] and frequency [Hz] of the fastest mode outside the band; 0 without one.
     sensors : ndarray (8 m, n)
         Rows whose products with q and q' are saved: four `growth_sensors` of each mode, then four
         `mode_planes` of each mode.
     energy : ndarray (m,)
         Mean mechanical energy of a motion along each mode at unit projection, J.
     overlap : ndarray (2 m, 2 m)
-        Scalar products of the axes of the planes.
+        Scalar products of the axes of the planes, which are not orthogonal to each other.
     integrated : ndarray (2, m) complex
-        The roots with which these modes move at the step of a run, rad/s: if each step is solved to
-        its balance, and if forces are evaluated once a step. (2, 0) where they are not known.
+        Roots [rad/s] of these modes as integrated with the step of a run: first with each step
+        solved to balance, then with forces evaluated once in a step. (2, 0) if not known.
     """
 
     lam: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
@@ -85,7 +85,7 @@ def growing_modes(
     band_hz: tuple[float, float],
     tolerance: float,
 ) -> GrowingModes:
-    """Unstable modes of lambda^2 I + lambda C + K in a band, and the number outside it.
+    """Unstable modes of lambda^2 I + lambda C + K in a band, their sensors, and counts outside.
 
     Parameters
     ----------
@@ -94,6 +94,7 @@ def growing_modes(
     omega2 : ndarray (n,)
         Diagonal stiffness of the energy, (rad/s)^2; the mass is the identity.
     band_hz : (low, high)
+        Band, Hz.
     tolerance : float
         A mode is unstable where its damping ratio is below minus this.
     """
@@ -103,7 +104,7 @@ def growing_modes(
     lam, psi = lam[oscillating], psi[:, oscillating]
     unstable = lam.real > tolerance * np.abs(lam)
     inside = (np.abs(lam) >= low) & (np.abs(lam) <= high)
-    neutral = np.abs(lam.real) <= tolerance * np.abs(lam)  # their order would be one of round-off
+    neutral = np.abs(lam.real) <= tolerance * np.abs(lam)  # round-off would decide on their order
     order = np.argsort(np.where(neutral, 0.0, -lam.real), kind="stable")
     chosen = order[inside[order]][:MAX_FOLLOWED_MODES]
     n_unstable = int((unstable & inside).sum())
@@ -130,7 +131,7 @@ def growing_modes(
 
 
 def left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """Left vectors (n, m) of known simple roots, by inverse iteration on Q(lambda)^H."""
+    """Left vectors (n, m) of known simple roots, by inverse iteration; their norm is 1."""
     n = len(K)
     vectors = np.empty((n, len(lam)), dtype=complex)
     for k, root in enumerate(lam):
@@ -194,8 +195,8 @@ def mode_planes(
     Returns
     -------
     rows : ndarray (m, 4, n)
-        Two rows for velocities, then two for displacements, for each plane: their products add up
-        to `coordinates`.
+        For each plane two rows for velocities, then two for displacements. `coordinates` adds up
+        their products.
     overlap : ndarray (2 m, 2 m)
         Scalar products of all axes; zeros for the missing second axis of a line.
     """
@@ -203,8 +204,8 @@ def mode_planes(
     axes = [_axes(omega, root, x) for root, x in zip(lam, right.T, strict=True)]
     n = len(omega)
     rows = [np.vstack([u[n:].T, (omega[:, None] * u[:n]).T]) for u in axes]
-    every = np.hstack([np.zeros((2 * n, 0)), *axes])
-    return np.array(rows).reshape(len(axes), 4, n), every.T @ every
+    all_axes = np.hstack([np.zeros((2 * n, 0)), *axes])
+    return np.array(rows).reshape(len(axes), 4, n), all_axes.T @ all_axes
 
 
 def _axes(omega: np.ndarray, lam: complex, x: np.ndarray) -> np.ndarray:

@@ -168,7 +168,9 @@ def projected(assembly: Assembly, blocks: Sequence[np.ndarray]) -> ProjectedAsse
         return np.concatenate([V.T @ f[s] for s, V in zip(spans, blocks, strict=True)])
 
     c = assembly.contact
-    correspondences = [part.seen @ V for part, V in zip(assembly.components, blocks, strict=True)]
+    correspondences = [
+        part.observer @ V for part, V in zip(assembly.components, blocks, strict=True)
+    ]
     return ProjectedAssembly(
         components=tuple(
             ProjectedComponent(

@@ -1,4 +1,6 @@
-"""Derivatives of the linearised matrices of a batch; steady sliding follows the parameter.
+"""Derivatives of linearised matrices by parameters, for sensitivities of many small models.
+
+Steady sliding changes with the parameter, and the contact with it: derivatives are total.
 
 `StateDerivatives` and `WorkingPointDerivatives` give the same for one design point. Derivatives
 come from implicit differentiation of the gap equations, and are exact where laws give their slopes.
@@ -22,7 +24,9 @@ from squealstudy.system.contact_weights import ContactChange, ContactWeights, ch
 
 @dataclass(frozen=True, eq=False)
 class MatrixSlope:
-    """Derivatives by one parameter of matrices of m design points, in their own coordinates.
+    """Derivatives by one parameter of the matrices of m design points.
+
+    Each design point has the coordinates of its own component modes.
 
     Attributes
     ----------
@@ -42,7 +46,10 @@ class MatrixSlope:
 
 
 class SlidingSlopes:
-    """Derivatives of the gaps and the contact of m design points by their parameters.
+    """Derivatives of gaps and contact weights of m design points, by the implicit function theorem.
+
+    A parameter disturbs the equations of steady sliding at fixed gaps. The methods `gaps...` return
+    how the gaps change so that the equations hold again.
 
     Parameters
     ----------
@@ -66,7 +73,7 @@ class SlidingSlopes:
 
     @cached_property
     def by_law(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """`point_slopes` at the gaps of steady sliding."""
+        """Derivatives of pressure and tangent at the gaps of steady sliding (`point_slopes`)."""
         system = self._system
         springs = system.structures.spring_points
         return point_slopes(system.operating, system.sliding.gap, springs)
@@ -83,16 +90,16 @@ class SlidingSlopes:
         return displacement
 
     def gaps(self, imbalance: np.ndarray) -> np.ndarray:
-        """Derivatives (m, c) of the gaps from those of their imbalance (m, c) at fixed gaps."""
+        """Change (m, c) of the gaps by a change `imbalance` (m, c) of the gap equations."""
         sliding = self._system.sliding
         return -self._rows.newton(imbalance, sliding.pressure, sliding.tangent)
 
     def gaps_by_forces(self, unbalanced: np.ndarray) -> np.ndarray:
-        """Derivatives (m, c) of the gaps from those (m, n) of unbalanced forces at fixed gaps."""
+        """Change (m, c) of the gaps by unbalanced forces (m, n) on the coordinates."""
         return self.gaps(np.einsum("mic,mi->mc", self._normal, unbalanced))
 
     def gaps_by_opening(self, opening: np.ndarray) -> np.ndarray:
-        """Derivatives (m, c) of the gaps from those (m, c) of the gaps without load."""
+        """Change (m, c) of the gaps by a change `opening` (m, c) of the gaps without load."""
         if not opening.any():
             return np.zeros(opening.shape)
         e = self._equations
@@ -100,12 +107,12 @@ class SlidingSlopes:
         return self.gaps(pushed - opening)
 
     def gaps_by_friction(self, mu: np.ndarray) -> np.ndarray:
-        """Derivatives (m, c) of the gaps from those (m, c) of the friction coefficients."""
+        """Change (m, c) of the gaps by a change `mu` (m, c) of the friction coefficients."""
         drag = self.area * self.frictional * self._system.sliding.pressure * mu
         return self.gaps(np.einsum("mij,mj->mi", self._equations.by_sliding, drag))
 
     def gaps_by_law(self, dp: np.ndarray) -> np.ndarray:
-        """Derivatives (m, c) of the gaps from those (m, c) of the pressures at fixed gaps."""
+        """Change (m, c) of the gaps by a change `dp` (m, c) of the pressures that the law gives."""
         e, p = self._equations, self._system.sliding.pressure
         force = self.area * dp
         grip = self.friction.following(p) * self.frictional
@@ -113,7 +120,10 @@ class SlidingSlopes:
         return self.gaps(np.einsum("mij,mj->mi", e.by_sliding, grip * force) - opened)
 
     def contact(self, gap: np.ndarray, by: ContactChange) -> ContactWeights:
-        """Derivatives (m, c) of the contact weights, with those of the gaps, `gap` (m, c)."""
+        """Derivatives (m, c) of the contact weights, with the change `gap` (m, c) of the gaps.
+
+        `by` holds what changes at fixed gaps.
+        """
         system, p = self._system, self._system.sliding.pressure
         dp, dkappa = self.by_law[0]
         total = by._replace(pressure=by.pressure + dp * gap, tangent=by.tangent + dkappa * gap)
@@ -132,6 +142,7 @@ class SlidingSlopes:
 
     @property
     def _constant(self) -> bool:
+        """Whether friction is the same at all pressures and speeds, by the curve's parameters."""
         operating = self._system.operating
         constant = operating.curve.constant
         return constant is not None and bool(np.all(constant(*operating.curve_values)))
@@ -144,7 +155,7 @@ def matrix_slope(
     damping: np.ndarray | None = None,
     mass: np.ndarray | None = None,
 ) -> MatrixSlope:
-    """Derivatives of the matrices from those of their parts.
+    """Derivatives of the matrices from those of components, springs and contact.
 
     Parameters
     ----------
@@ -153,12 +164,13 @@ def matrix_slope(
         Derivatives (m, c) of the contact weights, the moving working point included; None where
         they are zero.
     stiffness, damping, mass : ndarray (m, n, n) or None
-        Derivatives of components and springs; damping without that proportional to stiffness.
+        Derivatives of components and springs. Damping that is proportional to stiffness is added
+        here.
     """
     s = system.structures
-    nothing = np.zeros(system.linear.K.shape)
-    symmetric = nothing if stiffness is None else stiffness
-    C = nothing if damping is None else damping
+    zeros = np.zeros(system.linear.K.shape)
+    symmetric = zeros if stiffness is None else stiffness
+    C = zeros if damping is None else damping
     K = symmetric
     if contact is not None:
         symmetric = symmetric + quadratic(s.N, contact.normal, s.N)
@@ -172,7 +184,7 @@ def matrix_slope(
 
 
 class ModalSlopes:
-    """Derivatives of modal damping of m design points: by its ratios, by stiffness and by mass.
+    """Derivatives of the modal damping of m design points by damping ratios, stiffness and mass.
 
     Real modes are those of the symmetric stiffness; `mode_gradient` explains the factors.
     """

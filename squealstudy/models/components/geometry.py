@@ -270,7 +270,7 @@ class Geometry:
     def _opposite(
         self, slave: Facets, master: Facets, keys: KeyPath, distance: float | None, quadrature: str
     ) -> Pair:
-        """Points of two faces that meet within a distance, by default half the radius of a facet."""
+        """Points of two faces that meet within a distance, by default half a radius of a facet."""
         size = LENGTH.factor(self.file.units)
         default = SEARCH_OVER_FACET * float(slave.radii.mean())
         search = default if distance is None else distance * size
