@@ -473,7 +473,7 @@ def test_vibrations_of_one_mesh_are_brought_to_a_changed_one(tmp_path: Path) -> 
     plan.kind.make_missing_models(plan, Workers())
     asked, old, new = request(plan).cycles, plan.tasks[0].structure, plan.tasks[2].structure
     assert old != new
-    a, b = (asked.reference(key).system for key in (old, new))
+    a, b = (asked.shared_modes(key).system for key in (old, new))
     x = np.eye(len(a.omega2))[:, :6]
     found = carried(x, old, new, asked)
     np.testing.assert_allclose(carried(x, old, old, asked), x, atol=1e-9)

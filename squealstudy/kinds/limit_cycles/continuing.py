@@ -161,7 +161,7 @@ class Continuation:
         for series in stored_cycles(self._store):
             if series.cycle_id in cycle_rows:
                 mode = cycle_rows[series.cycle_id]["mode"]
-                phi = self._request.reference(series.prepared_key).phi
+                phi = self._request.shared_modes(series.prepared_key).phi
                 starts[series.cycle_id] = Start(
                     series.cycle_id, mode, 0.0, series.Q @ phi, series.omega
                 )
@@ -288,7 +288,7 @@ class Continuation:
         """Write the series of the new cycles."""
         files: dict[str, Any] = {}
         for key in sorted(set(self._structure.values())):
-            phi = self._request.reference(key).phi
+            phi = self._request.shared_modes(key).phi
             new_series = {
                 name: (Q @ phi.T, omega)
                 for name, (Q, omega) in self._new.items()

@@ -300,7 +300,7 @@ def cycles_row(
     wall_s = time.perf_counter() - started
     row = solved_row(point.point_id, wall_s, steady, point.law_kind, followed_families, kicked)
     motions = (cycle.motion for _, family in followed_families.families for cycle in family.cycles)
-    phi = request.reference(point.structure).phi
+    phi = request.shared_modes(point.structure).phi
     cycle_series = {
         cycle["cycle_id"]: (motion.Q @ phi.T, motion.omega)
         for cycle, motion in zip(row["cycles"], motions, strict=True)
