@@ -273,7 +273,7 @@ def _of_vectors(results: Results, track: int) -> Rows:
     if np.isfinite(mode.by_stiffness):
         follows, falls = CONTACT_WORDS if of_contact else ("", "")
         text = f"{mode.by_stiffness:+.4g} of unsymmetric stiffness{follows}, "
-        rows.append(("growth 1/s", f"{text}{mode.by_velocity:+.4g} of damping{falls}"))
+        rows.append(("growth 1/s", f"{text}{mode.by_velocity + 0.0:+.4g} of damping{falls}"))
     if np.isfinite(mode.pair_hz).all():
         rows.append(("made of", _pair_text(mode, of_contact)))
     listed = np.argsort(-np.maximum(abs(mode.right), abs(mode.left)), kind="stable")
