@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,7 @@ from squealstudy.kinds.design.state import (
     SearchCache,
 )
 from squealstudy.kinds.design.study import DesignStudy
+from squealstudy.kinds.design.verdict import _unchanged
 from squealstudy.plots.design_history import design_history
 from squealstudy.plots.operating_matrix import chosen_word, operating_matrix
 from squealstudy.screen import WIDTH_OF_FILES, as_text
@@ -614,6 +616,34 @@ def test_the_verdict_says_what_the_tables_say(trap) -> None:
     assert re.search(
         rf"an unstable mode between \S+ and \S+ Hz at {unstable} of 3 operating points", text
     )
+
+
+def test_variables_that_the_change_does_not_need_are_named() -> None:
+    """'A mass, damping, or both?' was answered by the damping alone."""
+    names = [SimpleNamespace(name=name) for name in ("mass", "damping", "k1", "k2", "k3")]
+    search: Any = SimpleNamespace(study=SimpleNamespace(variables=names))
+    damped = _unchanged(search, [{"parameter": "damping"}])
+    assert damped == "; not needed: mass, k1, k2 and 1 more"
+    assert _unchanged(search, [{"parameter": n.name} for n in names]) == ""
+
+
+def test_the_table_of_checks_has_costs_and_what_rounds_after_a_success_are(trap) -> None:
+    def told(proof: Any, key: str = "findings") -> str:
+        tables = {name: trap.table(name) for name in trap.tables} | {"proof": proof}
+        changed = trap.with_tables(**tables)
+        if key == "findings":
+            return " ".join(as_text(trap.screen.findings(changed)).split())
+        return str(trap.screen.next_steps(changed))
+
+    proof, designs = trap.table("proof"), trap.table("designs").set_index("design")
+    cost = designs.loc[proof["design"].iloc[0], "cost"]
+    row = f"{proof['round'].iloc[0]} {proof['design'].iloc[0]} {cost:.4g} operating points passed"
+    assert row in told(proof)
+    assert "a cheaper design is tried" not in told(proof)
+    again = proof.assign(passed=True)  # the first of two rounds, too
+    assert "after a round in which all checks passed, a cheaper design is tried" in told(again)
+    assert told(proof, "next") == "[]"
+    assert "cycles = 4 in [goal]" in told(proof[proof["check"] != "limit_cycles"], "next")
 
 
 def test_a_study_goes_on_where_it_was_stopped(trap) -> None:

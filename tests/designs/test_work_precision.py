@@ -1,5 +1,7 @@
 """Work-precision studies: files, runs, tables, screens."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
@@ -16,10 +18,11 @@ from squealstudy.engine.runner import run_study
 from squealstudy.engine.structures import build_structures
 from squealstudy.engine.workers import Workers
 from squealstudy.errors import ConvergenceError, ResultsError, SquealstudyError, StudyFileError
-from squealstudy.kinds.complex_modes import problems
+from squealstudy.kinds.complex_modes import measuring, problems
 from squealstudy.kinds.transient.measuring import pooled_findings
 from squealstudy.kinds.work_precision import kind as kind_module
 from squealstudy.modes.point import solve_point
+from squealstudy.reduction.prepared import PreparedModel
 
 SPEED = '"contact.regularisation_speed" = 0.08'
 BELT = (
@@ -484,3 +487,14 @@ def test_an_onset_is_drawn_over_its_own_cost():
         crosses = [list(k.get_xdata()) for k in axes.lines if k.get_marker() == "x"]
         assert crosses == [[0.5 * factor]]
     assert "an onset" in second.get_xlabel()
+
+
+@pytest.mark.parametrize(("unreduced", "size"), [(True, 27000), (False, 447)])
+def test_a_model_at_full_order_has_all_its_degrees_of_freedom(monkeypatch, unreduced, size):
+    """The table had the size of the reduced model, of which nothing was solved."""
+    prepared = object.__new__(PreparedModel)
+    for name, item in {"model": SimpleNamespace(n=447), "n_dof": 27000}.items():
+        object.__setattr__(prepared, name, item)
+    monkeypatch.setattr(measuring, "load_any", lambda _: prepared)
+    plan = SimpleNamespace(method=SimpleNamespace(rung=SimpleNamespace(unreduced=unreduced)))
+    assert measuring._n_coordinates(plan, "key") == size

@@ -164,7 +164,10 @@ def test_sizes_lacking_values_and_points_without_truth_are_told():
     table.loc[table["label"] == "usual, step 1", "missed"] = 1
     told = as_text(SCREEN.findings(results))
     assert "4 s a design point, 10 coordinates; " in " ".join(told.split())
-    assert re.search(r"newmark, step 4 +10 +1 +1 +1.00 +none +ok", told)
+    assert re.search(r"newmark, step 4 +10 +1 +1.00 +none +ok", told)
     assert "none: at some point the reference has such a value" in told
     assert "the largest of 2 measured points (RMS at 1 of them)" in " ".join(told.split())
     assert "ok, 1 missed" in told
+    results.measurements["seconds_median"] = 0.5 * table["cost"]  # and as much of the set-up
+    told = as_text(SCREEN.findings(results))
+    assert re.search(r"usual, step 1 +10 +3 +6 +1.00 ", told)

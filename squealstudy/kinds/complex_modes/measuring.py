@@ -33,6 +33,7 @@ from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.modes.full_order.finer_model import finer_modes
 from squealstudy.modes.judged_roots import settled
 from squealstudy.modes.rungs import rung_named
+from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.study.parameters import onset_parameter
 from squealstudy.tables.families import RENUMBERED
 from squealstudy.tables.method_quality import onset_errors, root_errors
@@ -84,11 +85,19 @@ def measure_modes(plan: Plan, measured: Sequence[int], request: MeasurementReque
         setup_seconds=ready_s + float(sum(s.basis().seconds for s in used.values())),
         reduction_seconds=reduction_seconds(plan),
         memory_mb=memory.megabytes,
-        n_coordinates=int(load_any(chosen[0].structure).model.n),
+        n_coordinates=_n_coordinates(plan, chosen[0].structure),
         findings=findings,
         onset_seconds=onset_s,
         line_points=line_points,
     )
+
+
+def _n_coordinates(plan: Plan, structure: str) -> int:
+    """Number of coordinates of the model of a structure: degrees of freedom at full order."""
+    prepared = load_any(structure)
+    if plan.method.rung.unreduced and isinstance(prepared, PreparedModel):
+        return prepared.n_dof
+    return int(prepared.model.n)
 
 
 def onset_finding(line: LinePlan, store: Store) -> tuple[dict[str, Any], float]:

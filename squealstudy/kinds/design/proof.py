@@ -142,10 +142,9 @@ class Proof:
                     DampingDemand(p, self.designs.margin + SHORTFALL_FACTOR * (reduced - full))
                 )
                 self.designs.state.active_points = sorted({*self.designs.state.active_points, p})
-        damping_text = f"{least_damping:.4g}" if np.isfinite(least_damping) else "not known"
-        text = (
-            f"least damping ratio {damping_text} at {plural(len(points), 'operating point')}{lost}"
-        )
+        is_known = np.isfinite(least_damping)
+        damping_text = f"{100 * least_damping:.3g} %" if is_known else "not known"
+        text = f"least damping {damping_text} at {plural(len(points), 'operating point')}{lost}"
         self._told("full_order", design, evaluations, good, least_damping, text)
         return good is not False
 

@@ -56,6 +56,18 @@ class DesignScreen(KindScreen):
         findings += ["", *_modes(modes.head(N_RANKING_ROWS))] if len(modes) else []
         return [*findings, *_checks(results)]
 
+    def next_steps(self, results: ResultTables) -> Rows:
+        """Checks of the proof that were not asked for, with the key that asks for them."""
+        checks = set(results.table("proof")["check"])
+        rows = []
+        if "in_time" in checks and "limit_cycles" not in checks:  # such a model is small enough
+            rows.append(("limit cycles", "cycles = 4 in [goal] looks for them at 4 points"))
+        if checks and "full_order" not in checks and results.fact("design_study")["n_reductions"]:
+            rows.append(
+                ("full order", "full_order = 2 in [goal] solves 2 points without reduction")
+            )
+        return rows
+
     def facts(self, results: ResultTables) -> Rows:
         """How many designs were evaluated, and the errors of the modes."""
         facts, margins = results.fact("design_study"), results.table("margins")
@@ -317,12 +329,14 @@ def _span(low: float, high: float) -> str:
 
 
 def _checks(results: ResultTables) -> list[RenderableType]:
-    proof = results.table("proof")
+    proof, designs = results.table("proof"), results.table("designs")
     if not len(proof):
         return []
+    cost_of = dict(zip(designs["design"], designs["cost"], strict=True))
     shown = grid(
         "value:round",
         "value:design",
+        "value:cost",
         "text:check",
         "word:",
         "text:found",
@@ -330,6 +344,7 @@ def _checks(results: ResultTables) -> list[RenderableType]:
             [
                 str(r["round"]),
                 str(r["design"]),
+                _number(cost_of.get(r["design"], np.nan), ".4g"),
                 CHECK_WORDS.get(str(r["check"]), str(r["check"]).replace("_", " ")),
                 "undecided" if pd.isna(r["passed"]) else ("passed" if r["passed"] else "FAILED"),
                 str(r["text"]),
@@ -337,7 +352,12 @@ def _checks(results: ResultTables) -> list[RenderableType]:
             for r in proof.to_dict("records")
         ),
     )
-    return ["", shown]
+    passes = proof.groupby("round")["passed"].apply(lambda column: column.eq(True).all())
+    went_on = notes(
+        "design: its number in the designs table; after a round in which all checks passed, a "
+        "cheaper design is tried"
+    )
+    return ["", shown, *([went_on] if passes.iloc[:-1].any() else [])]
 
 
 SCREEN = DesignScreen()

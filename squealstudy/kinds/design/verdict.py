@@ -21,7 +21,7 @@ from squealstudy.kinds.design.state import (
     UNPROVEN,
 )
 from squealstudy.tables.validity import broken_rules, validity_counts
-from squealstudy.wording import amount, band_text, plural, setting
+from squealstudy.wording import amount, band_text, listed, plural, setting
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Solved = tuple[int, Mapping[str, Any]]  # an operating point and its row
 # distance over the range, below which a variable is at its bound, or not changed
 BOUND_REL_TOLERANCE = 1e-6
+MOST_NAMED = 3  # variables that are not changed
 
 
 def unstable_share(search: DesignSearch, ok: Mapping[int, Mapping[str, Any]]) -> float:
@@ -168,6 +169,13 @@ def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(parts)
 
 
+def _unchanged(search: DesignSearch, changes: Sequence[Mapping[str, Any]]) -> str:
+    """Text on variables that a design leaves as they are; empty for none."""
+    moved = {c["parameter"] for c in changes}
+    names = [v.name for v in search.study.variables if v.name not in moved]
+    return f"; not needed: {listed(names, MOST_NAMED)}" if names else ""
+
+
 def beyond_validity(points: pd.DataFrame, design: int | None) -> str:
     """A sentence on the assumptions that operating points of a design break; empty for none.
 
@@ -294,6 +302,7 @@ def sentence(plan: DesignPlan, search: DesignSearch, designs: Sequence[Mapping[s
             f"operating points of it could not be solved ({state.failure}). {searched}."
         )
     if state.outcome in (*PROVEN, UNDECIDED):
+        change += _unchanged(search, changes)
         text = f"At a cost of {price:.4g} ({change}) every operating point meets the margin"
         text = text if changes else "As it is it meets the margin"
         proof = "Proof" if state.outcome in PROVEN else "Not all of the proof could be told"

@@ -219,13 +219,14 @@ def _columns(
 
     has_size, is_of_onsets = _sizes_differ(table), "onset" in quantities
     has_setup = bool((table["setup_seconds"] > 0).any())
+    has_shares = bool((table["cost"] > 1.005 * table["seconds_median"]).any())
     has_passes = bool(table["iterations"].notna().any())
     columns: list[tuple[bool, str, Callable[[Row], str]]] = [
         (has_size, "size", lambda r: str(r["n_coordinates"])),
         (True, "s a point", lambda r: f"{r['seconds_median']:.3g}"),
         (is_of_onsets, "s an onset", lambda r: f"{r['onset_seconds']:.3g}"),
         (has_setup, "set-up s", lambda r: f"{r['setup_seconds']:.3g}"),
-        (True, "MB", lambda r: f"{r['memory_mb']:.0f}"),
+        (has_shares, "cost s", lambda r: f"{r['cost']:.3g}"),
         (has_passes, "passes", lambda r: figure(r["iterations"], ".2f")),
         *((True, SHORT[q], partial(error, q)) for q in quantities),
     ]
@@ -245,8 +246,7 @@ def _legend(
         "...: the method of the line above; " * bool(table["method"].duplicated().any())
         + "size: coordinates of the model; " * ("size" in titles)
         + "s a point: of the processor, for a design point"
-        + "; set-up s: for what points share" * ("set-up s" in titles)
-        + "; MB: largest memory, above that before (0 where earlier methods had taken it already)",
+        + "; set-up s: for what points share" * ("set-up s" in titles),
         "; ".join(abbreviations),
         "*: no more than the 95 % bounds of both explain" if within else "",
         "none: at some point the reference has such a value, or mode, and the method has not"
