@@ -171,8 +171,8 @@ def change_text(changes: Sequence[Mapping[str, Any]]) -> str:
 
 def _unchanged(search: DesignSearch, changes: Sequence[Mapping[str, Any]]) -> str:
     """Text on variables that a design leaves as they are; empty for none."""
-    moved = {c["parameter"] for c in changes}
-    names = [v.name for v in search.study.variables if v.name not in moved]
+    changed_names = {c["parameter"] for c in changes}
+    names = [v.name for v in search.study.variables if v.name not in changed_names]
     return f"; not needed: {listed(names, MOST_NAMED)}" if names else ""
 
 
