@@ -1,4 +1,4 @@
-"""Files of arrays (npz) of unknown origin: read only if sizes are as declared and fit in memory.
+"""Reads files of arrays (npz) of unknown origin, if sizes are as declared and fit in memory.
 
 An archive of a few kilobytes can claim, or be decompressed to, more than any memory.
 """
@@ -16,8 +16,8 @@ import numpy as np
 
 from squealstudy.machine.resources import BYTES_PER_MB, available_memory_mb
 
-LEAST_BYTES = 8  # bytes of memory counted for a number, at least: short ones may be converted
-MAX_UNCHECKED_BYTES = 2**28  # bytes that are taken without asking how much memory there is
+MIN_BYTES_PER_NUMBER = 8  # memory that is expected for a number: short types may be converted
+MAX_UNCHECKED_BYTES = 2**28  # arrays up to this size are read whatever memory is available
 HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
@@ -48,11 +48,11 @@ def expect_room(source: Path | IO[bytes]) -> None:
     needed = 0
     with zipfile.ZipFile(source) as archive:
         for member in archive.infolist():
-            with _damage_told(member.filename), archive.open(member) as handle:
-                count, size = _claimed(handle)
+            with _damage_as_value_error(member.filename), archive.open(member) as handle:
+                count, size = _declared_size(handle)
                 if handle.tell() + size != member.file_size:
                     raise ValueError(f"'{member.filename}' is not as long as its shape says")
-            needed += max(size, count * LEAST_BYTES)
+            needed += max(size, count * MIN_BYTES_PER_NUMBER)
     if not isinstance(source, Path):
         source.seek(0)
     expect_memory(needed)
@@ -67,7 +67,7 @@ def expect_memory(needed: float) -> None:
 
 
 @contextlib.contextmanager
-def _damage_told(name: str) -> Iterator[None]:
+def _damage_as_value_error(name: str) -> Iterator[None]:
     """Raise ValueError if a member of an archive is damaged."""
     try:
         yield
@@ -75,7 +75,7 @@ def _damage_told(name: str) -> Iterator[None]:
         raise ValueError(f"'{name}' is damaged") from None
 
 
-def _claimed(handle: IO[bytes]) -> tuple[int, int]:
+def _declared_size(handle: IO[bytes]) -> tuple[int, int]:
     """Number of elements and of bytes that the header of an array declares."""
     version = np.lib.format.read_magic(handle)
     if version not in HEADERS:
@@ -88,7 +88,7 @@ def _claimed(handle: IO[bytes]) -> tuple[int, int]:
 
 
 def _bytes_of(kind: np.dtype[Any]) -> int:
-    """Bytes of an element; ValueError about Python objects, which are stored as pickles."""
+    """Bytes of an element; ValueError for Python objects, which are stored as pickles."""
     if kind.hasobject:
         raise ValueError("pickles are not read")
     return kind.itemsize

@@ -1,4 +1,4 @@
-"""Named numbers of models: unit, default and bounds."""
+"""A named number of a model with unit, default and bounds, which checks its values."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Parameter:
     description : str
         Its meaning, for tables of parameters.
     minimum, maximum : float
-        Bounds [unit], themselves allowed.
+        Least and largest allowed value [unit].
     positive : bool
         Whether the value must be greater than zero.
     above, below : float
-        Bounds [unit], themselves not allowed.
+        Bounds [unit] that the value must not reach.
     nonzero : bool
         Whether the value is a direction: either sign is allowed but not zero, and a sweep must not
         pass through zero.
@@ -37,8 +37,8 @@ class Parameter:
         Whether a change alters masses or stiffnesses, so that it costs a new assembly and
         reduction.
     bare : str
-        Unit of a number that a study file gives without one, if it is not `unit`. The temperature
-        of tables is in degC here and in results, but a bare number is in kelvin, as in SI.
+        Unit of a number that a study file states without a unit; empty for `unit`. Temperatures are
+        in degC here and in results, but a number without a unit is in kelvin, as in SI.
     difference : bool
         Whether it is a difference of temperatures: one degC of it is one kelvin.
     """

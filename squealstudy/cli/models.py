@@ -1,4 +1,4 @@
-"""Text of `squealstudy models`: a model's options, parameters, components and their modes."""
+"""What `squealstudy models` prints of a model: options, parameters, components, their modes."""
 
 from __future__ import annotations
 
@@ -98,9 +98,10 @@ def described(model: Model, modes: bool) -> Iterator[RenderableType]:
 
 
 def _parameters(model: Model) -> Iterator[list[str]]:
-    later = {name for names in SERIES.values() for name in names}
+    """Rows of the table of parameters; of a series only the first parameter has a row."""
+    named_by_first = {name for names in SERIES.values() for name in names}
     for name, row in model.parameters.iterrows():
-        if name in later:
+        if name in named_by_first:
             continue
         series = SERIES.get(str(name), ("",))[-1].rpartition(".")[2]
         row["description"] += f"; and so on, to {series}" if series else ""
@@ -115,6 +116,7 @@ def _parameters(model: Model) -> Iterator[list[str]]:
 
 
 def _components(modes: pd.DataFrame) -> Iterator[list[str]]:
+    """Rows of the table of components, with their free frequencies."""
     for (name, n_dof), component_modes in modes.groupby(["component", "n_dof"], sort=False):
         rigid = int(component_modes["rigid"].sum())
         elastic = component_modes[~component_modes["rigid"]]

@@ -1,4 +1,4 @@
-"""A quadratic pencil of real matrices: factors at a complex shift, roots nearest to the shift."""
+"""A quadratic pencil of real matrices, and its roots nearest to a complex shift."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
 # smallest diagonal pivot of SuperLU over the largest entry of its column, as Q is indefinite
 LU_PIVOT_THRESHOLD = 0.1
 DENSE_LIMIT = 40  # coordinates up to which all roots are computed by LAPACK, not by Arnoldi
-LEAST_SPACE = 20  # smallest number of vectors in an Arnoldi space
-# relative tolerance of 1 / (lambda - sigma), so of the distance of lambda from the shift
+MIN_ARNOLDI_VECTORS = 20  # smallest number of vectors in an Arnoldi space
+# relative tolerance of 1 / (lambda - sigma), and so of the distance lambda - sigma
 ARNOLDI_TOLERANCE = 1e-12
-# relative distance below which a root of right and one of left vectors are the same
+# relative distance below which a root from right vectors and one from left vectors are the same
 LEFT_RIGHT_ROOT_REL_DISTANCE = 1e-4
 # steps of inverse iteration for the one nearest root, before Arnoldi is used instead
 MAX_INVERSE_ITERATIONS = 8
@@ -34,7 +34,7 @@ Solve = Callable[[np.ndarray], np.ndarray]
 
 
 def product(A: Matrix, X: np.ndarray) -> np.ndarray:
-    """A X of a vector (n,) or vectors (n, m); a real dense A is not made complex for it."""
+    """A X of a vector (n,) or vectors (n, m), without a complex copy of a real dense A."""
     if sp.issparse(A) or np.iscomplexobj(A) or not np.iscomplexobj(X):
         return np.asarray(A @ X)
     columns = X.reshape(len(X), math.prod(X.shape[1:]))
@@ -184,8 +184,8 @@ def nearest_roots(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The `count` roots nearest `sigma`, by Arnoldi on the shifted and inverted companion form.
 
-    With z = [u; v], Q(sigma) a = -(M (v + sigma u) + C u) and b = u + sigma a give [a; b], the
-    image of z; an eigenvector is [x; lambda x], its value 1 / (lambda - sigma).
+    That form maps z = [u; v] to [a; b] with Q(sigma) a = -(M (v + sigma u) + C u) and
+    b = u + sigma a. Its eigenvectors are [x; lambda x], its eigenvalues 1 / (lambda - sigma).
 
     Parameters
     ----------
@@ -220,7 +220,8 @@ def nearest_two_sided(
     """Nearest roots with right and left vectors (y^H Q(lambda) = 0) of unit norm, paired."""
     lam, X = nearest_roots(pencil, factor, sigma, count)
     mu, Y = nearest_left(pencil, factor, sigma, None, count)
-    # equal multisets up to round-off; the last ones may differ where the count cuts a pair
+    # both searches give the same roots but for round-off; of two equally near ones at the end of
+    # the count, each may give another
     distance = np.abs(lam[:, None] - mu) / np.abs(lam)[:, None]
     order = partners(distance, LEFT_RIGHT_ROOT_REL_DISTANCE)
     is_paired = np.flatnonzero(order >= 0)
@@ -234,7 +235,7 @@ def nearest_left(
     start: np.ndarray | None,
     count: int = 1,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest roots with the left vectors alone, y^H Q(lambda) = 0."""
+    """Nearest roots with left vectors, y^H Q(lambda) = 0, without right vectors."""
     mu, Y = _nearest(pencil.adjoint(), factor.solve_adjoint, np.conj(sigma), count, start)
     return mu.conj(), Y
 
@@ -242,6 +243,7 @@ def nearest_left(
 def _nearest(
     pencil: QuadraticPencil, solve: Solve, sigma: complex, count: int, start: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Roots nearest to a shift and their vectors, by LAPACK, inverse iteration or Arnoldi."""
     n = pencil.n
     if n <= DENSE_LIMIT:
         return _dense(pencil, sigma, count)
@@ -256,17 +258,17 @@ def _nearest(
     x = np.random.default_rng(0).standard_normal(n) if start is None else start
     operator = spla.LinearOperator((2 * n, 2 * n), matvec=invert, dtype=complex)
     v0 = np.concatenate([x, sigma / size * x]).astype(complex)
-    if count == 1 and (eigenpair := _iterated(invert, v0)) is not None:
-        return _sorted(sigma + 1 / eigenpair[0], eigenpair[1][:n], sigma, count)
-    ncv = min(2 * n, max(2 * count + 4, LEAST_SPACE))
+    if count == 1 and (eigenpair := _by_power_iteration(invert, v0)) is not None:
+        return _nearest_first(sigma + 1 / eigenpair[0], eigenpair[1][:n], sigma, count)
+    ncv = min(2 * n, max(2 * count + 4, MIN_ARNOLDI_VECTORS))
     try:
         theta, z = spla.eigs(operator, k=count, which="LM", v0=v0, ncv=ncv, tol=ARNOLDI_TOLERANCE)
     except spla.ArpackNoConvergence as error:
         raise ConvergenceError("not_converged", f"roots near a shift: {error}") from error
-    return _sorted(sigma + 1 / theta, z[:n], sigma, count)
+    return _nearest_first(sigma + 1 / theta, z[:n], sigma, count)
 
 
-def _iterated(invert: Solve, start: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def _by_power_iteration(invert: Solve, start: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Largest eigenvalue (1,) of `invert` and its vector (m, 1) by power iteration, or None."""
     z = start / np.linalg.norm(start)
     for _ in range(MAX_INVERSE_ITERATIONS):
@@ -279,14 +281,16 @@ def _iterated(invert: Solve, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _dense(pencil: QuadraticPencil, sigma: complex, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Roots nearest to a shift and their vectors, by LAPACK for all roots of a small pencil."""
     identity = np.eye(pencil.n)
     M, C, K = (np.asarray(A @ identity) for A in (pencil.M, pencil.C, pencil.K))
-    return _sorted(*right_pairs(C, K, M), sigma, count)
+    return _nearest_first(*right_pairs(C, K, M), sigma, count)
 
 
-def _sorted(
+def _nearest_first(
     lam: np.ndarray, X: np.ndarray, sigma: complex, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
+    """The first `count` roots by distance from the shift, with vectors of unit norm."""
     order = np.argsort(np.abs(lam - sigma))[:count]
     X = X[:, order]
     return lam[order], X / np.linalg.norm(X, axis=0)

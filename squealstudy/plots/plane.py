@@ -1,4 +1,4 @@
-"""Design points over two parameters of a study, and what is unstable at each."""
+"""Design points over two parameters of a study, with their stability, for maps of it."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ MEASURES = {"count": "Unstable modes", "growth": "Largest growth rate [1/s]"}
 MOST_CELLS = (450, 300)  # cells of a picture, about 2 pixels each
 N_CELLS = (150, 100)  # cells in which many scattered points are gathered
 MOST_DOTS = 20_000  # scattered points that are drawn; more would cover one another
-POINTS_PER_CELL = 8  # mean number of points in a cell when points of another state are sought
-N_NEIGHBOUR_CELLS = 2  # cells on each side of a point's own in which they are sought
-MIN_INSCRIBED_RATIO = 0.01  # radius of the inscribed circle over that of the circumscribed one
-MIN_GRID_SHARE = 0.5  # share of the cells with a design point from which a plane counts as a grid
+# points near a change of stability are those with points of both states within this many cells
+POINTS_PER_CELL, N_NEIGHBOUR_CELLS = 8, 2  # (mean number of points in a cell)
+MIN_INSCRIBED_RATIO = 0.01  # flatter triangles are left out: inscribed over circumscribed radius
+MIN_GRID_SHARE = 0.5  # least share of cells with a design point in a plane that counts as a grid
 
 
 @dataclass(frozen=True)
 class Plane:
-    """Rows of a table over two of its columns.
+    """Rows of a table as points of a plane, over two columns of the table.
 
     Attributes
     ----------
     across, up : Quantity
         The two columns.
     x, y : ndarray (n,)
-        Their values as drawn.
+        Values of the columns in the units of the picture.
     """
 
     across: Quantity
@@ -60,7 +60,7 @@ class Plane:
         return x, y, table
 
     def frame(self, axes: Axes, table: pd.DataFrame) -> None:
-        """Scales and ticks for the columns of a table; to be called before anything is drawn."""
+        """Set scales and ticks of the axes for a table, before anything is drawn."""
         set_scales(axes, self.across, self.up)
         for axis, shown in ((axes.xaxis, self.across), (axes.yaxis, self.up)):
             set_ticks(axis, shown, table[shown.name])
@@ -68,7 +68,7 @@ class Plane:
     def draw_cells(self, axes: Axes, values: np.ndarray, **style: Any) -> ScalarMappable:
         """Draw cells coloured by values (n,), hatched where there is no value.
 
-        Cells that are drawn as one (`merged`) have their largest value.
+        Where several cells are drawn as one (`merged`), their largest value is shown.
         """
         axes.patch.set(hatch="///", edgecolor="0.75", facecolor="white")
         x, y, table = self.cells(values)
@@ -125,7 +125,7 @@ class StudyPlane(Plane):
     gridded : bool
         Whether the points fill a grid.
     elsewhere : str
-        Text on the values of fixed parameters, why they were chosen, and which others vary.
+        Text on the values of fixed parameters, why these were chosen, and which parameters vary.
     others_vary : bool
         Whether points of the plane differ in other parameters too.
     """
@@ -165,28 +165,31 @@ class StudyPlane(Plane):
 
     @cached_property
     def near_changes(self) -> np.ndarray:
-        """Solved points (n,); of very many only those near the edge or another stability.
+        """Mask (n,) of the solved points that can be corners of triangles of unlike stability.
 
-        Triangles between the other points have corners of one stability. Near points are at most
-        N_NEIGHBOUR_CELLS cells apart; cells hold equal shares of each axis' values.
+        Of few points all count. Of very many those count that lie near the edge or near points of
+        the other stability, at most N_NEIGHBOUR_CELLS cells away. Cells hold equal shares of the
+        values on each axis.
         """
-        is_solved, many = self.solved, int(self.solved.sum())
-        if many <= MOST_DOTS:
+        is_solved, n_solved = self.solved, int(self.solved.sum())
+        if n_solved <= MOST_DOTS:
             return is_solved
-        count = int(np.sqrt(many / POINTS_PER_CELL))
+        count = int(np.sqrt(n_solved / POINTS_PER_CELL))
         ranks = [np.searchsorted(np.sort(v[is_solved]), v) for v in (self.x, self.y)]
-        cell = [np.minimum(rank * count // many, count - 1) for rank in ranks]
-        around = np.ones((count, count), dtype=bool)
+        cell = [np.minimum(rank * count // n_solved, count - 1) for rank in ranks]
+        is_cell_near = np.ones((count, count), dtype=bool)
         for state in (self.unstable, ~self.unstable):
-            has_state = np.zeros_like(around)
+            has_state = np.zeros_like(is_cell_near)
             has_state[tuple(c[is_solved & state] for c in cell)] = True
-            around &= maximum_filter(has_state, 2 * N_NEIGHBOUR_CELLS + 1)
-        around = np.pad(
-            around[N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS, N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS],
+            is_cell_near &= maximum_filter(has_state, 2 * N_NEIGHBOUR_CELLS + 1)
+        is_cell_near = np.pad(
+            is_cell_near[
+                N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS, N_NEIGHBOUR_CELLS:-N_NEIGHBOUR_CELLS
+            ],
             N_NEIGHBOUR_CELLS,
             constant_values=True,
         )
-        is_near: np.ndarray = is_solved & around[tuple(cell)]
+        is_near: np.ndarray = is_solved & is_cell_near[tuple(cell)]
         return is_near
 
     def triangles(self, values: np.ndarray) -> Triangulation | None:
@@ -199,7 +202,7 @@ class StudyPlane(Plane):
             return None
         shifted = []
         for shown, drawn in ((self.across, self.x), (self.up, self.y)):
-            even = shown.even(drawn[self.solved])  # the same scale whatever has a value
+            even = shown.even(drawn[self.solved])  # one scale, whichever points have a value
             shifted.append((shown.even(drawn[finite]) - even.min()) / (np.ptp(even) or 1.0))
         if np.linalg.matrix_rank(np.array([p - p.mean() for p in shifted]), 1e-6) < 2:
             return None
@@ -215,9 +218,10 @@ def study_plane(
     fixed: Mapping[str, float] | None = None,
     measure: str = "count",
 ) -> StudyPlane:
-    """The plane of two parameters, at `fixed` values of others or where most modes are unstable.
+    """The design points in the plane of two parameters.
 
-    Scattered designs have no such planes: all their points are taken. ResultsError for an unknown
+    Other parameters have the values `fixed`, else those of the plane with most unstable modes. A
+    random design has no such planes: all its points are taken. ResultsError for an unknown
     parameter, value or measure.
     """
     if measure not in MEASURES:
@@ -228,16 +232,16 @@ def study_plane(
     if along[0] == along[1]:
         raise ResultsError(f"a map needs two parameters, got '{along[0]}' twice")
     points, units = results.nodes[0], results.units
-    owner = np.arange(len(points))
-    if results.boundary is not None:  # nodes that are not points have another one's id
-        owner = pd.Index(results.points["point_id"]).get_indexer(pd.Index(points["point_id"]))
-    number, growth, damping = (values[owner] for values in _stability_of_points(results))
+    solved_row = np.arange(len(points))
+    if results.boundary is not None:  # filled nodes have the id of a solved neighbour
+        solved_row = pd.Index(results.points["point_id"]).get_indexer(pd.Index(points["point_id"]))
+    number, growth, damping = (values[solved_row] for values in _stability_of_points(results))
     plane, why = slice_points(points, number, along, fixed)
     counts = [plane[name].nunique() for name in along]
     gridded = min(counts) > 1 and len(plane) >= MIN_GRID_SHARE * counts[0] * counts[1]
     if not gridded:
-        every = tuple(parameter_columns(points, varied=True))
-        plane, why = slice_points(points, number, every, fixed)
+        all_varied = tuple(parameter_columns(points, varied=True))
+        plane, why = slice_points(points, number, all_varied, fixed)
     others = [n for n in parameter_columns(points, varied=True) if n not in along]
     vary = [name for name in others if name in parameter_columns(plane, varied=True)]
     fixed_text = describe(plane.iloc[0], points, [n for n in others if n not in vary], units)
@@ -264,10 +268,10 @@ def study_plane(
 
 
 def _stability_of_points(results: Results) -> tuple[np.ndarray, ...]:
-    """Number of unstable modes, largest growth and least damping ratio (n,) of each point.
+    """Number of unstable modes, largest growth rate and least damping ratio (n,) of each point.
 
-    Growth is that of oscillating and unstable modes, damping that of oscillating ones; NaN where a
-    point has none.
+    Growth rates are those of oscillating modes and of unstable roots, damping ratios those of
+    oscillating modes; NaN where a point has none.
     """
     n = len(results.points)
     count, extremes = np.zeros(n, dtype=np.int64), [np.full(n, -np.inf) for _ in range(2)]

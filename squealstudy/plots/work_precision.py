@@ -1,4 +1,4 @@
-"""Error over cost of each method of a work-precision study, a panel for each quantity."""
+"""Picture of a work-precision study: error over cost of each method, a panel for each quantity."""
 
 from __future__ import annotations
 
@@ -38,12 +38,13 @@ NAMES = {
 
 @register_plot(measurements=("method", "cost"))
 def work_precision(results: Results) -> Figure:
-    """Largest error over cost on logarithmic axes, with the front that no measurement beats.
+    """Largest error over cost of each measurement, with the front of the best ones.
 
+    No measurement has both a smaller error and a lower cost than one on the front.
     There is a panel for each quantity. The reference is a line at its cost. Measurements with
     failed points, or with missed or spurious instabilities, are crosses at the top, as their errors
-    mean nothing. Bars are bounds of errors. Ticks across them show what the 95 % intervals of both
-    results explain: an error below its tick may be chance.
+    mean nothing. Bars are bounds of errors. A tick across a bar is the difference of two results
+    that their 95 % intervals explain: an error below the tick may be chance.
 
     Parameters
     ----------
@@ -67,12 +68,12 @@ def work_precision(results: Results) -> Figure:
     shared = "onset" not in quantities  # an onset costs a whole line of design points
     panels = figure.subplots(rows, columns, squeeze=False, sharex=shared).ravel()
     methods = measurements[~measurements["reference"].to_numpy(bool)]
-    truth = measurements[measurements["reference"].to_numpy(bool)]
+    reference = measurements[measurements["reference"].to_numpy(bool)]
     styles = _styles(methods)
     for axes, quantity in zip(panels, quantities, strict=False):
         _panel(axes, methods, quantity, styles)
         axes.axhline(tolerance, color=DARK, lw=1.0, ls=(0, (5, 3)), zorder=1)
-        for cost in cost_of(truth, quantity):
+        for cost in cost_of(reference, quantity):
             axes.axvline(cost, color=GREY, lw=1.0, ls=":", zorder=1)
         name = NAMES.get(quantity, quantity)
         finish(axes, _cost_label(quantity, facts), name.format(friction=friction))
@@ -99,6 +100,7 @@ def _minor_tick(value: float, _: int) -> str:
 
 
 def _cost_label(quantity: str, facts: Mapping[str, Any]) -> str:
+    """Label of the axis of cost."""
     what = "an onset with its line" if quantity == "onset" else "a design point"
     return f"seconds {what}, one core; set-up shared by {facts['over']:,}"
 
@@ -122,6 +124,7 @@ def _styles(methods: pd.DataFrame) -> dict[str, dict[str, Any]]:
 def _panel(
     axes: Axes, methods: pd.DataFrame, quantity: str, styles: Mapping[str, Mapping[str, Any]]
 ) -> None:
+    """Draw the measurements of all methods for one quantity."""
     good = usable(methods)
     error = np.maximum(methods[f"error_{quantity}"].to_numpy(float), LOG_AXIS_FLOOR)
     cost = cost_of(methods, quantity)
@@ -132,7 +135,7 @@ def _panel(
     for name, style in styles.items():
         is_of_method = (methods["method"] == name).to_numpy(bool)
         shown = is_of_method & good & np.isfinite(error)
-        order = np.flatnonzero(shown)  # as the file has them: along the knob
+        order = np.flatnonzero(shown)  # in the order of the file: along the setting that is varied
         axes.plot(cost[order], error[order], label=name, **style)
         _bounds(axes, methods.iloc[order], quantity, str(style["color"]))
     front = on_front(cost, np.where(good, error, np.nan))
@@ -150,7 +153,7 @@ def _knob_values(
     error: np.ndarray,
     styles: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write the knob's value beside each measurement."""
+    """Write the value of the varied setting beside each measurement."""
     for text, name, x, y in zip(
         measurements["value"], measurements["method"], cost, error, strict=True
     ):
@@ -165,7 +168,7 @@ def _knob_values(
 
 
 def _bounds(axes: Axes, measurements: pd.DataFrame, quantity: str, colour: str) -> None:
-    """Draw bars between the bounds of errors, and ticks at what the intervals explain."""
+    """Draw bars between the bounds of errors, and ticks at differences that intervals explain."""
     low, high = (measurements[f"{k}_{quantity}"].to_numpy(float) for k in ("low", "high"))
     error, cost = measurements[f"error_{quantity}"].to_numpy(float), cost_of(measurements, quantity)
     wide = np.isfinite(low) & (high > low) & (error > 0)

@@ -1,4 +1,4 @@
-"""The parameters of a model from a file: those of the operating point, and numbers of the file."""
+"""The parameters that a model file declares, for studies of it: operating point and own numbers."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from squealstudy.study.family import RESERVED_NAMES
 from squealstudy.study.source import SourceText
 from squealstudy.wording import did_you_mean
 
-OPERATING = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
+OPERATING_PARAMETERS = (FRICTION, PRESSURE, SLIDING_SPEED, DAMPING, STIFFNESS_DAMPING)
 
 
 def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath, ...]]:
     """Key paths of the numbers in the file that each parameter sets, by its name.
 
-    StudyFileError about a path that is wrong, or that two parameters have.
+    StudyFileError for a path that leads to no number, or that two parameters have.
     """
     places_of: dict[str, tuple[KeyPath, ...]] = {}
     owner: dict[KeyPath, str] = {}
@@ -64,11 +64,12 @@ def file_places(file: ModelFile, source: SourceText) -> dict[str, tuple[KeyPath,
 def file_parameters(
     file: ModelFile, source: SourceText, keys_of: Mapping[str, tuple[KeyPath, ...]]
 ) -> Declared:
-    """Parameters of the operating point, with defaults of the file, then those of the file.
+    """All parameters of the model: of the operating point, of laws, and of numbers in the file.
 
-    StudyFileError about a parameter that is wrong.
+    The file may change defaults of the operating point. StudyFileError for a wrong parameter.
     """
-    standard = OPERATING if file.rotation is None else (*OPERATING, GYROSCOPIC)
+    gyroscopic = () if file.rotation is None else (GYROSCOPIC,)
+    standard = (*OPERATING_PARAMETERS, *gyroscopic)
     operating = {p.name: p for p in (*standard, *friction_parameters(), *contact_parameters())}
     of_file = []
     for name, table in file.parameters.items():
@@ -95,7 +96,7 @@ def _changed(
         raise source.error(keys, "it belongs to the operating point: expected no path")
     if table.default is None:
         raise source.error(keys, "expected default = NUMBER")
-    factor = 1.0 if table.unit is None else _size(table.unit, parameter.unit, source, keys)
+    factor = 1.0 if table.unit is None else _unit_factor(table.unit, parameter.unit, source, keys)
     default = _default(table, factor, parameter.unit, source, keys)
     try:
         return replace(parameter, default=parameter.check(default))
@@ -103,9 +104,9 @@ def _changed(
         raise source.error((*keys, "default"), error.message) from None
 
 
-def _size(unit: str, parameter_unit: str, source: SourceText, keys: KeyPath) -> float:
+def _unit_factor(unit: str, parameter_unit: str, source: SourceText, keys: KeyPath) -> float:
     """Factor from a unit to `parameter_unit`; StudyFileError where the dimensions differ."""
-    if unit == parameter_unit:  # `Unit` does not know all of them, such as Pa/m^n
+    if unit == parameter_unit:  # `Unit` cannot parse all units, such as Pa/m^n
         return 1.0
     with contextlib.suppress(KeyError):
         stated, target = Unit.named(unit), Unit.named(parameter_unit or "1")
@@ -118,7 +119,7 @@ def _size(unit: str, parameter_unit: str, source: SourceText, keys: KeyPath) -> 
 def _default(
     table: ParameterTable, factor: float, parameter_unit: str, source: SourceText, keys: KeyPath
 ) -> float:
-    """The default in the parameter's unit: a text converted, or a bare number times `factor`."""
+    """The default in the parameter's unit: a text with a unit, or a number times `factor`."""
     if not isinstance(table.default, str):
         assert table.default is not None
         return factor * table.default
@@ -146,7 +147,7 @@ def _parameter(
             raise source.error((*keys, "path"), message)
     factor = dimension.factor(file.units)
     if table.unit is not None:
-        factor = _size(table.unit, dimension.unit, source, keys)
+        factor = _unit_factor(table.unit, dimension.unit, source, keys)
     if table.default is not None:
         default = _default(table, factor, dimension.unit, source, keys)
     elif file.at(number_keys[0]) is None or isinstance(file.at(number_keys[0]), str):

@@ -1,4 +1,4 @@
-"""Which modes are unstable, over how much of the study, how strongly, from which value on."""
+"""The ranking: which modes are unstable, at how many points, how strongly, from which value on."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from squealstudy.tables.worst_points import ANY, worst_settings
 from squealstudy.wording import amount, did_you_mean, in_digits
 
 HEAD = ("point_id", "status", "message", "wall_s")  # of points, then parameters
-# first column after the parameters, in studies of modes, of motion, of cycles
+# first column of `points` after the parameters, for studies of modes, of motion, of cycles
 FIRST_RESULT = ("n_modes", "class", "verdict")
-AT_DIGITS = 4  # digits of the values in `at`, on a screen
-# in place of a track number: overdamped roots together; modes without a track in groups of near
-# frequency, numbered downwards in ascending frequency
+AT_DIGITS = 4  # digits on the screen of the values in the column `at`
+# numbers of rows that are no track: one row for overdamped roots; rows for modes without a track in
+# groups of near frequency, -2 for the lowest
 OVERDAMPED_GROUP, FIRST_UNTRACKED_GROUP = -1, -2
-GROUP_REL_GAP = 0.05  # relative: a wider gap in frequency parts modes without a track
-ORDER = {  # by: column, ascending
+GROUP_REL_GAP = 0.05  # a wider relative gap in frequency separates two of these groups
+ORDER = {  # column by which rows are sorted, and whether ascending
     "share": ("unstable_share", False),
     "growth": ("max_growth_rate", False),
     "damping": ("min_damping_ratio", True),
@@ -64,7 +64,7 @@ COLUMNS = (
     | {"unstable_points_low": "int64", "unstable_points_high": "int64", "taken_over": "bool"}
     | {"family": "int64", "family_modes": "int64", "family_points": "int64"}
 )
-RANKED = (  # columns of modes that a ranking is made of, beside energies
+RANKED = (  # columns of `modes` that a ranking needs, beside energies
     *("track", "track_ambiguous", "frequency_hz", "growth_rate", "damping_ratio"),
     *("unstable", "stability", "overdamped"),
 )
@@ -81,7 +81,7 @@ def rank_modes(
     onsets: pd.DataFrame | None = None,
     scattered: bool = False,
 ) -> pd.DataFrame:
-    """One row for each track that is unstable anywhere.
+    """Rank the unstable modes of a study: one row for each track that is unstable anywhere.
 
     Parameters
     ----------
@@ -99,32 +99,31 @@ def rank_modes(
         may be in backticks or not. Of the conditions that `and` joins, those on columns of `points`
         only select the points that count, the others the unstable modes that count.
     onsets : DataFrame or None
-        Table of onsets along `along`; where it has a refined one, that replaces the interpolation.
+        Table of onsets along `along`. A refined onset replaces the interpolated threshold.
     scattered : bool
-        Whether the points are those of a random design, whose lines begin nowhere.
+        Whether the points are those of a random design, in which no line has a first point.
 
     Returns
     -------
     DataFrame
-        COLUMNS; `kind` is "mode", a track, with its frequency where it grows fastest and energies
-        that are means over the unstable points. Overdamped unstable roots are together in a row
-        of track -1, "non-oscillating", without a frequency. Unstable modes without a track
-        stand in rows of track -2 and below, "untracked": each holds all modes, maybe different
-        ones, in a range of frequency without a gap of more than GROUP_REL_GAP, whose ends the row
-        has; frequency, growth, damping and energies are those of its fastest one.
-        `unstable_points` of all `points` that count are unstable, a share of `unstable_share`;
-        points that failed do not count. `unstable_points_low` counts points that are unstable
-        whatever the error, `unstable_points_high` those that may be.
+        COLUMNS. A row of `kind` "mode" is a track. It has the frequency at which the track grows
+        fastest, and mean energies over the unstable points. The row of track -1, "non-oscillating",
+        is of overdamped unstable roots. Rows of track -2 and below, "untracked", are of unstable
+        modes without a track: each row has all modes of a range of frequency without a gap wider
+        than GROUP_REL_GAP, and frequency, growth, damping and energies of its fastest mode.
+        `points` is the number of points that count; failed points do not. At `unstable_points` of
+        them the mode is unstable, a share of `unstable_share`. `unstable_points_low` are points at
+        which it is unstable whatever the error, `unstable_points_high` points at which it may be.
         Tracks of one `family`, named by its least track number, are one mode (`families`).
         `mean_growth_rate` is over all points that count, zero where the mode is not unstable.
         `threshold` is the smallest value of `along` at which the damping ratio crosses zero,
         on lines of constant other parameters. `threshold_kind` is "crossing" (interpolated),
-        "refined" (to 1e-4), "bracketed" (an upper bound: the mode before has no damping, it could
-        not be located, or the points are `scattered`), "below range" (unstable at the first value
-        of a line; NaN), "first seen" (a track that begins unstable; an upper bound) or "broken" (so
-        beside a track that ends, on some line, and it may be unstable before; an upper bound).
-        `taken_over`: at a smaller value of some line an unstable mode of another number takes this
-        one, which is no onset.
+        "refined" (to 1e-4) or "below range" (unstable at the first value of a line; NaN). Three
+        kinds are upper bounds: "bracketed" (the mode before has no damping, the onset could not be
+        located, or the points are `scattered`), "first seen" (the track begins unstable) and
+        "broken" (the track begins unstable where another ends, and may be unstable before).
+        `taken_over` tells that at a smaller value on some line the track takes over an unstable
+        mode from another track, which is no onset.
 
     Raises
     ------
@@ -170,7 +169,7 @@ def rank_modes(
 
 
 def parameter_columns(points: pd.DataFrame, varied: bool = False) -> list[str]:
-    """Parameters of a points table; with `varied` those of more than one value.
+    """Names of the parameters of a points table; if `varied`, of those with more than one value.
 
     They are the columns between HEAD and the first result.
     """
@@ -199,7 +198,7 @@ def line_codes(points: pd.DataFrame, along: str) -> np.ndarray:
 
 
 def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
-    """Track or group of each unstable row, FIRST_UNTRACKED_GROUP and below without one; else 0."""
+    """Number of the row of the ranking to which each mode belongs; 0 for stable modes."""
     track = modes["track"].to_numpy()
     unstable, overdamped = (modes[n].to_numpy(bool) for n in ("unstable", "overdamped"))
     group = np.where(overdamped, OVERDAMPED_GROUP, track)
@@ -214,7 +213,7 @@ def unstable_groups(modes: pd.DataFrame) -> np.ndarray:
 
 
 def group_kind(group: int) -> str:
-    """Meaning of a number of `unstable_groups`."""
+    """The `kind` of a row of the ranking, by its number from `unstable_groups`."""
     if group > 0:
         return "mode"
     return "non-oscillating" if group == OVERDAMPED_GROUP else "untracked"
@@ -289,7 +288,7 @@ def _summary(
     table["threshold"], table["threshold_kind"], table["taken_over"] = np.nan, "", False
     worst = unstable.sort_values("growth_rate").drop_duplicates("track", keep="last")
     table["frequency_hz"] = worst.set_index("track")["frequency_hz"]
-    alone = worst[worst["track"].to_numpy() < 0].set_index("track")  # a mean of several is no mode
+    alone = worst[worst["track"].to_numpy() < 0].set_index("track")  # no mean over different modes
     table.loc[alone.index, energies] = alone[energies]
     table.loc[alone.index, "min_damping_ratio"] = alone["damping_ratio"]
     table.loc[table.index == OVERDAMPED_GROUP, "frequency_hz"] = np.nan  # it does not oscillate
@@ -300,11 +299,13 @@ def _summary(
 
 
 def main_components(energies: pd.DataFrame) -> pd.DataFrame:
-    """The two components of most elastic energy in each row of energy columns."""
+    """The two components with most elastic energy, in each row of energy columns."""
     table = pd.DataFrame(index=energies.index)
     shares = energies.rename(columns=lambda c: c.removeprefix("energy_"))
-    each = shares.melt(ignore_index=False, var_name="component", value_name="share").dropna()
-    ranked = each.sort_values("share", ascending=False, kind="stable").groupby(level=0)
+    by_component = shares.melt(
+        ignore_index=False, var_name="component", value_name="share"
+    ).dropna()
+    ranked = by_component.sort_values("share", ascending=False, kind="stable").groupby(level=0)
     for rank, name in enumerate(("main", "second")):
         chosen = ranked.nth(rank).reindex(table.index)
         table[f"{name}_component"] = chosen["component"].fillna("")
@@ -324,7 +325,8 @@ def _thresholds(
 ) -> pd.DataFrame:
     """Smallest x [`value`, -inf below the range] at which each group turns unstable, and `kind`.
 
-    Neighbours on a line of scattered points may be far apart: the unstable one is an upper bound.
+    On a line of scattered points neighbours may be far apart. The value of the unstable neighbour
+    is then an upper bound.
     """
     zeta, unstable = modes["damping_ratio"].to_numpy(), modes["unstable"].to_numpy(bool)
     crossings = line_crossings(group, line[code], x[code], start[code], zeta, unstable)
@@ -347,12 +349,12 @@ def _thresholds(
         between = (crossings["kind"] == CROSSING).to_numpy()
         crossings.loc[between, "value"] = x[code[crossings.loc[between, "after"].to_numpy()]]
         crossings.loc[between, "kind"] = BRACKETED
-    begun = np.flatnonzero(crossings["kind"] == FIRST_SEEN)
-    ends = code[crossings["after"].to_numpy()[begun]]
-    keys = zip(crossings["track"].to_numpy()[begun], itertools.repeat(-1), ends)
+    first_seen = np.flatnonzero(crossings["kind"] == FIRST_SEEN)
+    ends = code[crossings["after"].to_numpy()[first_seen]]
+    keys = zip(crossings["track"].to_numpy()[first_seen], itertools.repeat(-1), ends)
     lows = np.array([refined.get(key, np.inf) for key in keys], dtype=float)
-    at_break = begun[np.isnan(lows)]
-    crossings.loc[crossings.index[begun[np.isfinite(lows)]], "kind"] = BRACKETED
+    at_break = first_seen[np.isnan(lows)]
+    crossings.loc[crossings.index[first_seen[np.isfinite(lows)]], "kind"] = BRACKETED
     crossings["value"] = crossings["value"].mask(crossings["kind"] == BELOW_RANGE, -np.inf)
     unsure = crossings["track"].isin(crossings["track"].to_numpy()[at_break])
     unsure &= crossings["kind"] != BELOW_RANGE  # the least over all lines is an upper bound
@@ -370,10 +372,7 @@ def _thresholds(
 
 
 def _starts(x: pd.Series, line: np.ndarray, selected: np.ndarray) -> np.ndarray:
-    """Least x of the selected points on each point's line; NaN where it has a single value.
-
-    Failed points count too.
-    """
+    """Least x of the selected points, failed ones too, on each point's line; NaN for one value."""
     by_line = x.where(selected).groupby(line)
     start = by_line.transform("min").where(by_line.transform("nunique") > 1)
     return start.to_numpy(dtype=float)
@@ -382,10 +381,10 @@ def _starts(x: pd.Series, line: np.ndarray, selected: np.ndarray) -> np.ndarray:
 def _refined_onsets(
     points: pd.DataFrame, onsets: pd.DataFrame | None
 ) -> dict[tuple[int, int, int], float]:
-    """Refined onsets by track and the rows in `points` of both ends; NaN where the mode has none.
+    """Refined onsets by track and rows in `points` of both ends; NaN where the mode has no onset.
 
-    Where the track begins beside one that ends, the row before is -1, and the value `bracket_low`.
-    Infinite: not located.
+    An onset that could not be located is infinite. For a track that begins where another ends, the
+    first row is -1 and the value `bracket_low`.
     """
     if onsets is None:
         return {}

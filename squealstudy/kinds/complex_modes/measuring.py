@@ -1,4 +1,4 @@
-"""How a method of complex-mode studies is timed, and how its results are read."""
+"""Times a method of complex-mode studies and reads its results, for work-precision studies."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from squealstudy.tables.families import RENUMBERED
 from squealstudy.tables.method_quality import onset_errors, root_errors
 from squealstudy.tables.stability import BROKEN, FIRST_SEEN, INTO
 
-# s; of a shorter time imports and first reads from the cache may be a large part
+# s; imports and first reads from the cache may be a large part of a shorter time
 MIN_RELIABLE_TIMING_S = 5.0
 
 
@@ -49,7 +49,8 @@ def measure_modes(plan: Plan, measured: Sequence[int], request: MeasurementReque
     Parameters
     ----------
     plan : Plan
-        Plan whose structures of those points are in the cache; all of them where points share work.
+        Plan whose structures are in the cache: those of the chosen points, or of all points if the
+        rung shares work between points.
     measured : sequence of int
         Positions of the points among the plan's.
     request : MeasurementRequest
@@ -64,7 +65,7 @@ def measure_modes(plan: Plan, measured: Sequence[int], request: MeasurementReque
     with tempfile.TemporaryDirectory() as scratch:
         all_tasks = kind.tasks(plan, solved, Workers())
         tasks = [task for task in all_tasks if isinstance(task, SolveTask)]
-        ready_s = _made_ready(tasks)
+        loading_s = _load_problems(tasks)
         with memory_above() as memory, threadpool_limits(1):
             seconds, found_rows = _solved(kind, tasks)
         store = Store(Path(scratch))
@@ -72,17 +73,17 @@ def measure_modes(plan: Plan, measured: Sequence[int], request: MeasurementReque
         seconds /= len(solved)
         rows = store.rows([t.point_id for t in chosen], SCHEMA)
         findings = {str(n): modes_finding(rows[t.point_id]) for n, t in enumerate(chosen)}
-        following_s = []
+        onset_search_s = []
         for n, line in lines.items():
             onset, spent = onset_finding(LinePlan(plan, line), store)
             findings[str(n)] |= onset
-            following_s.append(spent)
+            onset_search_s.append(spent)
     line_points = len(on_lines) / len(lines) if lines else np.nan
-    onset_s = line_points * seconds + float(np.mean(following_s)) if lines else np.nan
+    onset_s = line_points * seconds + float(np.mean(onset_search_s)) if lines else np.nan
     used = {t.structure.path: t.structure for t in tasks if rung_named(t.rung).over_a_basis}
     return Measurement(
         seconds=seconds,
-        setup_seconds=ready_s + float(sum(s.basis().seconds for s in used.values())),
+        setup_seconds=loading_s + float(sum(s.basis().seconds for s in used.values())),
         reduction_seconds=reduction_seconds(plan),
         memory_mb=memory.megabytes,
         n_coordinates=_n_coordinates(plan, chosen[0].structure),
@@ -101,7 +102,10 @@ def _n_coordinates(plan: Plan, structure: str) -> int:
 
 
 def onset_finding(line: LinePlan, store: Store) -> tuple[dict[str, Any], float]:
-    """Part of a finding: the onset on a line of solved points, or why none; processor seconds."""
+    """The onset on a line of solved points as keys of a finding, and processor seconds for it.
+
+    Without an onset the keys tell why.
+    """
     started = time.process_time()
     try:
         with threadpool_limits(1):
@@ -114,8 +118,8 @@ def onset_finding(line: LinePlan, store: Store) -> tuple[dict[str, Any], float]:
     return finding, time.process_time() - started
 
 
-def _made_ready(tasks: Sequence[SolveTask]) -> float:
-    """Processor seconds to read problems and bases of the tasks into memory."""
+def _load_problems(tasks: Sequence[SolveTask]) -> float:
+    """Read problems and bases of the tasks into memory; return processor seconds."""
     started = time.process_time()
     for task in tasks:
         rung = rung_named(task.rung)
@@ -126,15 +130,15 @@ def _made_ready(tasks: Sequence[SolveTask]) -> float:
 
 
 def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list[dict[str, Any]]]:
-    """Processor seconds of solving the tasks, and their rows.
+    """Solve the tasks; return processor seconds and the rows of the tasks.
 
-    Where this takes less than MIN_RELIABLE_TIMING_S it is done twice, and the shorter time counts.
+    Tasks that take less than MIN_RELIABLE_TIMING_S are solved twice, and the shorter time counts.
     """
     spent: list[float] = []
     rows: list[dict[str, Any]] = []
     while not spent or (len(spent) == 1 and spent[0] < MIN_RELIABLE_TIMING_S):
         started = time.process_time()
-        # without keeping working points: a second round must not know those of the first
+        # working points are not stored: a second round must not start from those of the first
         forgetful = [replace(task, keep_gaps=False) for task in tasks]
         rows = [row for task in forgetful for row in kind.solve(task).rows]
         spent.append(time.process_time() - started)
@@ -142,17 +146,17 @@ def _solved(kind: ComplexModes, tasks: Sequence[SolveTask]) -> tuple[float, list
 
 
 def reduction_seconds(plan: Plan) -> float:
-    """Seconds to make all structures of a study, estimated from those that are made."""
+    """Seconds to reduce all structures of a study, estimated from those in the cache."""
     made_keys = [key for key in plan.structures if is_prepared(key)]
     spent = sum(sum(load_any(key).timings.values()) for key in made_keys)
     return float(spent) * len(plan.structures) / max(len(made_keys), 1)
 
 
 def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
-    """Finding of the finer model at a point; None where its structure has none.
+    """Roots of the finer model at a point as a finding; None where there is no finer model.
 
-    The error of a reduced model is estimated by its roots' distance from these, times
-    FINER_MODEL_SAFETY_FACTOR (modes/full_order/finer_model.py).
+    The error of a reduced model is estimated by the distance of its roots from the finer ones,
+    times FINER_MODEL_SAFETY_FACTOR (modes/full_order/finer_model.py).
     """
     task = plan.tasks[point]
     prepared = prepared_model(task.structure)
@@ -170,7 +174,7 @@ def finer_finding(plan: Plan, point: int) -> dict[str, Any] | None:
 
 
 def modes_finding(row: dict[str, Any]) -> dict[str, Any]:
-    """Finding of a point: its oscillating modes, from a chunk row of a complex-mode study."""
+    """Oscillating modes of a point as a finding, from its chunk row of a complex-mode study."""
     oscillates = ~np.array(row["overdamped"], dtype=bool)
     roots = np.column_stack([row["re"], row["im"]]).reshape(-1, 2)[oscillates]
     estimates = np.array(row["error_rung"], dtype=float)[oscillates]
@@ -199,11 +203,11 @@ MEASURING = Measuring(
 )
 
 
-Interval = tuple[float | None, float | None, float | None]  # value, bounds; None without one
+Interval = tuple[float | None, float | None, float | None]  # onset, its bounds; all None without
 
 
 class LinePlan(Plan):
-    """Some design points of a plan that differ only in the parameter of the onset.
+    """A plan of some design points that differ only in one parameter, to find an onset on the line.
 
     Their identities, structures and method are those of the whole plan.
 
@@ -243,14 +247,14 @@ class LinePlan(Plan):
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
-        """Shape of a grid with this one line."""
+        """Numbers of values of the sweeps: all points along the line, one across."""
         return tuple(
             len(self._rows) if sweep.name == self.along else 1 for sweep in self.study.sweeps
         )
 
 
 def find_onset(plan: LinePlan, store: Store) -> tuple[Interval, float]:
-    """The first onset on a line whose points are finished, and the length of the line.
+    """The first onset on a line whose points are finished, and the range of the parameter on it.
 
     Raises
     ------
@@ -288,20 +292,21 @@ def first_onset(onsets: pd.DataFrame, x: np.ndarray) -> Interval:
     x : ndarray (n,)
         Values of the parameter, ascending.
     """
-    into = onsets[(onsets["direction"] == INTO) & (onsets["status"] != RENUMBERED)]
-    if not len(into):
+    turning_unstable = onsets[(onsets["direction"] == INTO) & (onsets["status"] != RENUMBERED)]
+    if not len(turning_unstable):
         return None, None, None
-    first_seen = into["bracket_high"].where(
-        into["status"] == BROKEN, float(x[0])
-    )  # below the range
-    values = into["onset"].fillna(first_seen).to_numpy(float)
-    row = into.iloc[int(np.argmin(values))]
+    # a mode that is unstable from the start counts as unstable at the first value of the range
+    first_seen = turning_unstable["bracket_high"].where(
+        turning_unstable["status"] == BROKEN, float(x[0])
+    )
+    values = turning_unstable["onset"].fillna(first_seen).to_numpy(float)
+    row = turning_unstable.iloc[int(np.argmin(values))]
     onset = float(values.min())
     return onset, *_bounds(row, onset, x)
 
 
 def _bounds(row: pd.Series, value: float, x: np.ndarray) -> tuple[float, float]:
-    """Bounds of an onset: by its error estimate, else the points between which it lies."""
+    """Bounds of an onset: from its error estimate, else the points between which it lies."""
     if np.isfinite(row["error_estimate"]):
         error = float(row["error_estimate"])
         return value - error, value + error

@@ -1,7 +1,7 @@
-"""Chunk rows of complex-mode studies: a row for each point, with its modes as lists of one length.
+"""Chunk rows of complex-mode studies: one row for each design point, with lists over its modes.
 
-Workers write them. They are read again for decisions during a run, and as columns: one array over
-all modes of all points.
+Workers write the rows. A run reads them for decisions, and at its end as columns: each is one array
+over the modes of all points.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MODE_FIELDS = (
     ("overdamped", pa.list_(pa.bool_())),
     ("residual", pa.list_(pa.float64())),
     ("error_rung", pa.list_(pa.float64())),  # 1/s; NaN where it is not estimated
-    ("energies", pa.list_(pa.float64())),  # (m, components + 1) by rows; may be empty
+    ("energies", pa.list_(pa.float64())),  # table (m, components + 1), row after row; may be empty
 )
 SCHEMA = pa.schema(
     [pa.field(n, t, nullable=False) for n, t in (*POINT_FIELDS, *MODE_FIELDS)]
@@ -51,7 +51,7 @@ SCHEMA = pa.schema(
 def solved_row(
     point_id: str, wall_s: float, modes: PointModes, message: str = ""
 ) -> dict[str, Any]:
-    """Chunk row of a solved point; figures of the working point are NaN where a model has none."""
+    """Chunk row of a solved point; working-point columns are NaN for a model without contact."""
     return head(point_id, wall_s, message=message) | {
         "method": modes.method,
         **working_point_cells(modes.working_point),
@@ -75,7 +75,7 @@ def read_roots(
     tolerance: float | None = None,
     largest_error: float = np.inf,
 ) -> dict[str, np.ndarray | None]:
-    """Roots of those wanted points that are finished; None where a point failed or is inaccurate.
+    """Roots of the finished points among the wanted ones; None for failed and inaccurate points.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def read_roots(
 def _batch_roots(
     batch: pa.RecordBatch,
     ids: set[str],
-    every: bool,
+    with_overdamped: bool,
     tolerance: float | None,
     largest_error: float,
 ) -> dict[str, np.ndarray | None]:
@@ -109,7 +109,9 @@ def _batch_roots(
     if tolerance is not None:
         lam = settled(lam, error.flatten().to_numpy(), tolerance)
     is_counted = (
-        ~real.flatten().to_numpy(zero_copy_only=False).astype(bool) | (lam.real > 0) | every
+        ~real.flatten().to_numpy(zero_copy_only=False).astype(bool)
+        | (lam.real > 0)
+        | with_overdamped
     )
     roots_of: dict[str, np.ndarray | None] = {}
     for i, name in enumerate(names):
@@ -138,9 +140,9 @@ class ModeColumns:
     residual : ndarray (N,)
         Residual of each mode.
     error_rung : ndarray (N,)
-        Error of each root by the method as it estimates it, rad/s; NaN where it does not.
+        Error of each root that the method estimates for itself, rad/s; NaN without an estimate.
     energies : ndarray (N, n_components + 1) or (N, 0)
-        Shares of elastic energy, where the model has them.
+        Shares of elastic energy of each mode; no columns where the model has none.
     shapes : ShapeFile or None
         Mode shapes; None where they were not asked for.
     """
@@ -160,7 +162,7 @@ class ModeColumns:
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     def oscillating(self) -> Ragged:
-        """Roots of the oscillating modes of each point; they come first in a point."""
+        """Roots of the oscillating modes of each point, which stand before its real roots."""
         oscillates = ~self.overdamped
         return Ragged(
             self.lam[oscillates], np.bincount(self.point[oscillates], minlength=len(self.counts))
@@ -173,7 +175,7 @@ def read_columns(
     shapes: bool = True,
     largest_error: float = np.inf,
 ) -> ModeColumns:
-    """Read all chunk files once.
+    """Read the results of a study's points from all chunk files.
 
     Parameters
     ----------
@@ -202,7 +204,7 @@ def read_columns(
             writer.write(table[SHAPES])
 
     def column(name: str) -> pa.ChunkedArray:
-        """All values of a column; its chunks are then dropped."""
+        """All values of a column, whose chunks are dropped to save memory."""
         return pa.chunked_array(chunk_columns.pop(name), SCHEMA.field(name).type)
 
     point_ids = column("point_id")
@@ -219,7 +221,7 @@ def read_columns(
     error = _flat(column("error_rung"), counts, positions)
     table = pa.Table.from_arrays(points, schema=pa.schema(list(SCHEMA)[: len(POINT_FIELDS)]))
     return ModeColumns(
-        points=_judged(table, counts, lam, error, largest_error),
+        points=_with_inaccurate(table, counts, lam, error, largest_error),
         counts=counts,
         lam=lam,
         overdamped=_flat(column("overdamped"), counts, positions).astype(bool),
@@ -238,7 +240,7 @@ def _lengths(parts: list[pa.Array], order: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _flat(column: pa.ChunkedArray, counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """All values of a list column, its rows in the order of counts and positions of `_lengths`."""
+    """All values of a list column as one array, in the order that `_lengths` gives."""
     parts = [part.flatten().to_numpy(zero_copy_only=False) for part in column.chunks]
     values = np.concatenate([np.zeros(0, dtype=column.type.value_type.to_pandas_dtype()), *parts])
     rows = np.repeat(positions - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
@@ -246,10 +248,10 @@ def _flat(column: pa.ChunkedArray, counts: np.ndarray, positions: np.ndarray) ->
     return ordered
 
 
-def _judged(
+def _with_inaccurate(
     points: pa.Table, counts: np.ndarray, lam: np.ndarray, error: np.ndarray, largest: float
 ) -> pa.Table:
-    """The points, of which inaccurate ones get their status and message."""
+    """The points table, with status and message of points whose roots are inaccurate."""
     point = np.repeat(np.arange(len(counts)), counts)
     worst, worst_modes = worst_errors(lam, error, point, len(counts))
     inaccurate = worst > largest

@@ -1,4 +1,4 @@
-"""Modes that grow at one design of a grid and are stable at every point of another."""
+"""Finds modes that one design silences: they grow at another design of a grid, but not at it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def silent_tracks(
 ) -> list[set[int]]:
     """Tracks of `table`, the ranking over all designs, that are surely silent at each design.
 
-    Each point of the design has all the modes of such a track's family. They are stable beyond
-    their error there, and tracking is sure of their numbers. Nor is a mode near in frequency
-    (REL_TOLERANCE) unstable at this design but not at one where the family is: that may be the same
-    mode under another number.
+    A track is silent if three conditions hold. Each point of the design has all the modes of the
+    track's family. These are stable beyond their error, and their numbers are not ambiguous. No
+    other mode near in frequency (REL_TOLERANCE) is unstable at this design alone: it might be the
+    same mode under another number.
     """
     points = results.points
     if not set(COLUMNS) <= set(results.columns("modes")):  # results of an earlier version
@@ -40,15 +40,15 @@ def silent_tracks(
     silent: list[set[int]] = []
     for line in lines:
         of_design = [points[name].to_numpy() == number for name, number in line.design.items()]
-        on_line = np.logical_and.reduce(of_design)
-        solved = bool((points["status"][on_line] == "ok").all())
+        is_of_design = np.logical_and.reduce(of_design)
+        solved = bool((points["status"][is_of_design] == "ok").all())
         has_knots = results.along in results.manifest.get("knots_between", {})
-        by_family = modes[on_line[modes[ROW].to_numpy()]].groupby("family")
+        by_family = modes[is_of_design[modes[ROW].to_numpy()]].groupby("family")
         stable_families = {
             int(str(family))
             for family, rows in by_family
             if rows["sure"].all()
-            and rows[ROW].nunique() == on_line.sum()
+            and rows[ROW].nunique() == is_of_design.sum()
             and rows.groupby(ROW).size().min() >= n_modes[int(str(family))]
         }
         silent.append(
@@ -70,8 +70,8 @@ def _may_be_another(
         growing = [row for track, row in other.modes.items() if family_of.get(track) == family]
         families = {family_of.get(track) for track in other.modes}
         near = (
-            abs(float(row["frequency_hz"]) / float(mine["frequency_hz"]) - 1.0)
-            for mine in growing
+            abs(float(row["frequency_hz"]) / float(family_row["frequency_hz"]) - 1.0)
+            for family_row in growing
             for track, row in line.modes.items()
             if family_of.get(track) not in families
         )

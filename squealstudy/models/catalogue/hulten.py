@@ -1,4 +1,4 @@
-"""Hulten's two degrees of freedom: the smallest model with flutter by mode coupling.
+"""Hulten's model with two degrees of freedom: the smallest that flutters by mode coupling.
 
 A mass rests on two bilateral contacts at right angles; each friction force acts along the other
 contact's normal. With k_i = m w_i^2 the linearised stiffness is
@@ -8,8 +8,8 @@ contact's normal. With k_i = m w_i^2 the linearised stiffness is
 which flutters for mu > ``|w1^2 - w2^2| / (2 w1 w2)``, with both frequencies merged at
 w^2 = (w1^2 + w2^2) / 2.
 
-Another contact law acts over the areas A_i = k_i / 5e11 m2 per Pa/m of the two contacts; it must
-be one for contact that stays closed.
+Another contact law must be one for contact that stays closed. It acts over the areas that the two
+contacts have with the default law, A_i = k_i / (5e11 Pa/m).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ PARAMETERS: Declared = (
 
 
 def _friction(values: Mapping[str, Any]) -> Any:
-    """Friction coefficient at the sliding speed."""
+    """Friction coefficient at the sliding speed, for the assumption that both contacts press."""
     speed, friction = np.abs(values["sliding_speed"]), values["friction"]
     curve, parameters = EXPONENTIAL_FALL, [values[p.name] for p in EXPONENTIAL_FALL.parameters]
     if curve.constant is not None and np.all(curve.constant(*parameters)):
@@ -86,8 +86,8 @@ def build(
 ) -> Assembly:
     """Assemble the mass and its two contacts. Returns an Assembly of 2 degrees of freedom.
 
-    Both gaps open with the displacements q1 and q2. Sliding at the first contact is -q2, at the
-    second q1, as for a disc that turns through the corner between the two.
+    Both gaps open with the displacements q1 and q2. The first contact slides by -q2,
+    the second by q1, as for a disc that turns through the corner between the two.
     """
     omega = 2 * np.pi * np.array([values["frequency_1"], values["frequency_2"]])
     return Assembly(

@@ -1,4 +1,4 @@
-"""Commands and elements of archives of ANSYS: which are read, which are passed over, and why."""
+"""Commands and elements of ANSYS archives that are read or passed over, with the reasons."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from squealstudy.models.components.mesh import CONTACT_NOT_READ
 MODEL_FILE, STUDY = "stated in the model file", "stated in the study"
 
 
-def each(names: str, why: str) -> dict[str, str]:
-    """The same reason for each of the names in a text."""
+def with_reason(names: str, why: str) -> dict[str, str]:
+    """Map each name in a text to the reason `why`, for messages."""
     return dict.fromkeys(names.split(), why)
 
 
@@ -31,22 +31,22 @@ NON_STRUCTURAL_ELEMENTS: dict[int, str] = {
 }
 READ = ("ET", "KEYOP", "KEYOPT", "ETBLOCK", "NBLOCK", "EBLOCK", "CMBLOCK", "MP", "MPDATA")
 ENDS = ("N", "EN")  # commands that end a block, with the number -1
-PASSED_OVER = {  # commands that change neither mass nor stiffness of a component
-    **each(
+PASSED_OVER = {  # commands that change neither mass nor stiffness of a component, and why
+    **with_reason(
         "D F SF SFE SFEBLOCK SFBLOCK BF BFE BFBLOCK BFEBLOCK BFUNIF ACEL OMEGA DOMEGA CGLOC "
         "CGOMEGA DCGOMG CMOMEGA IC TREF IRLF",
         f"supports are {MODEL_FILE}, loads in the study",
     ),
-    **each("ALPHAD BETAD DMPRAT DMPSTR DMPSFREQ MDAMP", "damping is " + MODEL_FILE),
-    **each(
+    **with_reason("ALPHAD BETAD DMPRAT DMPSTR DMPSFREQ MDAMP", "damping is " + MODEL_FILE),
+    **with_reason(
         "R RMODIF RLBLOCK RMORE SECTYPE SECDATA SECBLOCK SECOFFSET SECCONTROLS SECCONTROL",
         "solids have no real constants or sections",
     ),
-    **each("/UNITS", "units are " + MODEL_FILE),
-    **each("LOCAL CSYS", "axes of supports, loads and orthotropic elements"),
+    **with_reason("/UNITS", "units are " + MODEL_FILE),
+    **with_reason("LOCAL CSYS", "axes of supports, loads and orthotropic elements"),
 }
 # commands that CDWRITE writes and that do not bear on a mesh
-SETTINGS = each(
+SETTINGS = with_reason(
     "/COM /PREP7 /NOPR /GO /GOPR /TITLE /STITLE /UIS /SOLU /POST1 /EXIT /CONFIG /BATCH /AUTO "
     "/VIEW /ANG *IF *ELSE *ENDIF *SET *DIM *DEL DOF NUMOFF ANTYPE MODOPT MODCONTROL QRDOPT MXPAND "
     "EXTOPT ERESX TIME KUSE CRPLIM NCNV NEQIT NLGEOM SSTIF PSTRES CNVTOL AUTOTS DELTIM NSUBST KBC "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from squealstudy.errors import ModelError
-from squealstudy.models.components.ansys_commands import MODEL_FILE, STUDY, each
+from squealstudy.models.components.ansys_commands import MODEL_FILE, STUDY, with_reason
 from squealstudy.models.components.inp_lines import Line
 from squealstudy.models.components.materials import Elastic, Orthotropic, Unfinished
 from squealstudy.models.fem.solid import Isotropic
@@ -18,9 +18,9 @@ ORTHOTROPIC = frozenset(("EY", "EZ", "GXZ", "GYZ", "PRXZ", "PRYZ", "NUXZ", "NUYZ
 G_REL_TOLERANCE = 0.01
 # properties that are passed over, and why
 OTHER_PROPERTIES = {
-    **each("DMPR DMPS BETD ALPD DAMP", "damping is " + MODEL_FILE),
-    **each("MU", "friction is " + STUDY),
-    **each(
+    **with_reason("DMPR DMPS BETD ALPD DAMP", "damping is " + MODEL_FILE),
+    **with_reason("MU", "friction is " + STUDY),
+    **with_reason(
         "ALPX ALPY ALPZ CTEX CTEY CTEZ THSX THSY THSZ REFT KXX KYY KZZ C ENTH HF EMIS QRATE RSVX "
         "RSVY RSVZ MURX MURY MURZ PERX PERY PERZ LSST VISC SONC",
         "no property of an elastic body at one temperature",

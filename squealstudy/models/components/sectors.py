@@ -1,4 +1,4 @@
-"""The whole body from a sector that repeats about an axis, such as one of a vented disc.
+"""Makes a whole body from one sector that repeats about an axis, such as of a vented disc.
 
 Nodes of neighbouring sectors at the same place become one node. Where the two sides of a sector are
 meshed differently, slave nodes of a cyclic tie follow master faces of the next sector.
@@ -19,8 +19,8 @@ from squealstudy.models.components.materials import Orientation, Orthotropic
 from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMesh
 
 MAX_SECTORS = 1000  # sectors of a body
-# distance of nodes that become one, over the shortest edge: files have some six digits
-MERGED = 1e-3
+# largest distance of nodes that become one, over the shortest edge: files give some six digits
+MERGE_DISTANCE_OVER_EDGE = 1e-3
 SIDES_APART = "its sides do not meet; expected axis, point and count of its repetition"
 OPPOSITE = -0.99  # largest cosine between normals of facets that face each other
 OVERLAP_DISTANCE_OVER_FACET = 0.6  # largest distance of the middles of facets that overlap
@@ -52,29 +52,30 @@ class Repetition:
         return R, self.point - R @ self.point
 
 
-def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
-    """The whole body of a sector.
+def repeated(mesh: SolidMesh, repetition: Repetition) -> SolidMesh:
+    """The mesh of the whole body whose sector is given.
 
-    Sets and surfaces are those of all sectors together, without faces that now lie between sectors.
-    Cyclic ties hold sides together that are meshed differently.
+    A set or surface of the whole body is that of all sectors together, without faces between
+    sectors. Cyclic ties hold sides together that are meshed differently.
 
     Raises
     ------
     ModelError
-        Sides do not meet, or are meshed differently without a cyclic tie; masses or springs are on
-        a side.
+        The sides do not meet, or are meshed differently without a cyclic tie. Masses or springs lie
+        on a side.
     """
-    turns = [how.turn(k) for k in range(how.count)]
-    everywhere = np.vstack([mesh.nodes @ R.T + shift for R, shift in turns])
-    node_at = _merged(mesh, everywhere, how.count)
+    turns = [repetition.turn(k) for k in range(repetition.count)]
+    nodes_of_copies = np.vstack([mesh.nodes @ R.T + shift for R, shift in turns])
+    node_at = _merged_nodes(mesh, nodes_of_copies, repetition.count)
     copies = _Copies(mesh, turns, node_at)
-    full_mesh = copies.mesh(everywhere)
+    full_mesh = copies.mesh(nodes_of_copies)
     cyclic = [c for c in mesh.constraints if isinstance(c, Tie) and c.cyclic]
     ties = [tie for c in cyclic for tie in copies.cyclic(c)]
     if not cyclic:
-        _check_sides(mesh, full_mesh, how)
-    joined = len(everywhere) - len(full_mesh.nodes)
-    why = f"one of {how.count}: the whole body is made of it, {joined} nodes on sides are merged"
+        _check_sides(mesh, full_mesh, repetition)
+    joined = len(nodes_of_copies) - len(full_mesh.nodes)
+    why = f"one of {repetition.count}: the whole body is made of it, "
+    why += f"{joined} nodes on sides are merged"
     note = PassedOver("sector", mesh.origin, 0, why)
     return replace(
         full_mesh,
@@ -83,24 +84,26 @@ def repeated(mesh: SolidMesh, how: Repetition) -> SolidMesh:
     )
 
 
-def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
+def _merged_nodes(mesh: SolidMesh, nodes_of_copies: np.ndarray, count: int) -> np.ndarray:
     """Indices (count, n) in the whole body of the nodes of all sectors.
 
     ModelError where no node of the sector meets the next one, and there is no cyclic tie.
     """
     from scipy.sparse.csgraph import connected_components
 
-    n, total = len(mesh.nodes), len(everywhere)
-    tolerance = MERGED * _shortest_edge(mesh)
-    # pairs of the first and the second sector hold for all others as well; pairs within a body come
-    # first, since nodes of two bodies in contact may be at the same place
-    body = _bodies(mesh)[:, None] * 10 * np.ptp(everywhere, axis=0).max()
+    n, total = len(mesh.nodes), len(nodes_of_copies)
+    tolerance = MERGE_DISTANCE_OVER_EDGE * _shortest_edge(mesh)
+    # nodes that meet between the first two sectors meet between all; pairs of nodes of one body
+    # come first, as nodes of two bodies in contact may be at the same place
+    body = _bodies(mesh)[:, None] * 10 * np.ptp(nodes_of_copies, axis=0).max()
     a, b = _pairs(
-        np.hstack([everywhere[:n], body]), np.hstack([everywhere[n : 2 * n], body]), tolerance
+        np.hstack([nodes_of_copies[:n], body]),
+        np.hstack([nodes_of_copies[n : 2 * n], body]),
+        tolerance,
     )
     rest_a, rest_b = np.setdiff1d(np.arange(n), a), np.setdiff1d(np.arange(n), b)
     if len(rest_a) and len(rest_b):
-        more = _pairs(everywhere[rest_a], everywhere[n + rest_b], tolerance)
+        more = _pairs(nodes_of_copies[rest_a], nodes_of_copies[n + rest_b], tolerance)
         a, b = np.append(a, rest_a[more[0]]), np.append(b, rest_b[more[1]])
     cyclic = any(isinstance(c, Tie) and c.cyclic for c in mesh.constraints)
     if not len(a) and not cyclic:
@@ -120,7 +123,7 @@ def _merged(mesh: SolidMesh, everywhere: np.ndarray, count: int) -> np.ndarray:
 def _pairs(
     points: np.ndarray, other_points: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of two lists of points that are at the same place."""
+    """Rows of two lists of points where a point of one is at the place of a point of the other."""
     from scipy.spatial import cKDTree  # heavy: only what reads meshes needs it
 
     distance, partner = cKDTree(other_points).query(points, distance_upper_bound=tolerance)
@@ -141,6 +144,7 @@ def _bodies(mesh: SolidMesh) -> np.ndarray:
 
 
 def _shortest_edge(mesh: SolidMesh) -> float:
+    """Length of the shortest edge of an element, m."""
     shortest = np.inf
     for block in mesh.blocks:
         for a, b in block.kind.shape.edges:
@@ -163,19 +167,19 @@ class _Copies:
         first = new_starts[block_of] + np.arange(mesh.n_elements) - mesh.starts[block_of]
         self._element_at = first + np.arange(self._count)[:, None] * counts[block_of]  # (count, e)
 
-    def mesh(self, everywhere: np.ndarray) -> SolidMesh:
+    def mesh(self, nodes_of_copies: np.ndarray) -> SolidMesh:
         """The whole body, without cyclic ties."""
         m, count, flat = self._sector, self._count, self._node_at.ravel()
         size = flat.max() + 1
         first = np.full(size, -1)
         first[flat[::-1]] = np.arange(len(flat))[::-1]
         k, node = np.divmod(first, len(m.nodes))
-        numbers = m.numbers[node] + k * _step(m.numbers)
+        numbers = m.numbers[node] + k * _number_step(m.numbers)
         blocks = tuple(
             ElementBlock(
                 b.formulation,
                 self._node_at[:, b.nodes].reshape(-1, b.nodes.shape[1]),
-                (b.labels + np.arange(count)[:, None] * _step(m.labels)).ravel(),
+                (b.labels + np.arange(count)[:, None] * _number_step(m.labels)).ravel(),
             )
             for b in m.blocks
         )
@@ -185,7 +189,7 @@ class _Copies:
         self._node_at = positions[self._node_at]
         full_mesh = replace(
             m,
-            nodes=everywhere[first][order],
+            nodes=nodes_of_copies[first][order],
             numbers=numbers[order],
             blocks=tuple(replace(b, nodes=positions[b.nodes]) for b in blocks),
             node_sets={s: np.unique(self._node_at[:, v]) for s, v in m.node_sets.items()},
@@ -201,34 +205,38 @@ class _Copies:
         return replace(full_mesh, surfaces=self._surfaces(full_mesh))
 
     def _of_elements(self, values: np.ndarray) -> np.ndarray:
+        """Values of the elements of the whole body, from those of the sector."""
         repeated = np.empty(values.size * self._count, dtype=object)
         repeated[self._element_at] = values
         return repeated
 
     def _orientations(self) -> tuple[dict[str, Orientation], np.ndarray]:
-        """Material axes, which turn with the sectors, and their name for each element.
+        """Material axes by name, turned with each sector, and the name for each element.
 
-        Where a material with directions has global axes, these turn too.
+        A material with directions may have global axes: they turn with the sectors, too.
         """
         m = self._sector
         names = m.orientation.astype(object)
-        named: dict[str, Orientation] = dict(m.orientations)
+        axes_by_name: dict[str, Orientation] = dict(m.orientations)
         directional = [name for name, e in m.materials.items() if isinstance(e, Orthotropic)]
         directional += list(m.unfinished)
-        bare = (names == "") & np.isin(m.material, directional)
-        if bare.any():
-            named["SECTOR"] = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-            names = np.where(bare, "SECTOR", names)
+        has_global_axes = (names == "") & np.isin(m.material, directional)
+        if has_global_axes.any():
+            axes_by_name["SECTOR"] = Orientation("rectangular", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+            names = np.where(has_global_axes, "SECTOR", names)
         turned_axes: dict[str, Orientation] = {}
         orientation_of = np.empty(names.size * self._count, dtype=object)
         for k, (R, shift) in enumerate(self._turns):
             orientation_of[self._element_at[k]] = [
                 f"{name}@{k + 1}" if name else "" for name in names
             ]
-            turned_axes |= {f"{name}@{k + 1}": o.moved(R, shift) for name, o in named.items()}
+            turned_axes |= {
+                f"{name}@{k + 1}": o.moved(R, shift) for name, o in axes_by_name.items()
+            }
         return turned_axes, orientation_of
 
     def _faces(self, faces: np.ndarray, k: int) -> np.ndarray:
+        """Faces (element, side) of sector k, from those of the first sector."""
         return np.column_stack([self._element_at[k][faces[:, 0]], faces[:, 1]])
 
     def _surfaces(self, full_mesh: SolidMesh) -> dict[str, np.ndarray]:
@@ -247,6 +255,7 @@ class _Copies:
         return surfaces
 
     def _constraints(self, k: int) -> Iterator[Constraint]:
+        """Constraints of sector k but cyclic ties."""
         new_index = self._node_at[k]
         for c in self._sector.constraints:
             if isinstance(c, Tie):
@@ -258,6 +267,7 @@ class _Copies:
                 yield self._coupling(c, k)
 
     def _coupling(self, c: Coupling, k: int) -> Coupling:
+        """A coupling of sector k."""
         new_index, c = self._node_at[k], c.moved(*self._turns[k])
         return replace(
             c,
@@ -267,6 +277,7 @@ class _Copies:
         )
 
     def _discrete(self, k: int) -> Iterator[Discrete]:
+        """Masses and springs of sector k; ModelError for one on a side."""
         new_index = self._node_at
         for d in self._sector.discrete:
             if (np.bincount(new_index.ravel())[new_index[0][d.nodes]] > 1).any():
@@ -300,18 +311,18 @@ class _Copies:
             yield replace(tie, nodes=self._node_at[k][slaves], faces=faces, cyclic=False)
 
 
-def _step(numbers: np.ndarray) -> int:
-    """Difference of node or element numbers from one sector to the next: a power of ten."""
+def _number_step(numbers: np.ndarray) -> int:
+    """What is added to node or element numbers from sector to sector: a power of ten."""
     return 10 ** len(str(int(numbers.max())))
 
 
-def _check_sides(mesh: SolidMesh, full_mesh: SolidMesh, how: Repetition) -> None:
+def _check_sides(mesh: SolidMesh, full_mesh: SolidMesh, repetition: Repetition) -> None:
     """Raise ModelError where sectors do not meet, or facets of sides are not connected."""
     from scipy.spatial import cKDTree
 
     outer = {tuple(f) for f in boundary(full_mesh).tolist()}
     n_elements = mesh.n_elements
-    # of the first sector: its elements come first in each block
+    # numbers of the first sector's elements in the whole body, where they come first in each block
     starts, size = full_mesh.starts[:-1], np.diff(mesh.starts)
     first = np.concatenate([s + np.arange(n) for s, n in zip(starts, size, strict=True)])
     element = dict(zip(range(n_elements), first.tolist(), strict=True))
@@ -328,7 +339,7 @@ def _check_sides(mesh: SolidMesh, full_mesh: SolidMesh, how: Repetition) -> None
         normals.append(across / area[:, None])
         sizes.append(np.sqrt(area))
     c, n, h = np.vstack(middles), np.vstack(normals), np.concatenate(sizes)
-    R, shift = how.turn(1)
+    R, shift = repetition.turn(1)
     turned, across = c @ R.T + shift, n @ R.T
     tree = cKDTree(turned)
     facing = 0
@@ -345,8 +356,8 @@ def _check_sides(mesh: SolidMesh, full_mesh: SolidMesh, how: Repetition) -> None
             f"{facing} facets of a side of the sector lie on those of the next sector, but have "
             "other nodes: mesh both sides alike"
         )
-    if len(free_faces) == len(boundary(mesh)):  # nodes on the axis alone are those of others
+    if len(free_faces) == len(boundary(mesh)):  # only nodes on the axis coincide
         raise mesh.error(
-            f"a turn by 360/{how.count} degrees brings no facet of the sector onto another: "
+            f"a turn by 360/{repetition.count} degrees brings no facet of the sector onto another: "
             f"{SIDES_APART}"
         )

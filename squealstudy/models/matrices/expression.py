@@ -1,4 +1,4 @@
-"""Expressions: arithmetic of named parameters in a text, which is not executed as Python.
+"""Evaluates expressions of parameters in study and model files, without executing them as Python.
 
 Python's own parser makes the syntax tree. Only the nodes listed here are accepted, so that a text
 can compute a number and nothing else.
@@ -20,9 +20,9 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 
-Evaluation = Callable[
-    [Mapping[str, Any]], Any
-]  # with floats it raises the errors of Python's floats
+# takes values of the parameters, returns the value; with floats it raises the errors of Python's
+# floats
+Evaluation = Callable[[Mapping[str, Any]], Any]
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin,
@@ -39,7 +39,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "min": min,
     "max": max,
 }
-OF_ARRAYS: dict[str, Callable[..., Any]] = {
+ARRAY_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sin": np.sin,
     "cos": np.cos,
     "tan": np.tan,
@@ -54,7 +54,7 @@ OF_ARRAYS: dict[str, Callable[..., Any]] = {
     "min": lambda *parts: np.minimum.reduce(np.broadcast_arrays(*parts)),
     "max": lambda *parts: np.maximum.reduce(np.broadcast_arrays(*parts)),
 }
-SEVERAL = ("min", "max")  # functions of two and more arguments; all others have one
+WITH_SEVERAL_ARGUMENTS = ("min", "max")  # functions of two and more arguments; all others have one
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -68,7 +68,7 @@ RESERVED = frozenset({*CONSTANTS, *FUNCTIONS})  # no parameter can have these na
 WITH_UNIT = re.compile(r"\s*[-+]?\d[\d.]*(e[-+]?\d+)?\s+[A-Za-z]")  # a number and a unit after it
 _WORD = re.compile(r"[A-Za-z_]\w*")
 MAX_CHARACTERS, MAX_NESTING = 1000, 60
-_FOREIGN = {  # names of nodes of Python that people may try, for messages
+_REFUSED = {  # what messages call parts of Python that are not accepted
     ast.Attribute: "an attribute (a dot after a name)",
     ast.Subscript: "an index in square brackets",
     ast.Compare: "a comparison",
@@ -97,6 +97,7 @@ class Expression:
     Attributes
     ----------
     text : str
+        The expression.
 
     Raises
     ------
@@ -120,7 +121,9 @@ class Expression:
     @cached_property
     def _of_arrays(self) -> Evaluation:
         """Function that evaluates the expression for arrays."""
-        return _Reader(self.text, OF_ARRAYS, _OPERATORS | {ast.Pow: np.power}).node(self._tree, 0)
+        return _Reader(self.text, ARRAY_FUNCTIONS, _OPERATORS | {ast.Pow: np.power}).node(
+            self._tree, 0
+        )
 
     @property
     def _tree(self) -> ast.expr:
@@ -176,9 +179,9 @@ class Expression:
         """
         arrays = {name: np.asarray(values[name], dtype=float) for name in self.names}
         try:
-            with np.errstate(all="ignore"):  # told below
+            with np.errstate(all="ignore"):  # values that are not finite raise an error below
                 evaluated = np.asarray(self._of_arrays(arrays), dtype=float)
-        except (ArithmeticError, ValueError):  # of its constants alone
+        except (ArithmeticError, ValueError):  # constants alone, as in 1/0
             evaluated = np.asarray(np.nan)
         bad = np.flatnonzero(~np.isfinite(evaluated))
         if len(bad):
@@ -192,6 +195,7 @@ class Expression:
 
 
 def _check_text(text: str) -> None:
+    """Raise ExpressionError for a long text, other characters than ASCII, or a word of Python."""
     if len(text) > MAX_CHARACTERS:
         raise ExpressionError(f"expected at most {MAX_CHARACTERS} characters, got {len(text)}")
     if not text.isascii() or not text.isprintable():
@@ -225,6 +229,7 @@ class _Reader:
         self.names: dict[str, None] = {}
 
     def node(self, tree: ast.expr, depth: int) -> Evaluation:
+        """Function that evaluates a part of the tree; ExpressionError for a refused part."""
         if depth > MAX_NESTING:
             raise self._error(tree, f"nested more than {MAX_NESTING} deep")
         if isinstance(tree, ast.Constant):
@@ -268,7 +273,7 @@ class _Reader:
             raise self._error(tree, f"{what}, expected one of {', '.join(FUNCTIONS)}")
         if tree.keywords:
             raise self._error(tree, f"'{name}' takes no named arguments")
-        n_arguments, several = len(tree.args), name in SEVERAL
+        n_arguments, several = len(tree.args), name in WITH_SEVERAL_ARGUMENTS
         if n_arguments != 1 if not several else n_arguments < 2:
             expected = "two arguments or more" if several else "one argument"
             raise self._error(tree, f"'{name}' takes {expected}, got {n_arguments}")
@@ -278,7 +283,7 @@ class _Reader:
     def _what(self, tree: ast.expr) -> str:
         if isinstance(tree, ast.BinOp | ast.UnaryOp):
             return f"the operator of '{self._source(tree)}' (expected + - * / **)"
-        return _FOREIGN.get(type(tree), f"'{self._source(tree)}'")
+        return _REFUSED.get(type(tree), f"'{self._source(tree)}'")
 
     def _source(self, tree: ast.expr) -> str:
         return ast.get_source_segment(self.text, tree) or type(tree).__name__

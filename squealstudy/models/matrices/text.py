@@ -1,4 +1,4 @@
-"""Lines of text files with numbers, which may be compressed, and errors that name a line."""
+"""Reads text files with numbers, compressed or not, with errors that name the line."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.files import OF_TEXT, expect_room, read_whole
 
+# functions that open compressed files, by the ending of their names
 OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?"
 COUNT = re.compile(r"[0-9]{1,18}", re.ASCII)
-LONGEST_SHOWN = 40
-LETTERS_PER_PART = 2**26  # characters that are decompressed at once
+LONGEST_SHOWN = 40  # most characters of a line that a message quotes
+CHARACTERS_PER_PART = 2**26  # characters that are decompressed at once
 LINE_BYTES = 70  # memory of a line besides its characters
 MAX_LETTERS = 2 * 10**9  # characters of a decompressed file: a deck of 20 million elements
 
@@ -64,7 +65,7 @@ class TextFile:
         return ModelError(f"{self.path}, line {index + 1}: {message}")
 
     def counts(self, index: int, words: list[str], expected: str) -> list[int]:
-        """Words of a line as whole numbers from 0; ModelError about that line for others."""
+        """Words of a line as whole numbers, 0 or more; ModelError if a word is no such number."""
         if not all(COUNT.fullmatch(word) for word in words):
             raise self.error(index, f"expected {expected}, found '{shortened(self.line(index))}'")
         return [int(word) for word in words]
@@ -73,7 +74,7 @@ class TextFile:
 def _unpacked(handle: IO[str]) -> str:
     """The text of a compressed file; an error where there is not enough memory for it."""
     pieces, letters = [], 0
-    while letters <= MAX_LETTERS and (part := handle.read(LETTERS_PER_PART)):
+    while letters <= MAX_LETTERS and (part := handle.read(CHARACTERS_PER_PART)):
         pieces.append(part)
         letters += len(part)
         expect_room(OF_TEXT * letters)
@@ -86,7 +87,7 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
 
-FORTRAN = str.maketrans("dD", "eE")  # its double exponents
+FORTRAN = str.maketrans("dD", "eE")  # exponents of double precision in Fortran: 1.5D-3
 COMMAS = str.maketrans("dD,", "eE ")
 WHOLE_NUMBER = r"[+-]?\d+"
 
@@ -99,7 +100,7 @@ def read_table(
     whole: bool = False,
     commas: bool = False,
 ) -> np.ndarray:
-    """The numbers on lines, as a structured array with the fields `before` and ``value``.
+    """Read a table from lines of a file: an array with the fields `before` and ``value``.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def read_table(
     Raises
     ------
     ModelError
-        About the first line with anything else.
+        The first line that has anything else.
     """
     fields = [*((name, np.int64) for name in before), ("value", np.int64 if whole else np.float64)]
     if not line_numbers:
@@ -131,10 +132,10 @@ def read_table(
                 raise text.error(i, f"expected {expected}, found '{shortened(text.lines[i])}'")
 
     if commas:
-        check()  # NumPy would not see two of them side by side
+        check()  # NumPy would read two commas side by side as one
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # such as an integer read by way of a float
+            warnings.simplefilter("error")  # NumPy warns if it reads an integer as a float
             lines = (text.lines[i].translate(COMMAS if commas else FORTRAN) for i in line_numbers)
             numbers = np.loadtxt(lines, np.dtype(fields), comments=None, ndmin=1)
     except (ValueError, DeprecationWarning, OverflowError):
