@@ -80,6 +80,7 @@ def compiled_base() -> Path:
 
 @cache
 def _safe_kernel_folder(folder: str) -> Path:
+    """A folder for compiled kernels in which nobody else can write."""
     reasons = []
     for in_user_cache in (False, True) if folder else (True,):
         try:

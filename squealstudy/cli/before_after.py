@@ -193,6 +193,7 @@ def _mode(row: Row, side: str) -> str:
 
 
 def _cells(row: Row, facts: Mapping[Hashable, Any], unpaired: bool) -> list[str]:
+    """Cells of a row of the table on screen, for a mode before and after a change."""
     rates = [row[f"growth_rate_{side}"] for side in SIDES]
     unknown = {side for side in SIDES if unpaired and not row[f"mode_{side}"]}
     shares = [
@@ -209,6 +210,7 @@ def _cells(row: Row, facts: Mapping[Hashable, Any], unpaired: bool) -> list[str]
 
 
 def _onset_cell(row: Row, side: str, facts: Mapping[str, Any]) -> str:
+    """Text of the onset of a mode on one side of the comparison, or why there is none."""
     kind, onset = str(row[f"onset_kind_{side}"]), row[f"onset_{side}"]
     if kind == BELOW_RANGE:
         return BELOW_RANGE

@@ -95,6 +95,7 @@ def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
 
 
 def _cycle_cells(row: dict[Hashable, Any]) -> list[str]:
+    """Cells of a row that compares a limit cycle with a run in time."""
     bistable = "?" if pd.isna(row["bistable"]) else "yes" if row["bistable"] else "no"
     return [
         str(row["verdict"]).replace("_", " "),
@@ -170,6 +171,7 @@ def _unforeseen(table: pd.DataFrame) -> list[str]:
 
 
 def _cells(row: dict[Hashable, Any]) -> list[str]:
+    """Cells of a row that compares growth in a run with a complex mode."""
     has_frequency = row["frequency_hz"] == row["frequency_hz"]
     bounds = f"{row['low']:.4g} to {row['high']:.4g}" if row["low"] == row["low"] else "-"
     expressed = "?" if pd.isna(row["expressed"]) else "yes" if row["expressed"] else "no"

@@ -218,6 +218,7 @@ def correlation_lines(measured: Measured, correlation: Correlation) -> list[Rend
 
 
 def _row(measured: Measured, correlation: Correlation, mode: int, group: int | None) -> list[str]:
+    """Cells of a measured mode: its partner among the computed modes, and their MAC."""
     hz, zeta = measured.frequency_hz[mode], measured.damping_ratio[mode]
     first = [str(mode + 1), f"{hz:.1f}", figure(100 * zeta, ".3f")]
     if group is None:

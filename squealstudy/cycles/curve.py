@@ -177,6 +177,7 @@ class Path:
         return curve_motions, end
 
     def _plain(self, start: PeriodicMotion, held_unknown: int) -> tuple[list[CurveMotion], str]:
+        """Follow the curve with a complete basis, which need not grow along it."""
         equations = self.projection.equations(self.harmonics)
         u = equations.pack(start)
         equations.accepted(u)

@@ -368,6 +368,7 @@ class Projection:
             )
 
     def _begin_anew(self, *motions: PeriodicMotion) -> None:
+        """Make the basis of each harmonic anew from some motions."""
         rows = [list[np.ndarray]() for _ in range(1 + max(m.harmonics for m in motions))]
         for motion in motions:
             H, weighted = motion.harmonics, motion.Q * self.weight

@@ -294,6 +294,7 @@ def prepared_model(key: str) -> PreparedModel:
 # -- working points, for later studies of the same model ----------------------------------------
 @lru_cache(maxsize=4)
 def _gaps(key: str) -> dict[str, np.ndarray]:
+    """Gaps of working points of a structure that the cache has, by the key of the point."""
     gap_of: dict[str, np.ndarray] = {}
     if _links(_gap_folder(key)):  # files there may be anybody's
         return gap_of

@@ -99,6 +99,7 @@ def _solved(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
 
 
 def _solved_or_failed(kind: Kind, task: Any) -> tuple[pa.Table, Solved]:
+    """Solve a task; an error that concerns only its points becomes their failed rows."""
     try:
         return _solved(kind, task)
     except Exception as error:

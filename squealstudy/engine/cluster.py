@@ -361,6 +361,7 @@ def connected(client: Client | str | Path, warn: Callable[[str], None]) -> Itera
 
 @contextlib.contextmanager
 def _checked(client: Client, warn: Callable[[str], None]) -> Iterator[Cluster]:
+    """The cluster with its workers, released when the block ends."""
     cluster = Cluster(client, warn)
     cluster.members = cluster.workers()
     try:

@@ -78,6 +78,7 @@ def stored_cycle(store: Store, cycle_id: str) -> CycleSeries:
 
 
 def _read(store: Store, name: str) -> list[CycleSeries]:
+    """Series of limit cycles from one file of results; ResultsError for a damaged file."""
     path = store.whole(name)
     try:
         arrays = read_arrays(path)

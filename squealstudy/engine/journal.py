@@ -139,6 +139,7 @@ class Journal:
             self._append(Line(gone=recorded))
 
     def _append(self, line: Line) -> None:
+        """Write a line to the file so that it survives a crash, then apply it."""
         # a backup of hard links shares the file, and must not change: go on with a copy
         if self._path.exists() and self._path.stat().st_nlink > 1:
             write_bytes(self._path, self._path.read_bytes())

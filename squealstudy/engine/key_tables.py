@@ -74,6 +74,7 @@ def _table(
 def _rows(
     properties: Mapping[str, Any], required: Iterable[str], schema: Mapping[str, Any]
 ) -> list[str]:
+    """Lines of a Markdown table of keys, and an example of values where the schema has one."""
     has_units = any("unit" in entry for entry in _entries(schema))
     titles = ["key", "type", *["unit"] * has_units, "default", "meaning"]
     lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
@@ -121,6 +122,7 @@ def _type(node: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
 
 
 def _range(node: Mapping[str, Any]) -> str:
+    """Text of the bounds of a key, after a comma; empty without bounds."""
     bounds = (
         ("exclusiveMinimum", "above"),
         ("minimum", "at least"),

@@ -94,6 +94,7 @@ def _who_says(study: ResolvedStudy) -> str:
 
 
 def _scope(study: ResolvedStudy, swept: np.ndarray) -> Scope:
+    """What decides which rung serves a study: its design points, sweeps and damping."""
     structural = [k for k, s in enumerate(study.sweeps) if s.parameter.structural]
     free = [k for k, s in enumerate(study.sweeps) if not s.parameter.structural]
     structures = int(distinct_rows([swept[:, k] for k in structural], len(swept)).max()) + 1

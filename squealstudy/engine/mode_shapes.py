@@ -226,6 +226,7 @@ class PointShapes:
         return same_coordinates(own_model, load_prepared(prepared_key).model)
 
     def _label(self, mode: int, track: int | None) -> Label:
+        """What identifies the shape of a mode: study, design point and track."""
         results, point_row = self._results, self._results.points.iloc[self._row]
         names = results.parameters
         return Label(

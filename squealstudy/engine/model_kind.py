@@ -260,6 +260,7 @@ def as_model_kind(kind: StudyKind) -> ModelKind:
 
 
 def _check_limit(study: ResolvedStudy, count: int, yes: bool) -> None:
+    """Raise StudyFileError for more design points than the limit, unless `yes`."""
     limit = study.definition.design.limit
     if count > limit and not yes:
         raise study.error(

@@ -75,6 +75,7 @@ def loudest(results: ResultTables) -> int:
 
 
 def _expect_runs(results: ResultTables) -> None:
+    """Raise ResultsError unless the results are of runs in time, with levels."""
     if results.kind != "transient":
         raise ResultsError(
             f"{results.directory}: motion at the end is that of runs in time, these are results of "

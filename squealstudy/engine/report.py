@@ -100,6 +100,7 @@ def _with_beside(results: Sequence[Results]) -> Iterator[Results]:
 
 
 def _overview(results: Sequence[Results]) -> str:
+    """HTML of the table of all results of a report."""
     rows = [
         [
             f'<a href="#r{n}">{escape(str(study_results.manifest["name"]))}</a>',
@@ -132,6 +133,7 @@ def _lost(results: Results) -> str:
 
 
 def _head(results: Results, all_of_them: Sequence[Results]) -> Iterator[str]:
+    """HTML of the title, question and verdict of one study."""
     kind, model, verdict_text = _whose(results)
     yield f"<h1>{escape(str(results.manifest['name']))}</h1>"
     yield f'<p class="question">{escape(_description(results))}</p>'
@@ -155,6 +157,7 @@ def _study_tables(results: Results) -> dict[str, Any]:
 
 
 def _findings(results: Results) -> Iterator[str]:
+    """HTML of what the screen of the kind tells beyond the verdict."""
     verdict_text = results.screen.verdict(results)
     parts = [
         text
@@ -225,6 +228,7 @@ def _shape(results: Results) -> list[str]:
 
 
 def _tables(results: Results) -> Iterator[str]:
+    """HTML of the first rows of each table."""
     yield "<h2>Tables</h2>"
     for name in results.tables:
         table = results.table(name)
@@ -258,6 +262,7 @@ def _cell(value: Any) -> str:
 
 
 def _errors(results: Results) -> Iterator[str]:
+    """HTML of errors, validity and failed points."""
     rows = list(results.screen.facts(results))
     rows += [("tables", text) for text in tables_text(results.manifest)]
     if "points" in results.tables and (text := outside_validity(results.points, "")):
@@ -296,6 +301,7 @@ def _pairs(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def _provenance(results: Results) -> Iterator[str]:
+    """HTML of where, when and by which versions the results were made."""
     m = results.manifest
     versions = ", ".join(f"{name} {text}" for name, text in m.get("versions", {}).items())
     machine = ", ".join(f"{k} {v}" for k, v in m.get("machine", {}).items())

@@ -172,6 +172,7 @@ def study_text(name: str, kind: str, model: str | None, whole: bool = False) -> 
 
 
 def _known_model(model: str | None) -> ModelDefinition:
+    """The model of a name; SquealstudyError tells what to do for other names."""
     if model is None:
         width = max(map(len, MODELS))
         listed = (f"  {name:{width}}  {m.description}" for name, m in MODELS.items())
@@ -300,6 +301,7 @@ def _of_kind(begun: Begun, section: str, field: FieldInfo) -> Iterator[str]:
 
 
 def _study(begun: Begun) -> Iterator[str]:
+    """Lines of the section [study]."""
     study = begun.definition.study
     yield "[study]"
     for key in ("name", "kind"):
@@ -314,6 +316,7 @@ def _study(begun: Begun) -> Iterator[str]:
 
 
 def _model(begun: Begun) -> Iterator[str]:
+    """Lines of the section [model]."""
     begun_with = begun.tables["model"]
     yield "[model]"
     if isinstance(begun.model, FileDefinition):
@@ -330,6 +333,7 @@ def _model(begun: Begun) -> Iterator[str]:
 
 
 def _parameters(begun: Begun) -> Iterator[str]:
+    """Lines of the section [parameters]: of a meshed model those that matter most."""
     begun_with = begun.tables["parameters"]
     shown = begun.shown("parameters")
     yield "[parameters]"

@@ -189,6 +189,7 @@ class Workers:
         tasks: Iterator[TaskT],
         lost: Callable[[TaskT, str], ResultT] | None,
     ) -> Iterator[ResultT]:
+        """Results in the order in which they are ready, from this process or from workers."""
         started, limit_s = time.perf_counter(), self.seconds_without_workers()
         if self.cluster is not None and math.isfinite(limit_s):
             yield from self.cluster.each(function, tasks, lost)
@@ -205,6 +206,7 @@ class Workers:
     def _on_processes(
         self, function: Callable[[TaskT], ResultT], tasks: Iterator[TaskT]
     ) -> Iterator[ResultT]:
+        """Results of tasks that worker processes of this machine solve."""
         from concurrent.futures import FIRST_COMPLETED, Future, wait
         from concurrent.futures.process import BrokenProcessPool
 

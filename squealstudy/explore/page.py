@@ -142,6 +142,7 @@ def _shapes_without_room(n: int) -> list[str]:
 
 
 def _filled(results: Results, kind: KindPage, content: Content, library: str) -> str:
+    """The page as HTML, with texts, content and scripts in the places of its template."""
     first = said_first(results.points) if "points" in results.tables else ""
     content_json = json.dumps(content, separators=(",", ":"), allow_nan=False)
     shown: dict[str, str] = {

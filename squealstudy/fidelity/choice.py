@@ -179,6 +179,7 @@ def pays(points: float, trial: float) -> bool:
 def _combinations(
     tried: Mapping[str, Sequence[TriedSetting]], base_error: float, base_cost: float, fixed: float
 ) -> list[Combination]:
+    """All combinations of the tried settings, with the sum of their errors and their cost."""
     combinations = []
     for rungs in itertools.product(*tried.values()):
         cost = base_cost
@@ -217,6 +218,7 @@ def kept_choice(fidelity: FidelityStudy, make: Callable[[], Choice]) -> Choice:
 
 
 def _path(fidelity: FidelityStudy) -> Path:
+    """File of the cache that stores the choice for a study."""
     ids = [
         task.point_id for task in fidelity.plan.tasks
     ]  # ids depend on files and start states too

@@ -62,6 +62,7 @@ def free_ladders(study: ResolvedStudy) -> dict[str, Ladder]:
 
 
 def _reductions() -> Ladder:
+    """Settings of the reduction that are tried, from the smallest model on."""
     return tuple(
         Setting(
             f"modes to {factor:g} x band, enrichment to {tolerance:g}",
@@ -115,6 +116,7 @@ def training_step(study: ResolvedStudy) -> dict[str, float]:
 
 
 def _bases(study: ResolvedStudy) -> Ladder:
+    """Bases of runs in time that are tried, from the smallest to all modes."""
     top, training = float(study.definition.modes.band[1]), training_step(study)
     small = [
         Setting(

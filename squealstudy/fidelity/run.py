@@ -64,6 +64,7 @@ class Resolved:
 
 
 def _plain(neighbour: Neighbour) -> dict[str, Any]:
+    """A neighbour of the chosen setting as plain values, for the manifest."""
     if isinstance(neighbour, UntriedSetting):
         reason = "not tried" if neighbour.text else "there is none"
         unknown = {"estimated_error": None, "seconds": None}

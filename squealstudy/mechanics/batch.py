@@ -98,6 +98,7 @@ def _joined(arrays: list[np.ndarray], width: int) -> np.ndarray:
 
 
 def _batch_block(values: Values, rows: slice, band_hz: tuple[float, float]) -> BatchModes:
+    """Modes of some rows of a batch; where solving them together fails, row by row."""
     count = rows.stop - rows.start
     columns = {k: x[rows] if isinstance(x, np.ndarray) else x for k, x in values.columns.items()}
     try:
@@ -115,6 +116,7 @@ def _batch_block(values: Values, rows: slice, band_hz: tuple[float, float]) -> B
 
 
 def _batch_modes(system: StackedSystem, roots: StackedRoots) -> BatchModes:
+    """Modes of solved rows, NaN beyond the number of roots of each."""
     is_root = roots.held
 
     def only_roots(values: np.ndarray) -> np.ndarray:
@@ -136,6 +138,7 @@ def _batch_modes(system: StackedSystem, roots: StackedRoots) -> BatchModes:
 
 
 def _failed(values: Values, status: str, message: str) -> BatchModes:
+    """A row without modes, for a design point that failed."""
     n = values.point(0).assembly().n_dof
     parts = len(values.definition.energy_parts)
     return BatchModes(

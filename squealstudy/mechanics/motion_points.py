@@ -142,6 +142,7 @@ def _followed(
     tolerance: float,
     settings: MotionSettings | None,
 ) -> MotionPoint:
+    """The start of a run with the complex modes that it follows."""
     return watched_point(
         reference.system,
         sliding.motion,

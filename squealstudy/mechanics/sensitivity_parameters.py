@@ -111,6 +111,7 @@ def state_parameters(
 def _expanded(
     requested: RequestedParameter, omega: Mapping[ModeKey, float]
 ) -> Iterator[StateParameter]:
+    """State parameters of a requested one: of each mode of a component if all are asked for."""
     if requested.structural:
         return
     parameter = requested.parameter

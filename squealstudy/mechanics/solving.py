@@ -44,6 +44,7 @@ def each(structures: Structures, solve: Solve[ResultT], single: bool) -> list[Re
 def _solved(
     structures: Structures, solve: Solve[ResultT], single: bool
 ) -> Iterator[tuple[int, ResultT | Exception]]:
+    """Yield number and result or error of each design point; a single one raises its error."""
     for first, numbers in structures.values.of_structures():
         try:
             reduction = structures.reduction(first, numbers)

@@ -207,6 +207,7 @@ class Structures:
         return tuple(trained)
 
     def _varied_ends(self, name: str) -> tuple[float, ...]:
+        """Ends of the range of a structural parameter that the basis must serve; () if constant."""
         x, basis_range = self.values.columns[name], self.basis.ranges.get(name)
         if basis_range is None and not isinstance(x, np.ndarray) and x == self.nominal.values[name]:
             return ()

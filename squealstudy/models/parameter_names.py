@@ -167,6 +167,7 @@ def check_disjoint(parameters: Iterable[StudyParameter]) -> None:
 
 
 def _parse_mode_parameter(name: str, model: ModelDefinition) -> ModeParameter:
+    """The parameter of component or assembly modes of a name; ParameterError for others."""
     match = MODE_NAME.fullmatch(name)
     if match is None:
         raise ParameterError(name, f"expected a name like {EXAMPLE}, got '{name}'")

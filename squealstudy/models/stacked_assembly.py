@@ -110,6 +110,7 @@ class StackedAssembly:
 
 
 def _columns(a: Assembly) -> dict[str, np.ndarray]:
+    """Matrices and values of an assembly that a stack of assemblies holds."""
     contact = a.contact
     matrices: Mapping[str, sp.spmatrix] = {
         "M": a.M,

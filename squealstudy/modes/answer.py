@@ -85,6 +85,7 @@ def _fault(modes: PointModes, problem: Problem) -> str:
 
 
 def _outside(modes: PointModes, band: tuple[float, float]) -> str:
+    """Message about roots that a rung yields outside the band; empty without such roots."""
     size = np.abs(modes.lam)
     slack = np.nan_to_num(modes.error_rung, posinf=np.inf) + EIGENVALUE_REL_ROUND_OFF * size
     outside = size[(size + slack < band[0]) | (size - slack > band[1])]

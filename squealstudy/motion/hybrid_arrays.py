@@ -155,6 +155,7 @@ class StepSolver:
     def _condense(
         self, model: layout.HybridArrays, h: float, forces: np.ndarray
     ) -> layout.StepSize:
+        """What a step of size h needs: the compliance of the contact points and its parts."""
         n, n_rows = len(model.K.indptr) - 1, len(model.B.indptr) - 1
         nb = 3 * len(model.points)
         B = sp.csr_matrix((model.B.data, model.B.indices, model.B.indptr), shape=(n_rows, n))

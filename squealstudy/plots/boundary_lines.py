@@ -183,6 +183,7 @@ class _Crossings:
         return float((onset - a) / (b - a))
 
     def _part_by_damping(self, edge: StabilityEdge) -> float:
+        """Share of an edge at which damping vanishes, by linear interpolation; else the middle."""
         stable, unstable = (float(self._plane.damping_ratio[i]) for i in edge)
         if (
             not unstable < 0

@@ -265,6 +265,7 @@ def _shade_errors(axes: Axes, over: Quantity, branches: pd.DataFrame) -> None:
 
 
 def _cycles(axes: Axes, x: np.ndarray, cycles: pd.DataFrame, column: str) -> None:
+    """Draw limit cycles with marks for stable, unstable and unknown stability."""
     has_stability = cycles["stable"].notna().to_numpy(bool)
     stable = cycles["stable"].fillna(False).to_numpy(bool)
     y = cycles[column].to_numpy(float)

@@ -227,6 +227,7 @@ def _finish(lower: Axes, line: StudyLine, show: str) -> None:
 
 
 def _title(line: StudyLine) -> str:
+    """Title: how many tracks are unstable, and which points are not solved."""
     n = len(line.unstable_tracks)
     loose, failed = int(line.untracked["unstable"].sum()), int(line.failed.sum())
     none = "no unstable mode where it is solved" if failed else "no unstable mode"

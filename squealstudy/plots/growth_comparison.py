@@ -134,6 +134,7 @@ def sizeable(table: pd.DataFrame) -> np.ndarray:
 def _bars(
     axes: Axes, modes: pd.DataFrame, names: tuple[str, str, str], style: dict[str, Any], label: str
 ) -> None:
+    """Draw fitted over predicted growth rates, with error bars."""
     fitted, low, high = (modes[n].to_numpy(dtype=float) for n in names)
     axes.errorbar(
         modes["predicted"],

@@ -168,6 +168,7 @@ def _mark_transfer(axes: Axes, run: Run) -> None:
 
 
 def _transfer_text(run: Run) -> str:
+    """Text on the real mode that takes over the energy from another; empty without one."""
     before, after = (run.number(f"transfer_{n}") for n in ("from", "to"))
     if not after > 0:
         return ""

@@ -120,6 +120,7 @@ def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figu
 
 
 def _legend(figure: Figure, hatched: bool) -> None:
+    """Draw the legend; `hatched` tells that bars near coalescence are shown."""
     handles = [
         Patch(color=COLOURS[1], label="first order, from left and right vectors"),
         Patch(color=UNSTABLE, label="reanalysis"),

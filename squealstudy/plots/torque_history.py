@@ -156,6 +156,7 @@ def _rows_a_period(run: Run) -> float:
 
 
 def _torque(axes: Axes, run: Run, named: bool) -> None:
+    """Draw the torque over time with its mean and its value in steady sliding."""
     what, unit = friction_label(run.units)
     low, high = run.column("torque_min")[1:], run.column("torque_max")[1:]
     if _rows_a_period(run) < FEW_ROWS and np.isfinite([*low, *high]).all():

@@ -219,6 +219,7 @@ _kept_modes: dict[tuple[str, float], ComponentModes] = {}
 
 
 def _free_modes(component: AnyComponent, cutoff_hz: float) -> ComponentModes:
+    """Free modes of a component up to a frequency, cached by the content of its matrices."""
     if not sp.issparse(component.K):
         return ComponentModes(*real_modes(component.M, component.K, cutoff_hz))
     key = (_content(component.M, component.K), cutoff_hz)
@@ -349,6 +350,7 @@ def project(
 
 
 def _turning(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:
+    """Gyroscopic terms of rotors in component-mode coordinates; None without any."""
     G = assembly.turning
     if G is None:
         return None
@@ -359,6 +361,7 @@ def _turning(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:
 
 
 def _own_damping(assembly: AnyAssembly, basis: ComponentBasis) -> np.ndarray | None:
+    """Damping of components and dampers in component-mode coordinates; None without any."""
     C = assembly.C_el
     if C is None:
         return None

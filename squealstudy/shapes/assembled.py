@@ -108,6 +108,7 @@ def _draw(
     view: tuple[float, float],
     smooth: bool = False,
 ) -> None:
+    """Draw a surface with coloured values, seen from one side."""
     surface = triangles(facets, len(points))
     points, values = with_middles(facets, points), with_middles(facets, values, smooth=smooth)
     camera = Camera.at(*view)

@@ -102,6 +102,7 @@ def _write_mesh(mesh: meshio.Mesh, path: Path) -> None:
 
 
 def _mesh(shape: Shape, values: Mapping[str, np.ndarray]) -> meshio.Mesh:
+    """The shape as a mesh for files of other programs; ModelError without cells."""
     cells, component, share = [], [], []
     for number, part in enumerate(shape.parts):
         first = 0

@@ -114,6 +114,7 @@ def _rotor(component: str, waves: Waves, several: bool) -> str:
 
 
 def _component(shape: Shape, component: str, share: float) -> str:
+    """Words for the motion of one component in a shape."""
     word = component.replace("_", " ")
     mode_shares = {
         mode: part for (name, mode), part in shape.participation.items() if name == component

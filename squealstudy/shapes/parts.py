@@ -62,6 +62,7 @@ def parts_of(
 
 
 def _shape_part(component: Component, nodes: slice, u: np.ndarray, elastic: float) -> ShapePart:
+    """The part of a shape that one component makes up."""
     cells, start = component.cells, nodes.start
     if cells is None:
         none = np.zeros(0)

@@ -164,6 +164,7 @@ def _amplitude(axes: Axes, shape: Shape) -> None:
 
 
 def _density(axes: Axes, shape: Shape) -> None:
+    """Draw the parts apart, coloured by the density of strain energy."""
     low, high = density_range(shape)
     colours = ScalarMappable(LogNorm(low, high), DENSITY_COLOURS)
     points = shape.coordinates.copy()
@@ -214,6 +215,7 @@ def _fewer(rgba: np.ndarray) -> np.ndarray:
 
 
 def _bar(axes: Axes, colours: ScalarMappable, label: str, extend: str = "neither") -> None:
+    """Draw a colour bar below the axes."""
     figure: Any = axes.figure
     figure.colorbar(
         colours,

@@ -197,6 +197,7 @@ class _SensitivityBatch:
     def _add(
         self, step: StackedStep, slopes: StateSlopes, by: MatrixSlope | None, changed: Changed
     ) -> None:
+        """Add the sensitivities of all modes to one parameter."""
         owner = self._modes.owner
         size = step.size[owner]
         nothing = np.full(len(owner), np.nan)

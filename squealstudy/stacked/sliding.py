@@ -197,6 +197,7 @@ def _solved(K0: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
+    """Solve the gap equations of all design points by Newton's method."""
     structures, operating, area = equations.structures, equations.operating, equations.area
     m, c = area.shape
     gap0 = np.broadcast_to(structures.gap0, (m, c))

@@ -174,6 +174,7 @@ class StateSlopes:
         return matrix_slope(system, sliding.contact(gap, by))
 
     def _by_modes(self, parameter: StateParameter) -> MatrixSlope:
+        """Derivatives of the matrices by a frequency scale or damping ratio of modes."""
         system, n = self.system, self.system.structures.n
         coordinates = self.places(parameter)
         if not parameter.component:

@@ -209,6 +209,7 @@ class _ChangedModes:
 
 
 def _changed_modes(assembly: StackedAssembly, system: StackedSystem) -> _ChangedModes:
+    """Changes by factors and damping ratios of component modes, of a changed structure."""
     changed, damping = structures_of(assembly), system.damping
     rows = changed.phi.swapaxes(1, 2) @ assembly.M @ system.structures.phi
     omega = np.sqrt(np.maximum(changed.k_el, 0.0))

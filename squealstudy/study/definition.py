@@ -247,6 +247,7 @@ def _model_with_units(
 
 
 def _model(definition: StudyDefinition, source: SourceText) -> ModelDefinition:
+    """The model that a study names; StudyFileError for an unknown name."""
     from squealstudy.models.catalogue import MODELS, model_names
     from squealstudy.models.matrices.family import NAME
     from squealstudy.study.family import family_of

@@ -165,6 +165,7 @@ def _check_letters(section: ModelSection, source: SourceText) -> None:
 
 
 def _expression(term: TermSection, index: int, source: SourceText) -> Expression:
+    """The expression of a term's coefficient; StudyFileError where it is none."""
     keys: KeyPath = ("model", "term", index, "coefficient")
     try:
         expression = Expression(term.coefficient)
@@ -198,6 +199,7 @@ def _nominal(
 
 
 def _absent(term: TermSource, index: int, source: SourceText) -> StudyFileError:
+    """Error for a file of a matrix that does not exist."""
     folder = term.path.parent
     what = f"no file {term.path.name} in {folder}" if folder.is_dir() else f"no folder {folder}"
     return source.error(

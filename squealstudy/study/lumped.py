@@ -258,6 +258,7 @@ def _unit(table: ParameterTable, source: SourceText, keys: KeyPath) -> str:
 
 
 def _default(table: ParameterTable, unit: str, source: SourceText, keys: KeyPath) -> float:
+    """Default of a parameter of the file in its unit, from a number or a text with a unit."""
     if not isinstance(table.default, str):
         return table.default
     try:

@@ -85,6 +85,7 @@ class _ByFiles:
 
 @lru_cache(maxsize=16)
 def _free(by_files: _ByFiles, name: str, cutoff_hz: float) -> list[MeasuredMode]:
+    """Measured modes of a free component, from the table that the model file names."""
     from squealstudy.models.components.free_modes import tabled_modes
     from squealstudy.study.components import build_of, free_component  # imports scikit-fem
 

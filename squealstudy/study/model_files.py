@@ -85,6 +85,7 @@ def named_by_content(tables: Mapping[str, Any], source: SourceText) -> Mapping[s
 
 
 def _no_lumped(file: object, source: SourceText) -> StudyFileError:
+    """Error for a model file that is not of a lumped model."""
     if not isinstance(file, str):
         text = f"model '{LUMPED}' is what a file with {TABLES} describes: expected file = \"...\""
         return source.error(("model", "name"), text)

@@ -73,6 +73,7 @@ class _Preparations:
         )
 
     def heat(self) -> Iterator[str]:
+        """Sentences on components that heat has expanded."""
         for name, component in self._file.components.items():
             if component.heat is None:
                 continue
@@ -100,6 +101,7 @@ class _Preparations:
                 yield f"{self._file.name_of('contact', i)} {self._state(keys, texts[0], in_time)}"
 
     def _state(self, keys: KeyPath, friction: str, in_time: bool) -> str:
+        """Text on a contact that sticks or slides by its state."""
         if in_time and not self._starts_in_time(keys):
             return f"cannot be run: {NOT_IN_TIME}"
         if in_time:
@@ -121,6 +123,7 @@ class _Preparations:
         return sticks and (is_free or self._numbers.at(*stiffness) == 0.0)
 
     def wear(self) -> Iterator[str]:
+        """Sentence on the wear of the faces."""
         if (table := self._file.wear) is None:
             return
         distance = self._amount(WEAR, "distance", unit="m")

@@ -61,6 +61,7 @@ def dotted(keys: KeyPath) -> str:
 
 
 def _read_text(path: Path) -> str:
+    """Text of a study file; StudyFileError where it cannot be read as UTF-8."""
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):  # it might never end
             raise StudyFileError("expected a study file (TOML), got a pipe or a device", path)
@@ -79,6 +80,7 @@ def _read_text(path: Path) -> str:
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:
+    """Tables of a TOML text; StudyFileError with line and column for a fault."""
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -112,6 +112,7 @@ class _SweepReader:
     keys: KeyPath
 
     def read(self) -> Sweep:
+        """The sweep of a section; StudyFileError for a fault in it."""
         self._check_keys()
         try:
             parameter = parse_parameter(self.section.parameter, self.model)
@@ -201,6 +202,7 @@ class _SweepReader:
                 )
 
     def _check_present(self, needed: tuple[str, ...], choice: str) -> None:
+        """Raise StudyFileError for a key that a range or distribution lacks."""
         keys = self.section.model_fields_set
         missing = [key for key in needed if key not in keys]
         if missing and not keys & set(needed):

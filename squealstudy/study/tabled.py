@@ -52,6 +52,7 @@ def take_tables(tables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Give
 def _without(
     table: Mapping[str, Any], keys: KeyPath, given_tables: list[GivenTable]
 ) -> dict[str, Any]:
+    """Tables of the study without those over a parameter, which are added to `given_tables`."""
     remaining: dict[str, Any] = {}
     for key, entry in table.items():
         entry_keys = (*keys, key)
@@ -105,6 +106,7 @@ def read_parameter_tables(
 def _read(
     model: ModelDefinition, keys: KeyPath, name: str, table: Any, source: SourceText
 ) -> ParameterTable:
+    """A table of a parameter over others; StudyFileError for a fault in it."""
     from squealstudy.models.parameter import ParameterTable
 
     if not isinstance(table, Mapping):
@@ -131,6 +133,7 @@ def _read(
 
 
 def _plain(model: ModelDefinition, name: str, keys: KeyPath, source: SourceText) -> Parameter:
+    """The parameter of the model with a name; StudyFileError for parameters of modes."""
     try:
         parameter = parse_parameter(name, model)
     except ParameterError as error:
@@ -170,6 +173,7 @@ def _numbers(
 
 
 def _number(parameter: Parameter, value: Any, keys: KeyPath, source: SourceText) -> float:
+    """A value in the unit of the parameter; StudyFileError for one out of bounds."""
     try:
         text = with_bare_unit(value, parameter)
         if isinstance(text, str):
@@ -245,6 +249,7 @@ def _expect_within(
     keys: KeyPath,
     source: SourceText,
 ) -> None:
+    """Raise StudyFileError for a value beyond the range of a table."""
     for knot in values:
         if not knots[0] <= knot <= knots[-1]:
             text = f"the table of {table.name} is from {knots[0]:g} to {knots[-1]:g}, got {knot:g}"

@@ -351,6 +351,7 @@ def _scaled(w: Any, X: np.ndarray) -> np.ndarray:
 
 
 def _add_dense(A: np.ndarray, term: Term, w: Any) -> None:
+    """Add a term with its weight to a dense matrix, in place."""
     if term.dense:
         A += w
     elif term.left is None and term.right is None:

@@ -52,6 +52,7 @@ def blocks_of(matrices: Sequence[np.ndarray]) -> tuple[RowBlock, ...]:
 
 
 def _runs(columns: np.ndarray) -> tuple[Run, ...]:
+    """Runs of consecutive columns, each as a slice of the list and of the matrix."""
     ends = np.flatnonzero(np.diff(columns) != 1) + 1
     starts = [0, *ends.tolist()]
     parts = zip(starts, [*ends.tolist(), len(columns)], strict=True)

@@ -206,6 +206,7 @@ def _instabilities(predicted: pd.DataFrame, followed: pd.DataFrame) -> Iterator[
 
 
 def _in_time(row: pd.Series) -> dict[str, object]:
+    """Cells of a complex mode that a run was watched through."""
     return {
         "predicted_frequency_hz": row["frequency_hz"],
         "predicted_growth_rate": row["growth_rate"],

@@ -78,6 +78,7 @@ def compare_cycles(
 
 
 def _verdict(design: pd.Series, n_stable: int) -> dict[str, object]:
+    """Cells on what limit cycles predict for a design."""
     ok = design["status"] == "ok"
     verdict = str(design["verdict"]) if ok else str(design["status"])
     quiet = ok and int(design["n_unstable"]) == 0 and not bool(design["unstable_outside"])
@@ -113,6 +114,7 @@ def _with_run(stable: pd.DataFrame, design: pd.Series) -> pd.DataFrame:
 
 
 def _levels(design: pd.Series, stable: pd.DataFrame, run: pd.Series) -> dict[str, object]:
+    """Cells on the level and frequency of a run beside the cycle nearest to it."""
     row: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
     line = float(run["torque_line_hz"])
     run_hz = float(run.get("frequency_hz", np.nan))  # results of before have none
@@ -144,6 +146,7 @@ def _levels(design: pd.Series, stable: pd.DataFrame, run: pd.Series) -> dict[str
 
 
 def _agreement(verdict: str, run: str) -> str:
+    """Whether a run agrees with the verdict on its design."""
     if run in OPEN or run not in (*SUSTAINED, STABLE):
         return CANNOT
     if verdict == IF_KICKED:

@@ -113,6 +113,7 @@ def _lost(mode: int, root: complex) -> Iterator[FoundError]:
 
 
 def _mode_errors(mode: int, lam: complex, root: complex) -> Iterator[FoundError]:
+    """Errors of one mode: its frequency, damping ratio and growth rate."""
     f, f_ref = abs(lam) / (2 * np.pi), abs(root) / (2 * np.pi)
     zeta, zeta_ref = -lam.real / abs(lam), -root.real / abs(root)
     pairs = [
@@ -301,6 +302,7 @@ def _at(
 def _cheapest(
     good: pd.DataFrame, among: np.ndarray, error: np.ndarray, cost: np.ndarray
 ) -> tuple[str, float, float]:
+    """Label, cost and error of the cheapest measurement among some; "" and NaN without one."""
     rows = np.flatnonzero(among)
     if not len(rows):
         return "", np.nan, np.nan

@@ -250,6 +250,7 @@ def energy_columns(columns: Iterable[str]) -> list[str]:
 def _order(
     points: pd.DataFrame, modes: pd.DataFrame, along: str | None, by: str
 ) -> tuple[str, bool]:
+    """Column by which rows are sorted and whether ascending; ResultsError for other keys."""
     choices = [*ORDER, *energy_columns(modes.columns)]
     if by not in choices:
         text = f"modes cannot be ranked by '{by}', expected {', '.join(choices)}"

@@ -123,6 +123,7 @@ def wider_roots(
 def _table(
     points: DesignPoints, system: StackedSystem, roots: StackedRoots, started: float
 ) -> pa.Table:
+    """Chunk table of a batch of small models: one row for each design point."""
     count, is_root, sliding = roots.count, roots.held, system.sliding
     m = len(count)
     solved = np.ones(m, dtype=bool)

@@ -79,6 +79,7 @@ class BatchOnsets:
         return refined
 
     def _of_as_many(self, brackets: Brackets, count: int) -> Sequence[Onset | None]:
+        """Onsets in brackets whose points all have `count` modes; None where not refined."""
         x = self._plan.coordinates[:, self._column]
         modes = [self._modes(points, count) for points in brackets.points]
         onsets = refine_onsets_together(

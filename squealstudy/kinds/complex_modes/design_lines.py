@@ -95,6 +95,7 @@ def design_lines(results: ResultTables) -> list[DesignLine]:
 
 
 def _line(results: ResultTables, values: dict[str, float]) -> DesignLine:
+    """What a study knows of one design: its unstable points, modes and first onset."""
     where = " and ".join(f"{name} == {float(number)!r}" for name, number in values.items())
     points = results.points
     on_line = np.logical_and.reduce([points[name].to_numpy() == v for name, v in values.items()])

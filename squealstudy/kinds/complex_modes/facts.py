@@ -84,6 +84,7 @@ class Check(FactGroup):
 
     @model_validator(mode="after")
     def _belong_together(self) -> Check:
+        """Raise ValueError for fields of a check that contradict each other."""
         if self.status != "ok" and self.message is None:
             raise ValueError("a check that failed without a message")
         if self.status == "ok" and None in (self.missed_modes, self.full_order_modes):
@@ -153,6 +154,7 @@ class ComplexModesFacts(FactGroup):
 
     @model_validator(mode="after")
     def _belong_together(self) -> ComplexModesFacts:
+        """Raise ValueError for fields of a manifest that contradict each other."""
         if self.outside_band is not None and self.band_hz is None:
             raise ValueError("'outside_band' without 'band_hz'")
         if self.errors is not None and self.method is None:

@@ -128,6 +128,7 @@ class ComplexModes(ModelKind):
 
     @staticmethod
     def _make_basis(plan: Plan, structure: SweptStructure, report: Progress) -> None:
+        """Make the sweep basis of a structure; where it cannot be made, its points are exact."""
         chosen, rung = plan.study.definition.modes.method != AUTO, plan.method.rung
         if structure.refusal and not chosen:
             return

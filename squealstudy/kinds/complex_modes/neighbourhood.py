@@ -102,6 +102,7 @@ class PointNeighbourhood:
                 raise ConvergenceError("failed", f"{type(error).__name__}: {error}") from error
 
     def _alone(self, x: np.ndarray) -> Modes:
+        """Modes at coordinates x, solved exactly; ConvergenceError for any failure."""
         try:
             return modes_at(self.design_at(x), self.structure.band_hz)
         except ExtensionError:

@@ -91,6 +91,7 @@ class PassingModes:
         return h
 
     def _may_lock_in(self, a: Node, b: Node) -> bool:
+        """Whether two modes may pass each other between two nodes and lock in between."""
         at_a, at_b = self._modes(a), self._modes(b)
         if at_a is None or at_b is None or min(len(at_a.lam), len(at_b.lam)) < 2:
             return False

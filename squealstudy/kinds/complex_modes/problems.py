@@ -140,6 +140,7 @@ _problems_by_key: dict[str, Problem] = {}
 
 
 def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Problem:
+    """The problem of a family of matrices, for rungs."""
     chart, band_hz = structure.chart, structure.band_hz
 
     def values_at(theta: np.ndarray) -> dict[str, float]:
@@ -168,6 +169,7 @@ def _family_problem(structure: SweptStructure, prepared: PreparedFamily) -> Prob
 def _brake_problem(
     structure: SweptStructure, prepared: PreparedModel, exact_damping: bool
 ) -> Problem:
+    """The problem of a reduced brake, for rungs."""
     chart, band_hz = structure.chart, structure.band_hz
 
     def state_at(theta: np.ndarray) -> DesignState:

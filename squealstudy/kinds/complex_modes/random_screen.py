@@ -72,6 +72,7 @@ def probabilities(
 
 
 def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
+    """Cells of a row on the probability that a mode is unstable."""
     low, high = row["unstable_points_low"], row["unstable_points_high"]
     n_certain = row["points"] - row["unknown_points"]
     bounds = f" ({percent(low / n_certain, high / n_certain)})" if low < high else ""
@@ -272,6 +273,7 @@ def indices(table: pd.DataFrame, names: Names | None = None) -> list[RenderableT
 
 
 def _indices(row: Row, new: bool) -> list[str]:
+    """Cells of a row on Sobol indices of a parameter."""
     name = "fastest mode" if row["quantity"] == "largest" else _number(row)
     cells = [name, _figure(row["frequency_hz"], 0, unknown="")] if new else ["", ""]
     cells.append(str(row["parameter"]))

@@ -99,6 +99,7 @@ def _batch_roots(
     tolerance: float | None,
     largest_error: float,
 ) -> dict[str, np.ndarray | None]:
+    """Roots of the wanted points in one batch of chunk rows, as in `read_roots`."""
     names = batch.column("point_id").to_pylist()
     ok = [status == "ok" for status in batch.column("status").to_pylist()]
     re, im, error, real = (batch.column(name) for name in COLUMNS[2:])

@@ -108,6 +108,7 @@ class ComplexModesScreen(KindScreen):
 
     @staticmethod
     def _ranking(results: ResultTables, by: str, where: str | None) -> pd.DataFrame:
+        """The ranking of a study; on a boundary map, growth and onset are of solved points."""
         table = rank_modes(
             *results.ranked(where),
             results.along,
@@ -368,6 +369,7 @@ def _onset_kinds(kinds: set[str], results: ResultTables, query: str) -> list[str
 
 
 def _cells(row: Row, along: str | None, energies: bool, units: Mapping[str, str]) -> list[str]:
+    """Cells of a row of the ranking on screen."""
     name = track_number(row["track"]) if row["kind"] == "mode" else str(row["kind"])
     low, high, n = (row[f"{of}points{side}"] for of, side in SIDES)
     share = f"{100 * row['unstable_share']:.1f} %"

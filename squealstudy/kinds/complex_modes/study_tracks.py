@@ -177,6 +177,7 @@ class Follower:
         return refined, points
 
     def _refine_task(self, i: int, pairings: Pairings) -> RefineTask:
+        """The task that refines the step to point i by points between."""
         tree = self._tree
         p = int(tree.parents[i])
         goes_on = bool(tree.step[i])
@@ -234,6 +235,7 @@ def refine_task(task: RefineTask) -> tuple[int, Pairing, int]:
 
 
 def _refined(task: RefineTask) -> tuple[int, Pairing, int]:
+    """The refined pairing of a step, with its point and how many points were solved."""
     if task.start.structure.key == task.end.structure.key:
         in_basis = _refined_in_basis(task)
         pairing, points = in_basis or _refined_by(task, task.start.solve, task.a, task.b)

@@ -74,6 +74,7 @@ class DesignSearch(EvaluatedDesigns):
             self.pending = list(dict.fromkeys(self.pending))
 
     def _run(self) -> None:
+        """Search and check designs in rounds; RowsPending where results are still missing."""
         state, today = self.state, self.study.nominal
         self.register_design(today, "today")
         constraints = self.constraints(today, range(state.n_matrix))

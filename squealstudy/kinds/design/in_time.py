@@ -169,6 +169,7 @@ def vibrations(today: _Today, request: CyclesRequest) -> _Vibrations:
 def _kicks(
     contact: ContactOscillator, unstable_hz: Sequence[float], request: CyclesRequest
 ) -> Iterator[tuple[str, MotionPoint]]:
+    """Starts of runs by kicks along modes: unstable ones first, then least damped ones."""
     low, high = request.band
     lam, psi = contact.oscillator.steady_modes(high)
     inside = np.flatnonzero((np.abs(lam) >= low) & (np.abs(lam) <= high) & (lam.imag > 0))

@@ -65,6 +65,7 @@ class Proof:
         value: float,
         text: str,
     ) -> None:
+        """Add a check of a design, with its result, to the state."""
         self.designs.state.checks.append(
             Check(self.designs.state.round, kind, design, tuple(evaluations), passed, value, text)
         )
@@ -120,6 +121,7 @@ class Proof:
         return self.designs.by_margin(design, range(len(self.designs.state.points)))[:count]
 
     def _full_order(self, design: np.ndarray) -> bool:
+        """Check a design at its worst points with the unreduced model."""
         if not self.designs.reduced or not self.designs.goal.full_order:
             return True
         points = self._worst(design, self.designs.goal.full_order)

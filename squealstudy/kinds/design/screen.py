@@ -196,6 +196,7 @@ COLUMNS = (
 def _mode(
     group: pd.DataFrame, solved: pd.Series, slopes: pd.DataFrame, facts: dict[str, Any]
 ) -> dict[str, Any]:
+    """Row of one mode over operating points: range, growth, and most effective variables."""
     worst = group.iloc[int(group["damping_ratio"].to_numpy(float).argmin())]
     unstable = group.loc[(group["growth_rate"] > 0).to_numpy(bool), "point_id"].unique()
     mode_slopes = slopes[
@@ -238,6 +239,7 @@ def _by_damping(table: pd.DataFrame) -> str:
 
 
 def _modes(table: pd.DataFrame) -> list[RenderableType]:
+    """Table on screen of today's unstable or least damped modes."""
     titles = ("Hz", "points", "unstable %", "growth 1/s", "damping %", "pair Hz")
     rows = table.to_dict("records")
     shown = grid(
@@ -284,6 +286,7 @@ def _in_percent(change: str) -> tuple[str, str]:
 
 
 def _variants(table: pd.DataFrame) -> list[RenderableType]:
+    """Table on screen of the alternatives of a design study."""
     titles = ("unstable", "damping %", "cost", "damping % then", "Hz")
     own_models = len(set(table["model"])) > 1
     shown = grid(
@@ -329,6 +332,7 @@ def _span(low: float, high: float) -> str:
 
 
 def _checks(results: ResultTables) -> list[RenderableType]:
+    """Table on screen of the checks that designs had to pass."""
     proof, designs = results.table("proof"), results.table("designs")
     if not len(proof):
         return []

@@ -19,6 +19,7 @@ MOST_COST = 1e100  # sums of weighted costs are still finite
 
 
 def _bounds(ends: tuple[float, ...]) -> tuple[float, ...]:
+    """Bounds of a variable as changes from today's value; ValueError for others."""
     if len(ends) != 2:
         raise ValueError(f"expected two changes from today's value [low, high], got {len(ends)}")
     if not ends[0] <= 0.0 <= ends[1] or ends[0] == ends[1]:
@@ -138,6 +139,7 @@ class VariableSection(Section):
 
     @model_validator(mode="after")
     def _one_kind(self) -> VariableSection:
+        """Raise ValueError unless the variable is of one kind, with bounds if a parameter."""
         kinds = ("parameter", "added_mass", "stiffener")
         named_kinds = [k for k in kinds if getattr(self, k) is not None]
         if len(named_kinds) != 1:

@@ -93,6 +93,7 @@ def _row(
     facts: Mapping[str, Any] | None,
     reason: str,
 ) -> dict[str, Any]:
+    """Row of the table of alternatives, for one alternative."""
     model = study.model
     head = {
         "variant": name,

@@ -189,6 +189,7 @@ class Continuation:
             self.facts["lost"] += lost
 
     def _lines(self, along: str) -> Iterator[LineTask]:
+        """Tasks that continue cycles along the lines of one parameter."""
         plan, starts = self._plan, self._starts()
         column = [s.name for s in plan.study.sweeps].index(along)
         others = np.delete(plan.swept, column, axis=1)
@@ -262,6 +263,7 @@ class Continuation:
 
     # -- what is found --------------------------------------------------------------------------
     def _join(self, cycles: list[Continued], lost: list[str]) -> None:
+        """Enter continued cycles in the rows of their designs, and judge these again."""
         self.facts["lost"] += lost
         for continued in cycles:
             k = self._numbers[continued.point_id]

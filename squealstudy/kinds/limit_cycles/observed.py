@@ -137,6 +137,7 @@ class Observers:
         return observer.power(series.Q, series.omega), rows
 
     def _observer_of(self, key: str) -> Observer | None:
+        """Observer of surface velocities for a structure; None if its basis has changed."""
         from squealstudy.engine.mode_shapes import expansion, same_coordinates  # needs pandas
 
         plan, section = self._plan, self._plan.study.section

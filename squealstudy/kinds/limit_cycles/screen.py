@@ -331,6 +331,7 @@ def footnotes(reasons: list[str]) -> dict[str, str]:
 
 
 def _cells(row: dict[Hashable, Any], units: Mapping[str, str], kicks: bool) -> list[str]:
+    """Cells of a row of the table of designs on screen."""
     design_cells = [in_column(row[p], unit) for p, unit in units.items()]
     if row["status"] != "ok":
         return [*design_cells, f"failed: {row['status']}", *[""] * (6 if kicks else 4)]

@@ -31,6 +31,7 @@ def _harmonics(value: object) -> object:
 
 
 def _families(value: object) -> object:
+    """The key `families`: "all", "screened" or numbers of modes; ValueError for others."""
     if value in (ALL, SCREENED):
         return value
     numbers = list(value) if isinstance(value, list | tuple) else []

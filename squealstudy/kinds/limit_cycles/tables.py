@@ -265,6 +265,7 @@ def with_validity(reason: str, broken: str) -> str:
 
 
 def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[str, Any]:
+    """Row of the table of verdicts, for one mode of a design."""
     loud, kick = family.loudest, family.threshold
     velocity = np.nan if kick is None else kick.levels["contact_velocity"]
     level, share, opened = dict.fromkeys(LEVEL, np.nan), np.nan, 0.0

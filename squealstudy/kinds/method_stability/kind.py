@@ -173,6 +173,7 @@ def _checked(study: StabilityFile) -> tuple[StabilityCase, tuple[str, str], tupl
 def _allow(
     study: StabilityFile, case: StabilityCase, values: Values, keys: tuple[str | int, ...]
 ) -> None:
+    """Raise StudyFileError for values that a knob of the case does not allow."""
     try:
         checked(case.knobs, values)
     except ParameterError as error:
@@ -181,6 +182,7 @@ def _allow(
 
 
 def _row(task: LineTask, cell: Run) -> dict[str, Any]:
+    """Chunk row of one pair of settings; an error of the case becomes a failed row."""
     started = time.perf_counter()
     coordinates = {axis: cell.content[name] for axis, name in zip("xy", task.knobs, strict=True)}
     try:

@@ -23,6 +23,7 @@ class KnobSection(Section):
 
     @model_validator(mode="after")
     def _values_or_range(self) -> Self:
+        """Raise ValueError unless there are values or a range that can be spaced."""
         if bool(self.values) == (self.start is not None and self.stop is not None):
             raise ValueError("expected either values, or start and stop")
         if self.start is not None and self.stop is not None:

@@ -156,6 +156,7 @@ def _headline(results: ResultTables, first: pd.Series) -> str:
 
 
 def _cells(row: dict[Hashable, Any]) -> list[str]:
+    """Cells of a row: predicted changes of a mode beside those of the changed model."""
     predicted, finite = row["predicted_growth_change"], row["finite_growth_change"]
     off = abs(predicted - finite) / abs(finite) if finite else np.nan
     return [

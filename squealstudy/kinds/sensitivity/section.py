@@ -19,6 +19,7 @@ EXPECTED_MODES = (
 
 
 def _modes(value: object) -> object:
+    """The key `modes`: "unstable", a number or frequencies; ValueError for others."""
     if value == UNSTABLE:
         return value
     if isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_MODES:

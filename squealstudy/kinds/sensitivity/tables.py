@@ -203,6 +203,7 @@ def solved_row(
 
 
 def _mode(mode: ModeSensitivities) -> dict[str, Any]:
+    """Chunk entry of a mode with its sensitivities."""
     return {
         "re": mode.lam.real,
         "im": mode.lam.imag,
@@ -215,6 +216,7 @@ def _mode(mode: ModeSensitivities) -> dict[str, Any]:
 
 
 def _sensitivity(s: Sensitivity, near_coalescence: bool) -> dict[str, Any]:
+    """Chunk entry of a sensitivity; NaN where the changed model was not solved."""
     finite = complex(np.nan, np.nan) if s.finite is None else s.finite.change
     return {
         "parameter": s.step.name,

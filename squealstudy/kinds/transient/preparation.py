@@ -174,6 +174,7 @@ def _stiff(plan: Plan, stiff: list[tuple[float, float, float]]) -> list[str]:
 
 
 def _closing(plan: Plan, closing: list[float]) -> list[str]:
+    """Warning where contact is too stiff for the step in impacts."""
     number = max(closing, default=0.0)
     if number <= CLOSING_LIMIT:
         return []

@@ -246,6 +246,7 @@ class TransientSection(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        """Raise ValueError for keys that contradict each other."""
         if self.duration < self.step:
             raise ValueError(
                 f"duration {self.duration:g} s is shorter than one step of {self.step:g} s"

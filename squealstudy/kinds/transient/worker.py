@@ -98,6 +98,7 @@ def solve_batch(task: BatchTask) -> Solved:
 
 
 def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps) -> dict[str, Any]:
+    """Chunk row of a run: levels, outcome, doubts and errors by the step."""
     reference, settings = task.reference, task.settings()
     parts_of_steps: list[StepParts] = []
 
@@ -187,6 +188,7 @@ def final_state(task: BatchTask, motion: Motion) -> tuple[np.ndarray, np.ndarray
 
 
 def _modal_motions(task: BatchTask, points: Sequence[MotionPoint]) -> list[Motion]:
+    """Runs of a task in modal coordinates, from the start that the study asks for."""
     reference, settings = task.reference, task.settings()
     omega2 = reference.system.omega2[: reference.n_exact]
     system = replace(reference.system, sensed=sensed_modes(task.section, omega2, task.band_hz))
@@ -251,6 +253,7 @@ def _model(task: BatchTask) -> HybridModel:
 
 
 def _build(task: BatchTask, settings: HybridSettings) -> HybridModel:
+    """Make the hybrid model of a task's points."""
     first = task.points[0]
     prepared = prepared_model(first.structure)
     assembly = first.assembly()

@@ -188,6 +188,7 @@ def _over(study: PrecisionFile) -> int:
 
 
 def _measured(study: PrecisionFile, variant: Variant) -> Measurement:
+    """Time a variant of a method and read its results."""
     if not all(is_prepared(key) for key in variant.plan.structures):
         raise ConvergenceError("structure", "no reduction of its model can be made")
     method = integrator(variant.integrator, variant.options) if variant.integrator else None

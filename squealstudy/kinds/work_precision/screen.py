@@ -175,6 +175,7 @@ def _one_of_each_method(results: ResultTables) -> pd.DataFrame:
 
 
 def _measurements(results: ResultTables) -> list[RenderableType]:
+    """Table on screen of the best measurement of each method."""
     without, table = _without(results), _one_of_each_method(results)
     columns = _columns(results, without)
     rows = table.to_dict("records")
@@ -236,6 +237,7 @@ def _columns(
 def _legend(
     results: ResultTables, table: pd.DataFrame, titles: Sequence[str], is_without: bool
 ) -> RenderableType:
+    """What the titles and marks of the table mean."""
     quantities, n_points = results.fact("quantities"), results.table("errors")["point"].nunique()
     left_out = len(results.measurements) - len(table)
     within = table[[f"within_{q}" for q in quantities]].to_numpy(bool).any()

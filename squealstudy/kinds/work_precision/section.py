@@ -116,6 +116,7 @@ class MethodSection(Section):
 
     @model_validator(mode="after")
     def _knob_and_values(self) -> Self:
+        """Raise ValueError for a knob without values, values without a knob, or the like."""
         if bool(self.knob) != bool(self.values):
             raise ValueError("knob and values go together: both, or neither for a single point")
         if len(set(map(repr, self.values))) < len(self.values):

@@ -108,6 +108,7 @@ def _errors(
     truth: Mapping[str, Mapping[str, Any]],
     measuring: Measuring,
 ) -> tuple[list[dict[str, Any]], Miscount]:
+    """Errors of all points against the reference, and numbers of missed and spurious modes."""
     rows, missed, spurious = [], 0, 0
     for point, finding in findings.items():
         if finding["status"] != "ok":

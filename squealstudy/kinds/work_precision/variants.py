@@ -124,6 +124,7 @@ def _variant(
     lines: Mapping[int, Sequence[SweptValues]],
     keys: KeyPath,
 ) -> Variant:
+    """A method at one value of its knob, with the plan of its points."""
     common = study_file.definition.work_precision.set
     knob = line.knob if isinstance(line, MethodSection) else ""
     changes: dict[str, Any] = {**common, **line.set}
@@ -298,6 +299,7 @@ def check_file(study_file: PrecisionFile, variants: Sequence[Variant]) -> None:
 
 
 def _check_integrator(study_file: PrecisionFile, variant: Variant) -> None:
+    """Raise StudyFileError where the study cannot use the integrator."""
     kind, section = study_file.base.kind, variant.plan.study.section
     if kind.name != "transient":
         raise study_file.error(

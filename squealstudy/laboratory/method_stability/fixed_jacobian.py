@@ -217,6 +217,7 @@ def rate(e: np.ndarray) -> float:
 def _case(
     name: str, title: str, state_of: Callable[[Mapping[str, float]], ContactState]
 ) -> StabilityCase:
+    """Case of the fixed Jacobian for one contact law."""
     return StabilityCase(
         name=name,
         title=title,

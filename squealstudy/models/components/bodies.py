@@ -227,6 +227,7 @@ def turned_body(body: Body, turn: np.ndarray, shift: np.ndarray) -> Body:
 
 
 def _in_si(mesh: SolidMesh, units: str) -> SolidMesh:
+    """A mesh in SI units, from one in units of its file."""
     size, stress, density = (d.factor(units) for d in (LENGTH, STRESS, DENSITY))
     unfinished = {
         name: replace(
@@ -304,6 +305,7 @@ def own_numbers(name: str, overrides: Mapping[KeyPath, float]) -> tuple[tuple[Ke
 def _body_matrices(
     brake: Brake, name: str, overrides: tuple[tuple[KeyPath, float], ...]
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Stiffness and mass of a body, from its file of matrices or from its mesh."""
     body = body_of(brake, name)
     if body.matrices is not None:
         return body.matrices[:2]

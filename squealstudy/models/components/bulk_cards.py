@@ -207,6 +207,7 @@ class Systems:
     def _basic(
         self, card: BulkCard, field: int, x: np.ndarray, above: tuple[int, ...]
     ) -> np.ndarray:
+        """A point x of a coordinate system in basic coordinates."""
         number = card.whole(field, "a coordinate system", 0)
         if number == 0:
             return x

@@ -59,6 +59,7 @@ class MaterialTable(Table):
 
     @model_validator(mode="after")
     def _one_kind(self) -> MaterialTable:
+        """Raise ValueError unless constants are of an isotropic or an orthotropic material."""
         kinds = {isinstance(v, tuple) for v in (self.E, self.nu, self.G) if v is not None}
         lone = self.G is None and isinstance(self.E, tuple) and isinstance(self.nu, tuple)
         if len(kinds) > 1 or lone:
@@ -225,6 +226,7 @@ class ComponentTable(Table):
 
     @model_validator(mode="after")
     def _one_source(self) -> ComponentTable:
+        """Raise ValueError unless there are a mesh or matrices, and keys that go with these."""
         keys = ("K", "M", "C", "dof", "nodes", "recovery")
         matrices = [k for k in keys if getattr(self, k) is not None]
         if self.mesh is not None and matrices:

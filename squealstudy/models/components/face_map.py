@@ -54,6 +54,7 @@ class FaceMap:
         self._expect_one_face()
 
     def _expect_one_face(self) -> None:
+        """Raise ModelError where places lie above each other, as on two faces."""
         from scipy.spatial import cKDTree
 
         in_plane = (self.places - self._centre) @ self._plane.T

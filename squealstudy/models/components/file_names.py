@@ -33,6 +33,7 @@ def check_names(file: ModelFile) -> None:
 
 
 def _check_rotor(file: ModelFile) -> None:
+    """Raise PlacedError where the rotor is no component, or contacts do not fit it."""
     rotor, component_names = file.rotor, tuple(file.components)
     if rotor is not None and rotor not in component_names:
         text = f"there is no component '{rotor}'; there is {', '.join(component_names)}"

@@ -82,6 +82,7 @@ def read_mode_table(path: Path) -> tuple[MeasuredLine, ...]:
 
 
 def _header(cells: Sequence[str], where: str) -> list[str]:
+    """Names of the columns of a table of measured modes; ModelError for unknown ones."""
     unknown = [cell for cell in cells if cell not in COLUMNS]
     if unknown or len(set(cells)) < len(cells) or not {FREQUENCY, DAMPING_RATIO} & set(cells):
         got = ", ".join(cells)
@@ -92,6 +93,7 @@ def _header(cells: Sequence[str], where: str) -> list[str]:
 
 
 def _mode(cells: Mapping[str, str], line: int, where: str) -> MeasuredLine:
+    """A line of a table of measured modes; ModelError for numbers that are no mode's."""
     values = {}
     for name, text in cells.items():
         try:

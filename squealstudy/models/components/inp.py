@@ -237,6 +237,7 @@ def _sorted(cards: list[Card], pass_over: Collection[str]) -> Contents:
 
 
 def _open(contents: Contents, card: Card, inside: list[Card]) -> None:
+    """Begin a part, an assembly or an instance at its card."""
     within = inside[-1].keyword if inside else ""
     if within != ("ASSEMBLY" if card.keyword == "INSTANCE" else ""):
         raise card.error(f"{card.shown} cannot stand {'within *' + within if within else 'here'}")
@@ -280,6 +281,7 @@ def _sort_card(
 def _of_instance(
     contents: Contents, path: Path, instance: Instance, elements: Mapping[str, str]
 ) -> Text:
+    """Text of the part of an instance, with its place in the assembly."""
     card = instance.card
     name = card.value("PART").upper()
     if name not in contents.parts:

@@ -158,6 +158,7 @@ def _keyword(text: str) -> str:
 
 
 def _card(text: str, line: Line) -> Card:
+    """A card from its keyword line."""
     parameters: dict[str, str] = {}
     for part in COMMAS.split(text)[1:]:
         if not part.strip():

@@ -98,6 +98,7 @@ class Component:
 
     # -- nodes and elements ----------------------------------------------------------------------
     def _read(self) -> None:
+        """Read nodes and elements, and the sets that their cards name."""
         nodes = Nodes(self.text.part, self.node_sets)
         self.numbers, self.nodes = nodes.numbers, nodes.places
         self.node_sets.all_labels = self.numbers
@@ -117,6 +118,7 @@ class Component:
 
     # -- sets and surfaces -----------------------------------------------------------------------
     def _collect_sets(self) -> None:
+        """Collect the sets of *ELSET and *NSET, of the part and of the assembly."""
         nodes, elements = self.assembly_sets
         for cards, node_sets, element_sets in (
             (self.text.part, self.node_sets, self.element_sets),
@@ -163,6 +165,7 @@ class Component:
         return resolved
 
     def _with_surfaces(self, mesh: SolidMesh) -> SolidMesh:
+        """The mesh with the surfaces of *SURFACE."""
         surfaces: dict[str, np.ndarray] = {}
         node_sets = dict(mesh.node_sets)
         outer = boundary(mesh)
@@ -223,6 +226,7 @@ class Component:
         return sets.labels(word, line)
 
     def _faces(self, mesh: SolidMesh, card: Card, sets: Sets, outer: np.ndarray) -> np.ndarray:
+        """Faces (element, side) that the lines of a *SURFACE name."""
         face_lists = [np.zeros((0, 2), dtype=np.int64)]
         for line in card.data:
             word, *face = line.words()
@@ -245,6 +249,8 @@ class Component:
 
     # -- sections and couplings ------------------------------------------------------------------
     def _with_sections(self, mesh: SolidMesh) -> SolidMesh:
+        """The mesh with materials, orientations and added masses of its sections."""
+
         def elements_of(line: Line, word: str) -> np.ndarray:
             sets = self.element_sets
             named = word.upper() in sets.shown
@@ -260,6 +266,7 @@ class Component:
         return with_added_mass(mesh, self.text.part, elements_of)
 
     def _with_couplings(self, mesh: SolidMesh) -> SolidMesh:
+        """The mesh with ties, couplings, equations, masses and springs."""
         cards = (*self.text.part, *self.text.assembly)
         names = {card.value("NAME").upper() for card in cards if card.keyword == "SURFACE"} | {
             name.upper() for sets in (self.node_sets, self.assembly_sets[0]) for name in sets.shown
@@ -290,6 +297,7 @@ class Component:
         return [*couplings, *equations.read(scope.cards)], axes
 
     def _without_unused(self, mesh: SolidMesh) -> SolidMesh:
+        """The mesh without nodes that no element has."""
         used = mesh.used_nodes()
         if used.all() or self.text.points_alone:
             return mesh

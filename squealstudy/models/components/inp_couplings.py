@@ -96,6 +96,7 @@ class Couplings:
         return card.data
 
     def _tie(self, card: Card, line: Line, scope: CardScope) -> Tie | None:
+        """The tie of a line of *TIE; None for other instances, or a cyclic tie without its card."""
         card.check(TIE)
         if CYCLIC in card.parameters and not any(c.keyword == SECTORS for c in scope.cards):
             self._note(card, "there is no *CYCLIC SYMMETRY MODEL that is read")
@@ -132,6 +133,7 @@ class Couplings:
         return Tie(name, slave, faces, tolerance, adjust == "YES", cyclic=cyclic)
 
     def _rigid_body(self, card: Card, scope: CardScope) -> Coupling | None:
+        """The coupling of a *RIGID BODY; None if it is of other instances."""
         card.check(RIGID_BODY)
         if "ROTNODE" in card.parameters:
             self._note(card, "ROT NODE: nothing can be said of its turns here")
@@ -146,6 +148,7 @@ class Couplings:
         return self._coupled(card, self._name(card, ""), nodes, scope, "rigid", (1, 2, 3), NO_FACES)
 
     def _coupling(self, card: Card, how: Card, scope: CardScope) -> Coupling | None:
+        """The coupling of a *COUPLING with its *KINEMATIC or *DISTRIBUTING card `how`."""
         card.check(COUPLING)
         name = self._name(card, card.parameters.get("CONSTRAINTNAME", ""))
         nodes, faces = self._surface(card.line, card.value("SURFACE"), scope)
@@ -213,6 +216,7 @@ class Couplings:
         directions: tuple[int, ...],
         faces: np.ndarray,
     ) -> Coupling | None:
+        """A coupling of nodes to their reference node; None if it is of other instances."""
         reference = self._reference(card, scope)
         if not len(nodes) and not len(reference):
             self._note(card, "of other instances")

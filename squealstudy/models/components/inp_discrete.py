@@ -124,6 +124,7 @@ def _turning(
 
 
 def _members(text: Text, at: NodePlaces) -> Members:
+    """Nodes of point elements (masses and springs), by element number."""
     elements: Members = {}
     for card in text.points:
         kind = card.value("TYPE").upper()
@@ -148,6 +149,7 @@ def _spring(
     ground: np.ndarray,
     text: Text,
 ) -> Iterator[Discrete]:
+    """Springs of one element: along its axis, or in the directions that its card states."""
     words = [[(data_line, w) for w in data_line.words() if w] for data_line in card.data]
     if len(words) != (1 if kind == "SPRINGA" else 2):
         raise card.error(

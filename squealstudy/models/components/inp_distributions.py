@@ -55,6 +55,7 @@ def unused_distributions(cards: Sequence[Card]) -> Iterator[Card]:
 def _rows(
     card: Card, table: Card, elements: np.ndarray, elements_of: ElementsOf
 ) -> Iterator[tuple[np.ndarray, Orientation]]:
+    """Elements and axes of each line of a *DISTRIBUTION of orientations."""
     table.check(CARD_PARAMETERS)
     if table.parameters.get("LOCATION", "ELEMENT").upper() != "ELEMENT":
         raise table.error("expected LOCATION=ELEMENT of a distribution of orientations")

@@ -77,6 +77,7 @@ class Elements:
         ]
 
     def _read(self, card: Card, parts: dict[str, Tables]) -> None:
+        """Read an *ELEMENT card: solids, or faces that mark surfaces."""
         card.check(ELEMENT)
         name = self._kinds[card.value("TYPE").upper()]
         if name == FACES:
@@ -116,6 +117,7 @@ class Elements:
         return table[:, 0], table[:, 1:]
 
     def _check_new(self, label: int, line: Line, start: Line) -> None:
+        """Raise ModelError for an element number that occurs twice."""
         if label in self._first:
             first_line = self._first[label]
             raise line.error(

@@ -100,6 +100,7 @@ class Equations:
 
     # -- equations -------------------------------------------------------------------------------
     def _equation(self, card: Card) -> Iterator[Relation]:
+        """Linear relations between degrees of freedom, from an *EQUATION."""
         lines = iter(card.data)
         for line in lines:
             count = line.whole(line.words()[0], "the number of terms")
@@ -159,6 +160,7 @@ class Equations:
 
     # -- multi-point constraints -----------------------------------------------------------------
     def _mpc(self, card: Card, beams: dict[int, tuple[str, list[int]]]) -> Iterator[Relation]:
+        """Linear relations between degrees of freedom, from an *MPC."""
         for line in card.data:
             kind, *words = line.words()
             kind = kind.upper()

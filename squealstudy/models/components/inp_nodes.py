@@ -67,6 +67,7 @@ class Nodes:
         self.numbers, self.places = labels[keep], X[keep]
 
     def _read(self, card: Card) -> None:
+        """Read a *NODE card, in its own coordinates and the *SYSTEM in force."""
         card.check(NODE)
         first = len(self._numbers)
         system = card.parameters.get("SYSTEM", "R").upper()

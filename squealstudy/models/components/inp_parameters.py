@@ -80,6 +80,7 @@ class Parameters:
         return expression.value({n: self._numbers[n] for n in expression.names})
 
     def _is_whole(self, node: ast.expr) -> bool:
+        """Whether an expression of *PARAMETER has an integer as value."""
         if isinstance(node, ast.Constant):
             return isinstance(node.value, int)
         if isinstance(node, ast.Name):

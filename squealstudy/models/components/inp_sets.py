@@ -62,6 +62,7 @@ class Sets:
         raise line.error(f"there is no {self.kind} set '{name}'; there is {names}")
 
     def _members(self, entry: Card | np.ndarray, above: tuple[str, ...]) -> np.ndarray:
+        """Numbers in a set, those of sets within it included."""
         if isinstance(entry, np.ndarray):
             return entry
         instance = entry.parameters.get("INSTANCE")
@@ -93,6 +94,7 @@ class Sets:
         return self.labels(word, line, above)
 
     def _generated(self, card: Card) -> np.ndarray:
+        """Numbers in a set of ranges (GENERATE)."""
         ranges, missing = [], 0
         for line in card.data:
             words = line.words()

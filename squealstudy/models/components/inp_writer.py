@@ -81,6 +81,7 @@ def number(x: float) -> str:
 
 
 def _lines(mesh: SolidMesh) -> Iterator[str]:
+    """Lines of an .inp file with the mesh."""
     if any(block.formulation == "C3D8_BBAR" for block in mesh.blocks):
         yield "** C3D8 with mean change of volume, as in Abaqus: read it with dialect abaqus"
     yield "*NODE"
@@ -138,6 +139,7 @@ def _wrapped(
 
 
 def _material(name: str, material: Elastic) -> Iterator[str]:
+    """Lines of a *MATERIAL."""
     yield f"*MATERIAL, NAME={name}"
     yield "*DENSITY"
     yield number(material.density)
@@ -151,6 +153,7 @@ def _material(name: str, material: Elastic) -> Iterator[str]:
 
 
 def _orientation(name: str, axes: Orientation) -> Iterator[str]:
+    """Lines of an *ORIENTATION."""
     yield f"*ORIENTATION, NAME={name}, SYSTEM={axes.system.upper()}"
     points = (*axes.a, *axes.b)
     if axes.system == "rectangular" and any(axes.origin):

@@ -84,6 +84,7 @@ def _layers(file: ModelFile, numbers: Numbers) -> Iterator[tuple[str, str]]:
 
 
 def _springs(file: ModelFile, numbers: Numbers) -> Iterator[tuple[str, str]]:
+    """Name and text of each spring of the model file."""
     for i, spring in enumerate(file.spring):
         axes = DIRECTIONS[spring.axes]
         text = f"spring: {' to '.join(spring.between)}, "

@@ -107,6 +107,7 @@ def _name_groups(meshio_mesh: Any) -> None:
 
 
 def _with_node_groups(mesh: SolidMesh, meshio_mesh: Any) -> SolidMesh:
+    """The mesh with the groups of nodes of a MED file as sets."""
     tags = meshio_mesh.point_data.get("point_tags")
     if tags is None:
         return mesh

@@ -71,6 +71,7 @@ def read_unv(path: Path, *, treat_as: Mapping[str, str] | None = None) -> SolidM
 
 
 def _treated(path: Path, treat_as: Mapping[str, str]) -> dict[str, str]:
+    """Formulation of each kind of element, changed by `treat_as`."""
     formulation_of = {name: name for name, _ in SOLIDS.values()}
     for old, new in treat_as.items():
         if old not in formulation_of or new not in FORMULATIONS:
@@ -152,6 +153,7 @@ class _Reader:
         return numbers
 
     def _read_nodes(self, lines: list[Line]) -> None:
+        """Read a dataset of nodes."""
         if len(lines) % 2:
             raise lines[-1].error("expected two lines a node")
         for head, line in zip(lines[::2], lines[1::2], strict=True):
@@ -163,6 +165,7 @@ class _Reader:
                 raise head.error(f"node {number} is there twice, at different places")
 
     def _read_elements(self, lines: list[Line]) -> None:
+        """Read a dataset of elements: solids, and plates that mark surfaces."""
         rest = iter(lines)
         labels: set[int] = set()
         for head in rest:
@@ -191,6 +194,7 @@ class _Reader:
                 self._others.setdefault(f"elements {kind}", head)
 
     def _read_groups(self, lines: list[Line]) -> None:
+        """Read a dataset of groups, with the kinds and numbers of their members."""
         rest = iter(lines)
         for head in rest:
             count = self._whole(head, 8)[7]
@@ -209,6 +213,7 @@ class _Reader:
     def _block(
         self, name: str, rows: list[tuple[int, list[int], Line]], index_of_node: Mapping[int, int]
     ) -> ElementBlock:
+        """The block of elements of one formulation."""
         for label, nodes, line in rows:
             missing = next((n for n in nodes if n not in index_of_node), None)
             if missing is not None:
@@ -236,6 +241,7 @@ class _Reader:
                     raise mesh.error(f"{named}: middle nodes that are not on their edges")
 
     def _with_groups(self, mesh: SolidMesh, index_of_node: Mapping[int, int]) -> SolidMesh:
+        """The mesh with sets and surfaces from the groups."""
         place_of = {int(label): k for k, label in enumerate(mesh.labels)}
         node_sets: dict[str, np.ndarray] = {}
         element_sets: dict[str, np.ndarray] = {}

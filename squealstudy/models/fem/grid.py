@@ -149,6 +149,7 @@ def cylindrical_mesh(
 
 
 def _mesh_of_cells(ijk: np.ndarray, r: np.ndarray, theta: np.ndarray, z: np.ndarray) -> MeshHex2:
+    """Mesh of the cells ijk of a grid in cylindrical coordinates, curved along theta."""
     ring = abs(theta[-1] - theta[0] - 2 * np.pi) < 1e-9
     n_theta = len(theta) - 1 if ring else len(theta)
     ref = MeshHex2.elem.doflocs  # (27, 3) in [0, 1], corners first

@@ -102,6 +102,7 @@ def _check_masses(file: LumpedFile) -> None:
 
 
 def _check_names(file: AnyFile) -> None:
+    """Raise PlacedError where two tables of one kind have one name."""
     for kind in LISTS:
         first: dict[str, int] = {}
         for i in range(len(getattr(file, kind, ()))):
@@ -115,6 +116,7 @@ def _check_names(file: AnyFile) -> None:
 def _check_ends(
     ends: tuple[str, str], masses: tuple[str, ...], others: tuple[str, ...], keys: KeyPath
 ) -> None:
+    """Raise PlacedError unless the first end is a mass, the second another one or of `others`."""
     _expect_mass(ends[0], masses, (*keys, 0))
     if ends[1] not in others:
         _expect_mass(ends[1], (*masses, *others), (*keys, 1))

@@ -41,6 +41,7 @@ class MatrixSpace:
         self._constant: dict[str, np.ndarray] = {}
 
     def _names(self, labels: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the coordinates: of the file, of its matrices, or their numbers."""
         names = self.file.coordinates
         if not names:
             return labels or tuple(str(i + 1) for i in range(self.n))
@@ -131,6 +132,7 @@ class MatrixSpace:
         return self._row(self.file.load[i].along, values, ("load", i, "along"))
 
     def _row(self, motion: Motion, values: Values, keys: KeyPath) -> np.ndarray:
+        """Row (m, n) that observes a motion, a sum of coordinates times factors."""
         columns = []
         for name, factor in motion:
             column = np.zeros(self.n)

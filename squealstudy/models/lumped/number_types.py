@@ -43,6 +43,7 @@ def _with_unit(written: Any) -> float | str:
 
 
 def _direction(written: Any) -> str | tuple[float | str, ...]:
+    """The key of a direction as a word or as components; ValueError for others."""
     if isinstance(written, str):
         return written
     if not isinstance(written, list):

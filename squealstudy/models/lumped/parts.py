@@ -162,6 +162,7 @@ def _stuck_springs(space: Space, values: Values) -> list[Interface]:
 
 
 def _contact(space: Space, values: Values, curve: FrictionCurveDefinition) -> Points:
+    """Contact points, and nonlinear springs and dampers, which are points as well."""
     rows: dict[str, list[np.ndarray]] = {"N": [], "T": [], "T_perp": []}
     columns: dict[str, list[np.ndarray]] = {
         key: [] for key in ("area", "gap", "radius", "frictional", "speed_factor")

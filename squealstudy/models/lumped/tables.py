@@ -58,6 +58,7 @@ class MassTable(Table):
 
     @model_validator(mode="after")
     def _has_what_moves(self) -> MassTable:
+        """Raise ValueError unless directions and mass or inertia fit together."""
         for axis in self.directions:
             if axis not in AXES:
                 raise ValueError(f"directions: expected of {', '.join(AXES)}, got '{axis}'")

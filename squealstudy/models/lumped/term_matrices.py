@@ -70,6 +70,7 @@ def read_terms(file: MatrixFile, folder: Path) -> TermMatrices:
 
 
 def _read(file: MatrixFile, i: int, folder: Path) -> sp.csr_matrix | LabelledMatrix:
+    """The matrix of the i-th term, from its file."""
     term = file.term[i]
     try:
         matrix = read_term_matrix(folder / term.file, term.variable)

@@ -127,6 +127,7 @@ class Expression:
 
     @property
     def _tree(self) -> ast.expr:
+        """The syntax tree of the text; ExpressionError where Python cannot parse it."""
         try:
             tree = ast.parse(self.text, mode="eval")
         except SyntaxError as error:
@@ -248,6 +249,7 @@ class _Reader:
         raise self._error(tree, f"{self._what(tree)} cannot be used")
 
     def _number(self, tree: ast.Constant) -> float:
+        """A number of the expression as a float."""
         if isinstance(tree.value, bool) or not isinstance(tree.value, int | float):
             raise self._error(tree, f"{self._source(tree)} is no real number")
         try:
@@ -267,6 +269,7 @@ class _Reader:
         return operator.itemgetter(tree.id)
 
     def _call(self, tree: ast.Call, depth: int) -> Evaluation:
+        """Function that evaluates the call of a function."""
         name = tree.func.id if isinstance(tree.func, ast.Name) else ""
         if name not in FUNCTIONS:
             what = f"'{name or self._source(tree.func)}' is no function"

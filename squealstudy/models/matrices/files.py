@@ -125,6 +125,7 @@ def _said(error: Exception) -> str:
 
 
 def _reader(path: Path) -> Reader:
+    """The function that reads files with the ending of this one."""
     name = path.name.lower()
     for endings, reader in READERS.items():
         if name.endswith(endings):
@@ -151,6 +152,7 @@ def _calculix(path: Path, variable: str | None) -> Any:
 
 
 def _matlab(path: Path, variable: str | None, square: bool = True) -> Any:
+    """A matrix of a MATLAB file."""
     content_bytes = read_whole(path)
     version = version_of(content_bytes)
     if version is None:  # before 5
@@ -172,6 +174,7 @@ def _matlab(path: Path, variable: str | None, square: bool = True) -> Any:
 
 
 def _npz(path: Path, variable: str | None, square: bool = True) -> Any:
+    """A matrix of an .npz file of NumPy or SciPy."""
     expect_room(path)
     with zipfile.ZipFile(path) as archive:
         if damaged := archive.testzip():  # NumPy reads no further than a damaged header says
@@ -192,6 +195,7 @@ def _npz(path: Path, variable: str | None, square: bool = True) -> Any:
 
 
 def _op4(path: Path, variable: str | None) -> Any:
+    """A matrix of an OP4 file of Nastran."""
     try:
         with np.printoptions():  # which importing it changes for the whole program
             from pyyeti.nastran import op4
@@ -207,6 +211,7 @@ def _op4(path: Path, variable: str | None) -> Any:
 
 
 def _op2(path: Path, variable: str | None) -> Any:
+    """A matrix of an OP2 file of Nastran."""
     try:
         with np.printoptions():  # which importing it changes for the whole program
             from pyyeti.nastran import op2

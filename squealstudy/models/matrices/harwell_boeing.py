@@ -117,6 +117,7 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
 
 
 def _symmetry(text: TextFile) -> Symmetry:
+    """The symmetry that the head of a file states; ModelError for unsupported types."""
     kind = text.line(TYPE_LINE)[:3].lower()
     if len(kind) != 3 or kind[0] not in "rip" or kind[1] not in SYMMETRIES or kind[2] != "a":
         expected = "a real assembled matrix (RSA, RUA, RZA)"
@@ -185,6 +186,7 @@ def _fields(text: TextFile, line_number: int, count: int, form: FortranFormat) -
 
 
 def _numbers(text: TextFile, first: int, fields: list[str], form: FortranFormat) -> np.ndarray:
+    """Fields of a file as numbers, whole ones in 64 bits."""
     if not form.whole:
         return np.array([float(field) for field in fields])
     numbers = [int(field) for field in fields]

@@ -192,6 +192,7 @@ class BrakeProblem(DenseProblem):
         cardinals: Cardinals,
         anchored: Sequence[int],
     ) -> WorkingPointField | None:
+        """Working points between samples, interpolated; None where a sample has none."""
         solved = [p for p in points if isinstance(p, WorkingPoint)]
         if len(solved) < len(points):
             return None
@@ -292,6 +293,7 @@ def _alone(prepared: PreparedModel, state: DesignState) -> WorkingPoint | Conver
 def _tried(
     contact: ContactPoints, point: WorkingPoint, state: DesignState
 ) -> WorkingPoint | ConvergenceError:
+    """The working point, or the error that its pressures make laws inconsistent."""
     try:
         expect_consistent_laws(contact, state.operating, point)
     except ConvergenceError as error:

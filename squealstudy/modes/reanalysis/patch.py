@@ -199,6 +199,7 @@ def _assembled(
     mixings: Sequence[Mixing],
     reach: tuple[float, float],
 ) -> Patch:
+    """The patch of blocks of modes that were followed over the nodes of a grid."""
     parts = [
         [gauged(b, i, node, mixed) for b in blocks]
         for i, (node, mixed) in enumerate(zip(nodes, mixings, strict=True))

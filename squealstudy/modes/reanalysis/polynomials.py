@@ -213,6 +213,7 @@ def _shapes(sampled: Sequence[np.ndarray | float], tolerance: float) -> np.ndarr
 def _unit_mass(
     system: ParametricSystem, samples: Sequence[Weights], W: np.ndarray, V: np.ndarray
 ) -> bool:
+    """Whether the mass projected on W and V is the identity at all samples."""
     total = np.zeros((V.shape[1], V.shape[1]))
     for number, term in enumerate(system.terms):
         if term.order == MASS:

@@ -107,6 +107,7 @@ def ritz_roots(
 def _products(
     patch: Patch, cardinals: np.ndarray, C: np.ndarray, K: np.ndarray
 ) -> _InterpolatedBases:
+    """Interpolated bases, and their products with damping and stiffness."""
     X, Y = (_combined(cardinals, Z) for Z in (patch.X, patch.Y))
     Ct, Kt = C.transpose(0, 2, 1), K.transpose(0, 2, 1)
     return _InterpolatedBases(

@@ -194,6 +194,7 @@ def _all_seen(
 
 
 def _sampled_weights(problem: SweptProblem) -> list[Weights]:
+    """Weights of the terms at sampled points of the box, for training a basis."""
     count = min(SAMPLES_A_DIMENSION * max(problem.dimension, 1), MOST_SAMPLES)
     points = np.vstack([corners(problem.dimension), sample_box(problem.dimension, count, 0)])
     points = points if problem.dimension else points[:1]

@@ -106,6 +106,7 @@ class Windows(InBasis):
     def _divide(
         self, box: Box, theta: np.ndarray, rows: np.ndarray, depth: int
     ) -> Iterator[Solution]:
+        """Solve points by a patch of the box; halve the box for points that the patch leaves."""
         if not len(rows):
             return
         grid = interpolation(DEGREE.get(theta.shape[1], 2), theta.shape[1])
@@ -206,6 +207,7 @@ class Windows(InBasis):
     def _points(
         self, patch: FollowedPatch, theta: np.ndarray, rows: np.ndarray
     ) -> Iterator[Solution]:
+        """Solve points in a patch; a point without a working point yields its error."""
         for start in range(0, len(rows), POINTS_PER_TEST):
             some_rows = rows[start : start + POINTS_PER_TEST]
             samples = self.problem.samples(theta[some_rows], patch.starts)
@@ -226,6 +228,7 @@ class Windows(InBasis):
     def _estimated_roots(
         self, linearisation: Linearisation, roots: RitzRoots, k: int, floor: np.ndarray
     ) -> EstimatedRoots:
+        """Roots of a point in a patch with error estimates, and those that may be in the band."""
         lam, band = roots.lam[k], self.problem.band
         real = (np.abs(lam.imag) < 1e-9 * np.abs(lam)) & ~lightly_damped(lam)
         lam = np.where(real, lam.real, lam)

@@ -83,6 +83,7 @@ def known_mode(pencil: QuadraticPencil, lam: complex, x: np.ndarray) -> ModeNeig
 def _neighbourhood(
     pencil: QuadraticPencil, lam: np.ndarray, X: np.ndarray, Y: np.ndarray
 ) -> ModeNeighbourhood:
+    """A mode with its neighbours, vectors scaled to unit modal mass."""
     X, Y = (_unit_mass(pencil, V) for V in (X, Y))
     slopes = [pencil.slope(r, x) for r, x in zip(lam, X.T, strict=True)]
     norm = np.array([np.vdot(y, s) for y, s in zip(Y.T, slopes, strict=True)])

@@ -154,6 +154,7 @@ def parameter_step(
 def _gradients(
     design: ChosenModes, derivatives: StateDerivatives, parameters: Sequence[StateParameter]
 ) -> list[ModeGradient]:
+    """Gradients of the chosen modes; with real modes where modal damping may change."""
     needs_damping = any(p.name == DAMPING.name or (p.modes and not p.component) for p in parameters)
     zeta, real = design.state.assembly_damping_ratios(design.prepared.model.n), None
     if design.families and (needs_damping or zeta.any()):

@@ -171,6 +171,7 @@ class StateDerivatives:
         return WeightChange(structure_weights((0.0, 0.0, 0.0), contact, beta=beta, mass=0.0))
 
     def _by_modes(self, parameter: StateParameter) -> WeightChange:
+        """Change of the weights by a frequency scale or damping ratio of modes."""
         if not parameter.component:
             ratios = np.zeros(self._model.n)
             ratios[[mode - 1 for mode in parameter.modes]] = 1.0
@@ -353,6 +354,7 @@ class StateParameter:
         return replace(state, operating=state.operating.with_value(self.name, value))
 
     def _plain_value(self, state: DesignState) -> float:
+        """Value of a parameter of the operating point or of damping."""
         operating = state.operating
         if self.name == DAMPING.name:
             return float(state.damping_ratio)
@@ -373,6 +375,7 @@ class StateParameter:
         return float(state.mode_damping.get((self.component, mode), 0.0))
 
     def _moved_modes(self, state: DesignState, value: float) -> DesignState:
+        """The state with another value for the modes of the parameter."""
         if not self.component:
             damping = {**state.assembly_damping, **dict.fromkeys(self.modes, value)}
             return replace(state, assembly_damping=damping)

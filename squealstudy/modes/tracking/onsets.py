@@ -139,6 +139,7 @@ class FollowedMode:
         return index is not None
 
     def _paired_index(self, x: float) -> int | None:
+        """Index of the followed mode at x, by the neighbour that pairs it with most trust."""
         modes_at_x = self._samples.at(x)
         number = bisect_left(self._followed_x, x)
         choices = []
@@ -358,6 +359,7 @@ def _secants_agree(x: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 
 def _zero(x: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Zeros (n,) of interpolating polynomials between their points 1 and 2, by bisection."""
     low, high = x[:, 1].copy(), x[:, 2].copy()
     before = np.sign(_evaluated(x, c, low))
     for _ in range(HALVINGS):

@@ -89,6 +89,7 @@ class StepRefinement:
         expected: np.ndarray | None,
         depth: int,
     ) -> Pairing:
+        """Pair two sets of modes, in halves of the step where a pair is in doubt."""
         direct = pair_modes(a.lam, a.shapes, b.lam, b.shapes, expected, self.band)
         doubtful = modes_to_pair & (direct.trust <= HALVING_TRUST)
         if not depth:

@@ -123,6 +123,7 @@ def _grid_tree(x: np.ndarray, shape: tuple[int, ...], order: Sequence[int]) -> n
 
 
 def _unit_box(x: np.ndarray) -> np.ndarray:
+    """Coordinates scaled so that each has range 1."""
     if not np.isfinite(x).all():
         raise ValueError("coordinates of design points must be finite")
     if not x.size:
@@ -133,6 +134,7 @@ def _unit_box(x: np.ndarray) -> np.ndarray:
 
 
 def _spanning_tree(x: np.ndarray) -> np.ndarray:
+    """Parents in the shortest spanning tree, whose root is the middle point."""
     from scipy.spatial.distance import cdist
 
     n = len(x)

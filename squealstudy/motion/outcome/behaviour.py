@@ -362,6 +362,7 @@ def _falls_steadily(course: LevelTrend, ratio: float) -> bool:
 
 
 def _irregular(envelope: Envelope, course: LevelTrend) -> bool:
+    """Whether a run vibrates irregularly instead of settling to one level."""
     scatter, error, count = envelope.scatter()
     if (
         count < MIN_BURST_WINDOWS

@@ -124,6 +124,7 @@ class _Record:
 
     @classmethod
     def of(cls, step: float, q: np.ndarray, v: np.ndarray, omega: np.ndarray) -> _Record:
+        """The record of those modes that make up nearly all of the motion."""
         weight = np.where(omega > 0.0, omega, omega[omega > 0.0].min(initial=1.0))
         x, slope = weight * (q - q.mean(axis=0)), step * weight * v
         share = (x**2).sum(axis=0)
@@ -134,6 +135,7 @@ class _Record:
         return cls(step, *(np.ascontiguousarray(a[:, order[:count]]) for a in (x, slope)))
 
     def frequency(self) -> Fundamental:
+        """The fundamental frequency of a periodic motion; empty where it has none."""
         if not self.variance > 0.0 or self._coarse():
             return Fundamental()
         nearest = np.inf  # least residual of the times before at which two motions nearly meet

@@ -366,6 +366,7 @@ def energies_of_steps(run: Motion) -> tuple[np.ndarray, np.ndarray]:
 def _mode_rows(
     run: Motion, energies: np.ndarray, total: np.ndarray, shares: ModalShares
 ) -> list[dict[str, Any]]:
+    """Rows of the real modes of a run, with their shares of the energy."""
     begin = first_window(len(run.times))
     first = mean_shares(energies[begin], total[begin])
     return [

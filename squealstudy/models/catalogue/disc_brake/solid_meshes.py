@@ -49,6 +49,7 @@ def mesh_of_grid(
 
 
 def _elastic(material: Material) -> Elastic:
+    """The material, as orthotropic if it is transversely isotropic."""
     if isinstance(material, Isotropic):
         return material
     E, Ez, nu, nuz = (
