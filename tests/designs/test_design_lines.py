@@ -549,7 +549,7 @@ def test_real_roots_that_grow_are_no_group_of_modes(tmp_path):
     table = results.rank("share", None, None)
     kind = {"kind": group_kind(OVERDAMPED_GROUP), "track": OVERDAMPED_GROUP, "family": 0}
     real = table.iloc[:1].assign(**kind)
-    assert how_many(results, real).startswith("real roots are unstable between 10 and 1000 Hz")
-    both = how_many(results, pd.concat([table, real], ignore_index=True))
+    assert how_many(results, real, "").startswith("real roots are unstable between 10 and 1000 Hz")
+    both = how_many(results, pd.concat([table, real], ignore_index=True), "")
     assert both.startswith("1 mode and real roots are unstable between 10 and 1000 Hz")
-    assert how_many(results, table).startswith("1 mode is unstable between")
+    assert how_many(results, table, "").startswith("1 mode is unstable between")

@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 
-def how_many(results: ResultTables, table: pd.DataFrame) -> str:
-    """How many modes are unstable, in which band, and where each turns unstable."""
+def how_many(results: ResultTables, table: pd.DataFrame, onsets: str) -> str:
+    """How many modes are unstable, in which band, and where: `onsets_in_words`."""
     tracked = table[(table["kind"] == group_kind(1)).to_numpy(bool)]
     named = int(tracked.drop_duplicates("family")["family_modes"].sum())
     n_real = int((table["kind"] == group_kind(OVERDAMPED_GROUP)).sum())  # grow without oscillation
@@ -65,7 +65,6 @@ def how_many(results: ResultTables, table: pd.DataFrame) -> str:
     text = all_of([part for part in (first, groups, "real roots" * bool(n_real)) if part])
     text += f" {'is' if named + others == 1 and not n_real else 'are'} unstable "
     text += band_text(results.fact("band_hz"))
-    onsets = onsets_in_words(results, table)
     return text + (f": {onsets}" if onsets else "")
 
 
@@ -78,10 +77,11 @@ def answer(
         return [*(f"{text}{outside}" for text in random_answer(results)), ""]
     if len(table) and results.boundary is not None:
         outside = grows_outside(results.manifest, results.units)
-        return [f"{how_many(results, table)}: {_over_the_map(results, table)}.{outside}", ""]
-    if not len(table) or not onsets_in_words(results, table):
+        return [f"{how_many(results, table, '')}: {_over_the_map(results, table)}.{outside}", ""]
+    onsets = onsets_in_words(results, table) if len(table) else ""
+    if not onsets:
         return []
-    unstable = what_is_unstable(results, table, lines)
+    unstable = what_is_unstable(results, table, lines, onsets)
     text = extremes_in_words(results, lines) + quiet_in_words(results, lines)
     text += "" if lines else _many_in_words(results)
     text += _growth_in_words(results, lines) or growth_in_words(results, lines)
@@ -131,11 +131,18 @@ def _over_the_map(results: ResultTables, table: pd.DataFrame) -> str:
     return f"{text}, {fastest}"
 
 
-def what_is_unstable(results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]) -> str:
-    """Which modes are unstable, in a line for each design where designs are few; no full stop."""
-    return _of_each_design(results, table, lines) or (
-        f"{f'Over all {len(lines)} designs ' if lines else ''}{how_many(results, table)}"
-    )
+def what_is_unstable(
+    results: ResultTables, table: pd.DataFrame, lines: list[DesignLine], onsets: str | None = None
+) -> str:
+    """Which modes are unstable, in a line for each design where designs are few; no full stop.
+
+    `onsets` is `onsets_in_words`, made here by default.
+    """
+    by_design = _of_each_design(results, table, lines)
+    if by_design:
+        return by_design
+    onsets = onsets_in_words(results, table) if onsets is None else onsets
+    return f"{f'Over all {len(lines)} designs ' if lines else ''}{how_many(results, table, onsets)}"
 
 
 def _of_each_design(results: ResultTables, table: pd.DataFrame, lines: list[DesignLine]) -> str:
