@@ -8,7 +8,13 @@ from squealstudy.cycles.branch import SHRUNK
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.continuation import Steps, follow, newton
 from squealstudy.cycles.equations import CycleEquations
-from squealstudy.cycles.growth import FAR, MOST_OTHERS, OTHER_RESONANCE, ZERO, linear_motion
+from squealstudy.cycles.growth import (
+    FAR,
+    MAX_HARMONICS_OVER_FIRST,
+    OTHER_RESONANCE,
+    ZERO,
+    linear_motion,
+)
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.linalg.dense_qep import dense_roots
 from squealstudy.models.catalogue import MODELS
@@ -135,7 +141,7 @@ def growth_curve(osc, lam, phi, size, harmonics, stop, steps=None):
     tests = {ZERO: lambda u, _: float(u[-1])}
 
     def ended(u):
-        if np.linalg.norm(u[osc.n : -3]) > MOST_OTHERS:
+        if np.linalg.norm(u[osc.n : -3]) > MAX_HARMONICS_OVER_FIRST:
             return OTHER_RESONANCE
         return FAR if stop(equations.motion(u)) else ""
 

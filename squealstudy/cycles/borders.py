@@ -29,13 +29,14 @@ FOLD_TOLERANCE = 1e-6  # tolerance of log size; the parameter is known to its sq
 FOLD_MAX_ITERATIONS = 12  # most sizes at which the slope is computed
 FOLD_MAX_STEP = 0.2  # largest step of log size
 FIRST_STEP, MIN_STEP, MAX_STEP = 0.05, 1e-4, 0.25  # over the range of the second parameter
-# distance of a point from the predicted one over the predicted move: steps grow below the first
-# number and are halved above the second
+# The error of a prediction is the distance of a point from the predicted one, over the predicted
+# move. Steps grow if it is below the first number; they are halved if it is above the second.
 PREDICTION_ERROR_GROW, PREDICTION_ERROR_HALVE = 0.1, 0.4
-MIN_PREDICTED_MOVE = 0.02  # relative distance to the predicted point that is always accepted
-# a border that cannot be followed is said to turn back if a parabola has its turn so many steps on
+MIN_PREDICTED_MOVE = 0.02  # a smaller relative distance to the predicted point is always accepted
+# a border that cannot be followed turns back if a parabola through its last points turns within so
+# many steps
 MAX_EXTRAPOLATION_STEPS = 4.0
-VANISHING_REL_SIZE = 0.2  # size at that turn over the last: smaller cycles shrink to nothing
+VANISHING_REL_SIZE = 0.2  # cycles vanish if their size at that turn, over the last size, is smaller
 
 
 @dataclass(frozen=True, eq=False)

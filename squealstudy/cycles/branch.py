@@ -31,18 +31,20 @@ from squealstudy.errors import ConvergenceError
 
 HOPF, FOLD, NS, PD, BP = "H", "F", "NS", "PD", "BP"
 RANGE, SHRUNK, CLOSED = "range", "hopf", "closed"  # why branches end, beside what `stop` says
-# a step may pass the start of a loop if that lies within so many of its lengths along and beside it
+# a step may close a loop if the start of the branch lies near it: at most so many step lengths
+# along the step, and sideways from it
 MAX_STEPS_PAST_START, MAX_STEPS_BESIDE_START = 1.2, 0.5
 # largest difference in log size, relative frequency and share of the range at a loop's start
 CLOSURE_TOLERANCE, PROJECTED_CLOSURE_TOLERANCE = 1e-6, 1e-3
 PROJECTED_STEPS = Steps(first=0.1, least=1e-3, largest=0.3, count=120)
 BIFURCATION_REL_TOLERANCE = 1e-6  # tolerance of NS, PD and BP over the range of the parameter
 FOLD_NEIGHBOURS = 2, 5  # how many points away, on either side, a fold is looked for
-# error of a Hopf point over the last step: sizes fall as a root, and a cycle may be left there
+# error of a Hopf point over the last step: sizes fall as a square root, so that a cycle may be
+# missed
 HOPF_STEPS = 2.0
 # neighbours that differ by less than this share of the range lie at one value of the parameter
 ONE_VALUE_REL_WIDTH = 1e-7
-MIN_IMAGINARY = 1e-6  # least imaginary part of a multiplier that is one of a pair
+MIN_IMAGINARY = 1e-6  # least imaginary part of a multiplier that belongs to a complex pair
 NEAR_ONE = 1e-4  # a double multiplier 1 is split by the square root of the matrix's error
 
 

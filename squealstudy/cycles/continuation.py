@@ -21,7 +21,7 @@ TOLERANCE = 1e-9  # bound of the scaled residual and of the square of the last N
 MAX_NEWTON_STEPS = 20
 # Newton's method fails if so many steps have not reduced the residual to this share
 STALL_STEPS, STALL_RATIO = 5, 0.5
-MAX_NEWTON_STEP_LENGTH = 10.0  # a longer one leads nowhere: unknowns are scaled to one
+MAX_NEWTON_STEP_LENGTH = 10.0  # longer Newton steps are useless: unknowns are scaled to one
 MIN_NEWTON_SHARE = 0.1  # a line search ends at this share of a Newton step
 # a rough Jacobian is used again after a step that reduced the residual to less than this share
 JACOBIAN_REUSE_RATIO = 0.1
@@ -30,12 +30,12 @@ GROW_NEWTON_STEPS, SHRINK_NEWTON_STEPS = 2, 5  # Newton steps at which the arc-l
 MIN_TANGENT_COSINE = 0.9  # cosine between tangents below which a step was too long
 MAX_TURN_RAD = 0.3  # rad: angle that the next step may turn by if the curve goes on to bend
 FAR_OFF = 0.4  # correction over the step: a longer one may have met another curve
-# arc-length of steps that may turn by more: friction that reverses bends curves sharply
+# steps of at most this arc-length may turn by more, as friction that reverses bends curves sharply
 CORNER_ARC_LENGTH = 0.03
 EVENT_REL_TOLERANCE = 1e-10  # error of an event over the step in which it is
 # an unknown may fall between two points, as a cubic, to this share of its smaller end
 MIN_DIP_SHARE = 0.5
-DIP_TEST_MIN_ARC_LENGTH = 0.02  # steps are halved down to this arc-length where it falls further
+DIP_TEST_MIN_ARC_LENGTH = 0.02  # where it falls further, steps are halved down to this length
 
 
 class Equations(Protocol):

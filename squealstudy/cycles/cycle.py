@@ -30,18 +30,18 @@ from squealstudy.errors import ConvergenceError
 OK, INACCURATE = "ok", "inaccurate"
 HARMONIC_COUNTS = (5, 7, 11, 17, 25, 39, 59)  # harmonics tried, each half as many again
 PROJECTED_LADDER = HARMONIC_COUNTS[:3]  # on projected models, where more cost seconds each
-# error over the tolerance above which half as many harmonics again would not be enough
+# with a larger ratio of the error to the tolerance, 1.5 times as many harmonics would not be enough
 GIVE_UP_ERROR_RATIO = 2.5
-MAX_ERROR_FOR_STABILITY = 0.1  # error of a level below which the stability of a cycle is judged
+MAX_ERROR_FOR_STABILITY = 0.1  # the stability of a cycle is judged if its level has a smaller error
 LEVELS = ("torque_rms", "contact_velocity")  # levels by which cycles are compared
-# relative difference of frequency and levels, beside their errors, up to which cycles are the same
+# cycles are the same if frequencies and levels differ by no more than their errors plus this share;
 SAME_CYCLE_REL_TOLERANCE = 1e-5
-SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # its sum with the errors, at most
-# error over the last change: series that converge like 1/H are bounded too
+SAME_CYCLE_MAX_REL_TOLERANCE = 1e-2  # upper limit of that sum
+# factor from the last change to the error: it bounds series that converge like 1/H, too
 SERIES_SAFETY_FACTOR = 2.0
-# error over the change to a finer series, which has a part of the cycle's error itself
+# factor from the change to a finer series to the error: the finer series has a part of that error
 FINER_SERIES_SAFETY_FACTOR = 2.5
-# a change counts as at least the one before it over this: two cycles may agree by chance
+# a change counts as at least the previous change over this number: two cycles may agree by chance
 MAX_CHANGE_RATIO = 4.0
 # numbers of harmonics of the finer series over that of the cycle
 FINER_HARMONIC_FACTORS = (2.25, 4.0)
@@ -49,9 +49,9 @@ LEAST_FINER = 1.5  # least such factor where `most_finer` limits the number
 # samples of the finer series over those of the cycle: the samples of Hulten's contact that opens
 # cause an error of 3.5e-5 in frequency, of which twice as many show 1.3e-5
 FINER_SAMPLES = 4
-# error over the change to the cycle at nodes
+# factor from the change to the cycle at nodes of time to the error
 NODES_SAFETY_FACTOR = 1.5
-SOLVED = 1e-8  # relative error of a cycle's numbers by the tolerance of its balance
+BALANCE_REL_ERROR = 1e-8  # relative error of a cycle's numbers by the tolerance of its balance
 
 
 @dataclass(frozen=True)
@@ -364,10 +364,12 @@ def with_peak_and_tolerance(
     """
     torque, velocity = contact.torque(cycle_levels.motion), cycle_levels.levels["contact_velocity"]
     between = contact.velocity_between_samples(cycle_levels.motion)
-    rel_velocity_error = SOLVED + (between / velocity if velocity > 0.0 else 0.0)
+    rel_velocity_error = BALANCE_REL_ERROR + (between / velocity if velocity > 0.0 else 0.0)
     peak = float(np.abs(torque - torque.mean()).max())
     if not peak > 0.0:
-        return errors + SeriesErrors(SOLVED, rel_velocity_error, np.nan, SOLVED)
+        return errors + SeriesErrors(
+            BALANCE_REL_ERROR, rel_velocity_error, np.nan, BALANCE_REL_ERROR
+        )
     spectrum = np.abs(np.fft.rfft(torque))[1:] * 2.0 / len(torque)
     h = np.arange(1, cycle_levels.motion.harmonics + 1)
     between_samples = 0.5 * (np.pi / len(torque)) ** 2 * float(h**2 @ spectrum[: len(h)])
@@ -375,5 +377,8 @@ def with_peak_and_tolerance(
     shifted_torques = (contact.torque(cycle_levels.motion, side * slip) for side in (-1.0, 1.0))
     by_slip = max(abs(float(np.abs(t - t.mean()).max()) - peak) for t in shifted_torques)
     return errors + SeriesErrors(
-        SOLVED, rel_velocity_error, (between_samples + by_slip) / peak + SOLVED, SOLVED
+        BALANCE_REL_ERROR,
+        rel_velocity_error,
+        (between_samples + by_slip) / peak + BALANCE_REL_ERROR,
+        BALANCE_REL_ERROR,
     )

@@ -25,9 +25,9 @@ from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.harmonic_balance import scaled_jacobian, scaled_residual
 
-# step of the difference by the parameter, over its range: its error turns the curve's tangent
+# step of differences by the parameter, over its range; their error turns the tangent of the curve
 PARAMETER_STEP = 1e-6
-OSCILLATOR_CACHE_SIZE = 4  # values of the parameter whose balances are kept
+OSCILLATOR_CACHE_SIZE = 4  # number of parameter values whose balances are cached
 LOG_SIZE, FREQUENCY = 0.05, 1e-3  # differences in log size and relative frequency of near motions
 
 

@@ -23,21 +23,22 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.root_pairs import least_assignment
 
 MIN_STEPS_PER_PERIOD = 256
-# the same up to so many coordinates, where steps cost little: contact that opens within a step
-# causes an error in proportion to its length
+# the same for models of at most so many coordinates, whose steps cost little: contact that opens
+# within a step causes an error in proportion to the length of the step
 MIN_STEPS_SMALL, SMALL_MAX_COORDINATES = 1024, 12
 STEPS_A_HARMONIC = 16
-# smaller numbers of steps over the full one, and the error over the largest change to them: where
-# contact opens one number may agree by chance (half the steps did so in 32 of 393 cycles)
+# The error by steps is this factor times the largest change by fewer steps, in these shares of the
+# full number. Where contact opens, one number of steps may agree by chance (half the steps did so
+# in 32 of 393 cycles).
 COARSER_STEPS, STEPS_SAFETY_FACTOR = (0.45, 0.55, 0.7), 1.5
 TRAPEZOIDAL_MIN_COORDINATES = 60  # with more coordinates the trapezoidal rule is used
 TRAPEZOIDAL_STEPS = 192  # steps of a period
 ERROR_MIN_MULTIPLIER = 0.97  # larger multipliers have an error of their own by that rule
 LEAST_MULTIPLIER = 0.5  # smaller multipliers do not count in errors
-# error over the change to another number of harmonics: in Hulten's model on a cubic contact that
-# opens the error of 11 harmonics is .038, and the change to 25 is .034
+# factor from the change with another number of harmonics to the error: in Hulten's model on a cubic
+# contact that opens, the error of 11 harmonics is .038, and the change to 25 is .034
 OTHER_SERIES_SAFETY_FACTOR = 1.5
-FINER_SERIES_SHARE = 0.5  # error of the finer series over that change: in that model .12
+FINER_SERIES_SHARE = 0.5  # share of that change that the finer series errs by: .12 in that model
 SAMPLES_PER_STEP = 4  # samples of the contact points' tangents in each step
 # a multiplier is beyond -1, beyond 1, or a pair is beyond the circle
 FLIP, FOLD, TORUS = "flip", "fold", "torus"

@@ -24,8 +24,8 @@ from squealstudy.errors import ConvergenceError
 FOLD_SERIES_SAFETY_FACTOR = (
     3.0  # over the change by more harmonics; contact that opens asks for 2.4
 )
-# numbers of harmonics of other series over that of the fold, and how many of them are compared with
-# it, as one may agree by chance; where one of them fails the next is tried
+# A fold is compared with other series of these numbers of harmonics, over its own number. Two must
+# be solved, as one may agree by chance; where one fails, the next is tried.
 HARMONIC_FACTORS, N_SERIES = (2.25, 4.0, 3.0, 5.0), 2
 MAX_HARMONICS = 59
 SIZE_REL_TOLERANCE = 1e-4  # error of log size over the distance of the motions beside a fold

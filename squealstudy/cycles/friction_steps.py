@@ -13,9 +13,10 @@ from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
 
 STEPS_PER_FALL = 5  # steps in the time in which friction falls
-# sliding speeds over the imposed one, at which the curve is evaluated
+# sliding speeds at which the friction curve is evaluated, over the imposed speed
 SPEEDS = np.geomspace(1e-6, 1.0, 61)
-# width of the corner at zero sliding, over the speed in which friction falls, that changes the fall
+# a corner at zero sliding changes the fall of friction if it is wider than this share of the speed
+# in which friction falls
 MAX_CORNER_SHARE = 0.01
 
 

@@ -22,18 +22,18 @@ ZERO = "C"  # event: a cycle, where no damping need be added
 FAR, OTHER_RESONANCE = "far", "other_resonance"  # why curves end
 DAMPED, OUTSIDE = "damped", "outside"
 SHRUNK, STANDSTILL, RETRACED = "shrunk", "standstill", "retraced"
-# frequency over the mode's, below which a motion is on its way to another equilibrium
+# a motion with less than this share of the mode's frequency is on its way to another equilibrium
 MIN_REL_FREQUENCY = 0.05
-# a curve ends where its size falls to this share of its first one, and is looked at for having
-# turned back where it falls to this share of its largest one
+# a curve ends where its size falls to this share of the first size; it is checked for having turned
+# back where its size falls to this share of the largest size
 END_SIZE_RATIO = 0.5
 # two motions are the same if they differ less in frequency (relative) and in added damping (over
 # the largest of the curve), and the MAC of their first harmonics is more
 SAME_MOTION_TOLERANCES = 1e-3, 2e-2, 0.99
-MOST_OTHERS = 10.0  # norm of all harmonics over that of the first, beyond which a curve ends
+MAX_HARMONICS_OVER_FIRST = 10.0  # a curve ends if all harmonics, over the first, have a larger norm
 N_SIZE_OCTAVES = 5  # octaves of size, down from the largest, in each of which a motion is checked
 MIN_CHECKS = 3  # least number of motions that are balanced with more harmonics
-HARMONIC_SAFETY_FACTOR = 2.0  # change by still more harmonics, at most, over that by more
+HARMONIC_SAFETY_FACTOR = 2.0  # largest change by still more harmonics, over the change by more
 # distance over size beyond which a motion is not that of a design nearby
 MAX_REL_DISTANCE = 0.1
 N_FIRST_ORDER_POINTS = 12  # points of such a curve that are corrected to first order
@@ -65,10 +65,10 @@ def family_curve(
         located to a part of a step.
     end : str
         The reason that `stop` gave; ``other_resonance`` where the first harmonic is less than a
-        tenth of the motion (`MOST_OTHERS`); ``shrunk`` where the amplitude went back to zero,
-        ``standstill`` where the frequency did; ``retraced`` where the curve turned by mistake and
-        came back along its own path; ``basis`` where too many vectors would be needed; ``steps``
-        or ``not_converged``.
+        tenth of the motion (`MAX_HARMONICS_OVER_FIRST`); ``shrunk`` where the amplitude went back
+        to zero, ``standstill`` where the frequency did; ``retraced`` where the curve turned by
+        mistake and came back along its own path; ``basis`` where too many vectors would be needed;
+        ``steps`` or ``not_converged``.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def family_curve(
             return RETRACED
         moving = np.linalg.norm(motion.Q[1:] * projection.weight)
         first = np.linalg.norm(motion.Q[[1, motion.harmonics + 1]] * projection.weight)
-        if moving > MOST_OTHERS * first:
+        if moving > MAX_HARMONICS_OVER_FIRST * first:
             return OTHER_RESONANCE
         if motion.size < min_size:
             return SHRUNK

@@ -37,7 +37,7 @@ MAX_MAIN_DIRECTIONS = 60  # and by up to so many main directions of its basis
 MODE_RANK_TOLERANCE = 1e-2
 MOTION_RANK_TOLERANCE = 1e-6  # and of the last motions
 MAX_ENRICHMENTS = 12  # most extensions of the basis for one motion
-MAX_BLOCK_STEPS = 6  # of these, how many may follow a failure of Newton's method
+MAX_BLOCK_STEPS = 6  # most of these steps after a failure of Newton's method
 MIN_REL_DIRECTION = 0.1  # singular value over the largest, below which a direction does not join
 MAX_REL_SIZE_CHANGE = 0.15  # change of size by more harmonics, beyond which it is another cycle
 # relative error above which a basis is enriched: along curves, at cycles

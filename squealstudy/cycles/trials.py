@@ -37,7 +37,7 @@ STEPS_PER_PERIOD = 200  # steps of a period of the cycle
 STEPS_PER_ROW = 10  # steps between rows: 20 rows a period
 STOP_TEST_PERIODS = 20  # periods between tests of whether a run may end
 MAX_PERIODS = 1000  # longest time of a run
-SILENT = 1e-2  # energy over that of the smallest cycle, below which a run has decayed
+DECAYED_ENERGY_RATIO = 1e-2  # a run has decayed below this share of the smallest cycle's energy
 CYCLE_ENERGY_REL_TOLERANCE = 0.02  # relative difference of energies of a run and of the cycle
 # energy of the difference of a state and the nearest one of the cycle, over the cycle's energy
 CYCLE_DISTANCE_ENERGY = 0.04
@@ -85,7 +85,9 @@ class Trials:
             integrator=ExactFreeMotion(),
         )
         level = self._energy(self.cycle)
-        silent = SILENT * (level if self.smallest is None else self._energy(self.smallest))
+        silent = DECAYED_ENERGY_RATIO * (
+            level if self.smallest is None else self._energy(self.smallest)
+        )
 
         rows = STOP_TEST_PERIODS * STEPS_PER_PERIOD // STEPS_PER_ROW
 

@@ -29,40 +29,40 @@ from squealstudy.wording import (
     UNDECIDED,
 )
 
-# changes LN are those of the logarithm of the level
-MAX_LN_TREND = 0.05  # rise of the RMS over the judged part that counts as none
-MAX_LN_DRIFT = 0.15  # drift of a limit cycle that has not settled, but is not irregular either
+# names with LN are of changes of the logarithm of the level
+MAX_LN_TREND = 0.05  # a smaller rise of the RMS over the judged part counts as none
+MAX_LN_DRIFT = 0.15  # a limit cycle with a smaller drift has not settled, but is not irregular
 TREND_SIGMAS = 3.0  # standard errors that a trend must exceed
 MAX_REL_SCATTER = 0.10  # scatter of the RMS of windows about their trend; more is irregular
 REST_RATIO_FALLING = 1e-2  # RMS over the largest one, below which a falling level is at rest
 REST_RATIO = 1e-5  # the same for any level: round-off of contact forces is below it
-MAX_END_PACE_RATIO = 0.25  # pace at the end of a fall to rest over the mean one, at least
+MIN_END_PACE_RATIO = 0.25  # a fall to rest ends with at least this share of its mean pace
 LATE_SHARE = 0.2  # share of the record in which the latest plateau is sought
 MIN_LN_FALL = 0.01  # least change over a stretch whose pace is used
 LOWER_CYCLE_RATIO = 0.1  # largest level of a cycle below a steady fall, over the largest RMS
-# relative change of pace per e-fold of level with which a fall is still steady
+# largest relative change of pace, while the level falls by a factor e, of a steady fall
 MAX_PACE_CHANGE_PER_EFOLD = 0.5
-# growth since the start by which a level was reached, where growth is predicted
+# least growth since the start after which a level counts as reached, where growth is predicted
 MIN_LN_GROWTH_PREDICTED = float(np.log(2.0))
-MIN_LN_GROWTH = 3.0  # the same in any case: an instability made it, no beat of coupled modes
-# fall since the start by which a level was reached: it lost energy faster than it does now
+MIN_LN_GROWTH = 3.0  # the same without prediction: so much growth is no beat of coupled modes
+# least fall since the start after which a level counts as reached: energy was lost faster before
 LN_FALL_FROM_START = float(np.log(1.5))
-LN_GROWTH_EXPECTED = 0.5  # predicted growth; a level that stays nevertheless has saturated
+LN_GROWTH_EXPECTED = 0.5  # a level that stays despite more predicted growth has saturated
 MAX_LN_DRIFT_SATURATED = 0.02  # largest drift of such a level
 MIN_LN_TRANSIENT = 2e-3  # least transient that shows how a level was reached
-TRANSIENT_OVER_DRIFT = 5.0  # such a transient over the drift that is left, at least
+TRANSIENT_OVER_DRIFT = 5.0  # least ratio of such a transient to the drift that remains
 LEAST_DAMPING = 2e-6  # damping ratio below which a decay cannot be distinguished from a limit cycle
-# drift over the judged part that counts as none for the continuation of a motion
+# a smaller drift over the judged part counts as none where a motion is continued
 MAX_LN_DRIFT_CONTINUED = 5e-3
-# drift over a stretch that counts as none where no period is known
+# a smaller drift over a stretch counts as none where no period is known
 MAX_LN_DRIFT_NO_PERIOD = 1e-4
-MAX_PACE_RATIO = 0.5  # pace at the end over that at the beginning, where growth ends in a cycle
+MAX_PACE_RATIO = 0.5  # growth ends in a cycle if its pace falls below this share of the first pace
 MAX_DRIFT_OVER_TRANSIENT = 1e-3  # drift over the transient before it that counts as none
 MAX_LN_TO_PLATEAU = 0.05  # largest distance from a plateau that is approached
 MIN_LATE_WINDOWS = 6  # least number of windows in the last fifth
 MIN_BURST_WINDOWS = 6  # least number of windows of ten periods for irregular motion
-DECAYING_SCATTER_RATIO = 0.7  # scatter in the second half of a level over the first: dies away
-DURATION_FACTOR = 1.25  # least duration that is proposed over that of the run
+DECAYING_SCATTER_RATIO = 0.7  # scatter dies away if it falls to this share in the second half
+DURATION_FACTOR = 1.25  # least duration that is proposed, over the duration of the run
 
 
 @dataclass(frozen=True)
@@ -335,7 +335,7 @@ def _falls(envelope: Envelope, course: LevelTrend) -> bool:
     level = logarithm(envelope.windows.level)
     pace = float(level[-1] - level[0]) / (len(level) - 1)
     mean_fall = pace * (len(level) - envelope.windows.judged)
-    falls = course.rise < -course.error and course.end < MAX_END_PACE_RATIO * mean_fall
+    falls = course.rise < -course.error and course.end < MIN_END_PACE_RATIO * mean_fall
     return envelope.ratio <= REST_RATIO_FALLING and falls
 
 

@@ -16,14 +16,14 @@ from squealstudy.motion.outcome.intervals import mean_interval
 from squealstudy.motion.outcome.levels import JUDGED_SHARE
 
 ENERGY_ROUND_OFF = 3e-21  # energy of round-off over the work of friction
-# least friction coefficient for that work: without friction there is round-off, too
+# least friction coefficient for that work, as there is round-off without friction, too
 MIN_FRICTION_FOR_ROUND_OFF = 0.1
-FIRST_WINDOW_SHARE = 0.1  # first window over the record
+FIRST_WINDOW_SHARE = 0.1  # length of the first window over that of the record
 OVERLAP_EIGENVALUE_CUTOFF = 1e-10  # below this, over the largest, an axis is spanned by the others
 N_WINDOWS = 50  # windows of a record in which leading modes are compared
-# energy over the final one, below which the beginning of a run is its growth phase
+# a run begins with a growth phase if its first energy is below this share of the final energy
 GROWTH_PHASE_ENERGY_RATIO = 0.01
-LEADING_ENERGY_RATIO = 0.8  # energy over the largest, with which a mode still leads
+LEADING_ENERGY_RATIO = 0.8  # a mode leads if its energy is at least this share of the largest
 # a complex mode with this share of the energy at first and at the end leads throughout
 LEADING_THROUGHOUT_SHARE = 0.7
 

@@ -13,13 +13,13 @@ from squealstudy.motion.outcome.spectrum import spectrum
 
 WINDOW_COUNT_RANGE = (15, 25)  # fewest and most windows of a record
 WINDOW_PERIODS = 5.0  # periods of the energy's slowest line in a window, where the record has them
-# fewest windows of a record of so few periods that each of 15 would hold a part of one
+# least number of windows of a record in which each of 15 windows would be shorter than a period
 MIN_WINDOWS_SHORT_RECORD = 7
 FINE_PERIODS = 3.0  # periods in one of the shorter windows
 BURST_PERIODS = 10.0  # periods of the vibration in windows whose scatter shows irregular motion
 # the slowest line is the frequency below which the energy's ripple has this share of its power
 SLOW_POWER_SHARE = 1e-3
-LINE_RECORD_SHARE = 0.2  # last share of a record, in which its lines are sought
+LINE_RECORD_SHARE = 0.2  # lines of a record are sought in this share at its end
 LEAST_ROWS = 8  # fewest rows of a window that is weighted
 LEAST_WINDOWS = 5  # fewest levels of a trend
 BOUND_CONFIDENCE = 0.995  # one-sided confidence of bounds

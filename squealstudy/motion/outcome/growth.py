@@ -16,17 +16,19 @@ from squealstudy.motion.outcome.straight_stretch import best_stretch, straightne
 
 # how a rate was computed: along the fastest complex mode; from the energy if no mode is followed
 LEFT_VECTOR, ENERGY = "left_vector", "energy"
-ONSET_LEVEL_RATIO = 0.1  # amplitude at the onset time over the final one
+ONSET_LEVEL_RATIO = 0.1  # amplitude at the onset time over the final amplitude
 LEAST_ROWS = 24  # fewest rows of a fit
 LEAST_PERIODS = 5.0  # fewest periods of the slowest motion in a fit: a part of a ripple misleads
 FINAL_LEVEL_SHARE = 0.2  # last share of the record, whose median is the final level
 WINDOW_END_LEVEL_RATIO = 0.05  # amplitude at the end of the phase over the final one
 SHORT_WINDOW_END_LEVEL_RATIO = 0.075  # the same where that would leave less than one e-folding
 SEARCH_BLOCKS = 64  # resolution of the window's ends
-# mean change of ln|xi| between rows of a block, above which a complex amplitude is mostly noise
+# a complex amplitude is mostly noise if ln|xi| changes by more, in the mean between rows of a block
 NOISE_LN_CHANGE = 0.5
-LEAST_RISE = 0.05  # rise of ln|xi| over a record that never bends; less is a stationary signal
-MIN_LATE_PACE_RATIO = 0.5  # pace at the end of a fall over its mean pace; less is a floor
+LEAST_RISE = 0.05  # if ln|xi| rises by less over a record without a bend, the signal is stationary
+MIN_LATE_PACE_RATIO = (
+    0.5  # a fall has reached a floor if it ends at a smaller share of its mean pace
+)
 
 
 @dataclass(frozen=True)

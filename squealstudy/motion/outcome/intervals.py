@@ -13,14 +13,14 @@ from scipy import special
 
 SUBWINDOW_COUNTS = (20, 10, 5)  # sub-windows of a mean; fewer are used if neighbours are correlated
 MAX_CORRELATION = 0.1  # largest correlation of neighbours that counts as none
-# share of a line in the variance of sub-windows from which on it is a drift, no chance
+# a trend through sub-windows is a drift, not chance, if it makes up this share of their variance
 MIN_TREND_VARIANCE_SHARE = 0.7
 MAX_DRIFT_RATIO = 0.9  # largest ratio of the drifts of successive thirds in an extrapolation
 EXTRAPOLATION_SAFETY = 1.5  # factor on it: three means of a beat that fades show it only roughly
 MAX_REL_DRIFT = 0.05  # drift over the mean beyond which the motion is passing, without a limit
-# number of overlapping smooth windows of an approach with beats, which average out in them
+# number of overlapping smooth windows, in which the beats of an approach average out
 N_SMOOTH_WINDOWS = 5
-MIN_SMOOTH_PERIODS = 20  # fewest periods of a record with such windows
+MIN_SMOOTH_PERIODS = 20  # least number of periods in a record with such windows
 MIN_SMOOTH_VARIANCE_SHARE = 0.9  # share of a line in their variance; chance reaches it in 2 %
 SMOOTH_RATIO_RANGE = (0.3, 0.85)  # range of the ratio of the slopes of the two halves
 BEND_ERRORS = 1.9  # standard errors of their bend; Student's t of two degrees exceeds it in 10 %

@@ -20,7 +20,7 @@ from squealstudy.motion.outcome.spectrum import (
 JUDGED_SHARE = 0.4  # last share of a record, which is judged
 LEAST_PERIODS = 20.0  # periods of the dominant line in that part, where the record has them
 N_HALF_BLOCKS = 5  # blocks of each half of that part, whose mean squares show a transient
-MIN_REL_TRANSIENT = 0.05  # least change of mean square over that of the second half: a transient
+MIN_REL_TRANSIENT = 0.05  # least change of the mean square, over the second half, of a transient
 MAX_REST_OVER_TRANSIENT = 0.2  # range of mean squares in the second half over the transient
 N_QUARTERS = 4  # parts of a window, whose peaks show whether they still change
 LEAST_ROWS = 8  # fewest rows of a period whose peaks are compared

@@ -23,28 +23,31 @@ from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.levels import JUDGED_SHARE, window_of_line
 from squealstudy.motion.outcome.torque import judged_line
 
-# the residual of a time is the RMS difference of the motion to itself so much later, over its RMS
+# The residual of a time T compares the motion with itself a time T later: the RMS of the
+# difference, over the RMS of the motion.
 MAX_PERIODIC_RESIDUAL = 0.05  # largest residual of a period
-EXACT_PERIOD_RESIDUAL = 0.01  # residual up to which no multiple is tried as the period
-# residual of a multiple over that of a time, below which the multiple is the period
+EXACT_PERIOD_RESIDUAL = 0.01  # multiples of a time with a smaller residual are not tried as period
+# a multiple of a time is the period if its residual is below this share of the residual of the time
 MULTIPLE_RESIDUAL_RATIO = 0.25
 TRIED_MULTIPLES = (2, 3, 4)
-# largest distance of the nearest row from the end of a period, over the distance of rows
+# largest distance of the end of a period from the nearest row, over the distance of two rows
 MAX_ROW_OFFSET_RATIO = 0.55
-# residual after twice the time over that after once, above which two motions nearly meet there
+# a time is no period if twice the time has a larger residual by this ratio: two motions only nearly
+# meet there
 MAX_SECOND_RESIDUAL_RATIO = 1.5
-INTERPOLATION_RESIDUAL = 1e-3  # residual by the cubics between rows
-# least residual between returns: a motion that never is so far from itself has no period
+INTERPOLATION_RESIDUAL = 1e-3  # residual that interpolation by cubics between rows causes
+# a periodic motion must have a larger residual at some time between two returns
 MIN_HALF_WAY_RESIDUAL = 0.7
-MIN_PERIODS = 3  # fewest periods in a record
+MIN_PERIODS = 3  # least number of periods in a record
 MAX_TRIED_PERIODS = 400  # most times at which a period is sought
-NEARLY_ALL = 1e-5  # share of the variance in coordinates that are left out, at most
-# squared change between rows over that along the slopes; less turns back between rows
+LEFT_OUT_VARIANCE_SHARE = 1e-5  # largest share of the variance in coordinates that are left out
+# least ratio of the squared change between rows to that along the slopes: with less, the motion
+# turns back between rows
 MIN_CHORD_OVER_SLOPE_SQUARED = 0.5
 # largest relative difference of a row from the cubic through its neighbours: with more, a motion
 # may seem to repeat better after several periods, by where rows lie (a sine of 5.3 rows a period)
 MAX_MISSED_BY_CUBICS = 0.08
-VARIANCE_ROUND_OFF = 1e-20  # variance over the mean square that is round-off
+VARIANCE_ROUND_OFF = 1e-20  # a variance below this share of the mean square is round-off
 NO_IMAGE = 1e-6  # imaginary part of a root that is round-off
 
 # coefficients of 1, s, s^2, s^3 in the difference of a cubic to the rows as they were: those rows
@@ -58,18 +61,18 @@ POWER = np.add.outer(np.arange(4), np.arange(4))  # power of s in products of tw
 MIN_STICK_SHARE = 0.5  # least mean share of the area that sticks
 ALL_STUCK_AREA_SHARE = 0.99  # least share of the area that sticks once in each period
 N_EQUAL_PERIODS = 5  # fewest periods that must be alike
-# fewest rows of a period: with fewer its level is not known to `MAX_REL_PERIOD_SPREAD`
+# least number of rows in a period; from fewer its level is not known to `MAX_REL_PERIOD_SPREAD`
 MIN_ROWS_PER_PERIOD = 40
-# relative range of the levels of successive periods, which includes that by rows at their ends
+# largest relative range of the levels of successive periods; rows at their ends contribute to it
 MAX_REL_PERIOD_SPREAD = 0.01
 DURATION_FACTOR = 1.25  # factor on the duration that is proposed
-# motion that sticks for less
+# limits for motion that sticks for less
 MIN_JUDGED_PERIODS = 8.0  # fewest periods in the window that is judged
-# largest relative difference of the RMS velocity between the halves of these
+# largest relative difference of the RMS velocity between the two halves of that window
 MAX_HALVES_DIFFERENCE = 5e-3
-# mean stuck share of the area from which on friction is not that of small motions
+# least mean stuck share of the area at which friction differs from that of small motions
 MIN_MEAN_STICK_SHARE = 0.05
-WOULD_CHANGE = 0.25  # least change of the logarithm by growth or decay of small motions
+WOULD_CHANGE = 0.25  # least change of the logarithm that small motions would make
 
 
 class Fundamental(NamedTuple):
@@ -131,7 +134,9 @@ class _Record:
         if not share.sum() > VARIANCE_ROUND_OFF * ((weight * q) ** 2).sum():
             return cls(step, x[:, :0], slope[:, :0])
         order = np.argsort(-share)
-        count = 1 + int(np.argmax(np.cumsum(share[order]) >= (1.0 - NEARLY_ALL) * share.sum()))
+        count = 1 + int(
+            np.argmax(np.cumsum(share[order]) >= (1.0 - LEFT_OUT_VARIANCE_SHARE) * share.sum())
+        )
         return cls(step, *(np.ascontiguousarray(a[:, order[:count]]) for a in (x, slope)))
 
     def frequency(self) -> Fundamental:

@@ -41,7 +41,7 @@ SETTLED, DECAYED = "settled", "decayed"
 ROW_LEVELS = "levels of rows"  # key of what is computed once for a run
 LEAST_ROWS = 200  # fewest rows of a record that is judged
 N_AGREEING_WINDOWS = 3  # parts of the last window whose levels must agree
-VANISHED_ENERGY_RATIO = 1e-6  # last energy over the first, below which the vibration is gone
+VANISHED_ENERGY_RATIO = 1e-6  # the vibration is gone at a smaller share of its first energy
 DECAYED_ENERGY_RATIO = 0.25  # the same where the decay agrees with the predicted one
 MAX_REL_RATE_DIFFERENCE = 0.05  # difference of the fitted and the predicted rate of that decay
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MAX_REL_SLOPE_DIFFERENCE = 0.01  # difference of the halves' slopes over the slope: accepted
-SLOPE_SIGMAS = 4.0  # difference of the halves' slopes over its standard error: accepted
+SLOPE_SIGMAS = 4.0  # accepted difference of the slopes of both halves, in standard errors
 LEAST_SCATTER = (
     1e-3  # scatter below which the longer stretch is better, not the one of less scatter
 )

@@ -50,7 +50,7 @@ from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # fewest rows of a history that is summarised
 PASSING = (STABLE, GROWING)  # classes of motion that does not last
-MOST_LONGER = 100.0  # largest duration that is proposed, over that of the run
+MAX_DURATION_FACTOR = 100.0  # largest duration that is proposed, over the duration of the run
 LEAST_PERIODS = 20.0  # of the fastest mode, in the least duration that is proposed
 FREQUENCY_ERROR = 0.1  # relative error beyond which another step has another period
 
@@ -265,7 +265,7 @@ def _class(run: Motion, energy: np.ndarray) -> RunClass:
 
 
 def _class_columns(verdict: RunClass, run: Motion) -> dict[str, Any]:
-    """Class, and the duration that would decide; infinite beyond `MOST_LONGER` times the run.
+    """Class, and the duration that would decide it; infinite if beyond `MAX_DURATION_FACTOR`.
 
     How a level changes within a period does not tell how it goes on: at least `LEAST_PERIODS` of
     the first complex mode are proposed.
@@ -275,7 +275,7 @@ def _class_columns(verdict: RunClass, run: Motion) -> dict[str, Any]:
     least = LEAST_PERIODS * 2 * np.pi / omega if omega > 0.0 else 0.0
     if until < least:
         return {"class": verdict.name, "undecided_until": least}
-    until = np.inf if until > MOST_LONGER * run.time else until
+    until = np.inf if until > MAX_DURATION_FACTOR * run.time else until
     return {"class": verdict.name, "undecided_until": until}
 
 

@@ -24,7 +24,7 @@ from squealstudy.motion.outcome.periods import (
 from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.wording import IRREGULAR, LIMIT_CYCLE, STABLE, UNDECIDED
 
-NEARLY_ALL = 0.8  # energy share of a mode that is the whole motion except for harmonics
+NEARLY_ALL = 0.8  # a mode with this share of the energy is the whole motion but for harmonics
 JUDGED_ROWS = 40  # fewest rows of a history whose modes are judged
 MIN_ENERGY_SHARE = 0.05  # least energy share of a mode that is part of the motion
 MAX_RISING_SHARE = 0.3  # energy share above which a rising mode leads the motion (a choice)
@@ -39,7 +39,7 @@ NEUTRAL_CHANGE = 0.3  # largest change of the energy from half to half of a run 
 SMALLEST_POSITIVE = 1e-300
 MAX_FORECAST_DURATIONS = 1e3  # largest forecast time over the run's duration
 N_TORQUE_BLOCKS = 10  # blocks of the judged part whose torque levels are compared
-DRIFT_DURATION_FACTOR = 2.0  # proposed duration over that of a run whose torque still drifts
+DRIFT_DURATION_FACTOR = 2.0  # duration that is proposed over the duration, if torque still drifts
 N_LINE_STRETCHES = 4  # stretches of a window in which the line of a mode is measured
 # half-width of a mode's line over its frequency: limit cycles are a few per cent off the mode
 LINE_REL_HALF_WIDTH = 0.1
