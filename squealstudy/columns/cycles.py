@@ -1,4 +1,4 @@
-"""Columns of limit cycles."""
+"""The columns of tables of limit cycles: their definitions and errors."""
 
 from __future__ import annotations
 

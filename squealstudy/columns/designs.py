@@ -1,4 +1,4 @@
-"""Columns of searches for a design."""
+"""The columns of tables of design searches: their definitions and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Columns of studies that measure methods."""
+"""The columns of tables of studies that measure methods: their definitions and errors."""
 
 from __future__ import annotations
 

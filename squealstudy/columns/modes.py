@@ -1,4 +1,4 @@
-"""Columns of complex modes and sensitivities."""
+"""The columns of tables of complex modes and sensitivities: their definitions and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Columns of studies in time."""
+"""The columns of tables of runs in time: their definitions and errors."""
 
 from __future__ import annotations
 

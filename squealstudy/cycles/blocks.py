@@ -1,4 +1,4 @@
-"""The balance of each harmonic by itself, with the mean tangents of a motion: a cheap Newton step.
+"""A cheap Newton step of harmonic balance, which solves each harmonic alone with mean tangents.
 
 The blocks are scaled to unit diagonals and factorised in single precision. That of the first
 harmonic is all but singular; it has a border, which holds the size and phase of the motion.

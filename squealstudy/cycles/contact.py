@@ -1,4 +1,4 @@
-"""Design points of motions in time as oscillators, and what a periodic motion of them is like.
+"""An oscillator in contact, made from a design point, and levels of its periodic motions.
 
 Forces, tangents, torque and shares of the contact are those of the kernels that run in time.
 """

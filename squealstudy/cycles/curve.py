@@ -1,4 +1,4 @@
-"""A curve of periodic motions on a basis that grows with them.
+"""Follows a curve of periodic motions on a basis of few vectors that grows with them.
 
 A small model is followed in all coordinates. In a projected one each point is corrected in all
 coordinates, harmonic by harmonic (`blocks`). Where that correction is too large it joins the basis

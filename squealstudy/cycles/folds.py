@@ -1,4 +1,4 @@
-"""Error of the parameter's value at a fold of a branch, by the series that are cut off.
+"""The error of the parameter at a fold of a branch, as series of motions are cut off.
 
 At a fixed size the balance is regular at a fold, and as a function of size the parameter has an
 extremum there. This holds for any number of harmonics, also where forces have corners and the slope

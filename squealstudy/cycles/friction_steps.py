@@ -1,4 +1,4 @@
-"""Steps of runs in time that are short enough for the fall of friction where slip begins.
+"""Time steps of runs that are short enough for the fall of friction where slip begins.
 
 A contact point that breaks loose is driven by the force that friction loses. It may slide through
 the speeds over which friction falls within a small part of its modes' periods. Steps that are made

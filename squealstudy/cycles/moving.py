@@ -1,4 +1,4 @@
-"""A basis of cycles that moves along a parameter."""
+"""A basis for the cycles of a branch, which moves along its parameter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How cycles begin at an onset: beyond it and small, or before it and unstable."""
+"""The criticality of an onset: small stable cycles beyond it, or unstable ones before it."""
 
 from __future__ import annotations
 

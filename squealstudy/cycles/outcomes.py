@@ -1,4 +1,4 @@
-"""Outcomes of the runs in time that limit cycles and design studies make.
+"""How a run in time ended: the outcomes that limit cycles and design studies ask for.
 
 Classes are those of studies in time, with one exception: a lasting motion of an undamped model is
 undecided, since there any motion stays that a run begins with. A run also ends early where its

@@ -1,4 +1,4 @@
-"""A cycle at nodes of its period, where series are too short for its corners.
+"""Solves a cycle at nodes of its period, where Fourier series are too short for its corners.
 
 A contact that sticks or opens for a hundredth of a period needs hundreds of harmonics. Series of a
 few agree with each other and have another motion there, and other multipliers. At a thousand nodes

@@ -1,4 +1,4 @@
-"""Runs in time from periodic motions, and what becomes of them.
+"""Runs in time from periodic motions, which tell whether these decay, last or grow.
 
 Whether a motion lasts, decays or is undecided is judged as in studies in time, whatever motion it
 has become (`run_on`, `ended`). Beside a stable cycle it is enough to know whether a run comes to

@@ -1,4 +1,4 @@
-"""A followed mode family and its verdict.
+"""The verdict on a mode family: whether it squeals, by its cycles and runs in time.
 
 A verdict never says more than was found. A family is `no_cycle_found` only if its curve was
 followed as far as was asked, or if runs in time decay where it was not; `squeals_if_kicked` only if

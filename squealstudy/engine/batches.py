@@ -1,4 +1,4 @@
-"""Studies of small models, whose design points are built and solved in batches."""
+"""Decides which studies are solved in batches, and cuts their design points into parts."""
 
 from __future__ import annotations
 

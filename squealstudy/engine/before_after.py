@@ -1,4 +1,4 @@
-"""Comparison of two studies of complex modes, before and after a change."""
+"""Compares two studies of complex modes, before and after a change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The choice of design points that are also solved at full order."""
+"""Chooses the design points that are also solved at full order, to check the method."""
 
 from __future__ import annotations
 

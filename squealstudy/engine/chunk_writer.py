@@ -1,4 +1,4 @@
-"""Rows of finished tasks, gathered into chunk files that are neither tiny nor late.
+"""Gathers the rows of finished tasks into chunk files that are neither tiny nor late.
 
 A chunk file closes at 4,096 points or before its first row is 5 s old, whichever is first: a kill
 loses no more than that.

@@ -1,4 +1,4 @@
-"""Comparison of predictions (complex modes or limit cycles) with runs in time."""
+"""Compares predictions (complex modes or limit cycles) with runs in time."""
 
 from __future__ import annotations
 

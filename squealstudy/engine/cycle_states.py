@@ -1,4 +1,4 @@
-"""Limit cycles of a results directory as Fourier series, which runs in time can begin with.
+"""Stores limit cycles as Fourier series, from which runs in time can begin.
 
 Series are deviations from steady sliding in component-mode coordinates; their rows have the order
 of `cycles/harmonics.py`.

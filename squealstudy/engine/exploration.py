@@ -1,4 +1,4 @@
-"""A page in which results are explored, to save or to show in a notebook."""
+"""Makes the page in which results are explored, to save or to show in a notebook."""
 
 from __future__ import annotations
 

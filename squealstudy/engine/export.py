@@ -1,4 +1,4 @@
-"""Models for other programs: the generated brake as a model file, and reduced matrices."""
+"""Exports models for other programs: the generated brake as files, and reduced matrices."""
 
 from __future__ import annotations
 

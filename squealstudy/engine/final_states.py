@@ -1,4 +1,4 @@
-"""Final states of runs in time, in files of arrays that are checked: anybody may have made them.
+"""Stores final states of runs in time, and checks them when read: anybody may have made them.
 
 A design point has a file of its own, named by its id, or one row of the file of a batch.
 """

@@ -1,4 +1,4 @@
-"""Forecast by `check` before a study runs: its cost, and the error of its mesh.
+"""Forecasts for `check` the cost of a study and the error of its mesh, before it runs.
 
 The cost follows from a few timed design points; the error from the nominal point, solved on the
 mesh of the study and on the next finer one.

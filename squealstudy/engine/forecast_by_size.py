@@ -1,4 +1,4 @@
-"""Cost of a study with a mesh before its first reduction: by its size, and by past reductions.
+"""Forecasts the cost of a study with a mesh before its first reduction, by size.
 
 The first reduction would say more, but takes a while. Before it only the degrees of freedom are
 known. Bounds on the cost follow from the times of other reductions of like size: those in the cache

@@ -1,4 +1,4 @@
-"""Content hashes that name structures, design points and chunks of points."""
+"""Makes the content hashes that name structures, design points and chunks of points."""
 
 from __future__ import annotations
 

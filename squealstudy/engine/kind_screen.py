@@ -1,4 +1,4 @@
-"""Screen of the results of a kind of study."""
+"""Base of the screens that show the results of a kind of study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The outcome of a measurement of a method, and what is asked of it."""
+"""What a measurement of a method is asked for, and what it returns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The choice of a study's rung: the one that its file names, or that of least cost."""
+"""Chooses the rung of a study: the one that its file names, or that of least cost."""
 
 from __future__ import annotations
 

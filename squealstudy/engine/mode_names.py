@@ -1,4 +1,4 @@
-"""Names of modes in results: of each mode at a point, and of a track where it grows fastest."""
+"""Names modes in results by their shapes: at a point, and a track where it grows fastest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Right and left vectors of modes of models without a mesh, and why they grow."""
+"""Right and left vectors of modes of models without a mesh, which show why they grow."""
 
 from __future__ import annotations
 

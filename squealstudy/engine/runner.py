@@ -1,4 +1,4 @@
-"""Running a study: structures, design points in chunks on parallel workers, checks, tables."""
+"""Runs a study: structures, design points in chunks on workers, checks, tables."""
 
 from __future__ import annotations
 

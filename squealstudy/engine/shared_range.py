@@ -1,4 +1,4 @@
-"""The range of swept materials and springs over which the structures of a study share a basis."""
+"""Finds the range of materials and springs over which structures can share a basis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Structures of a plan: they are checked, assembled, reduced and cached."""
+"""Makes the structures of a plan: checks, assembles, reduces and caches them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The names of tracks, which are kept in a file beside the tables."""
+"""Stores the names of tracks in a file beside the tables."""
 
 from __future__ import annotations
 

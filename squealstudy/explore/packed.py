@@ -1,4 +1,4 @@
-"""Columns of numbers as a page holds them: base64 of 16, 32 or 64 bits."""
+"""Packs columns of numbers for a page, as base64 of 16, 32 or 64 bits."""
 
 from __future__ import annotations
 

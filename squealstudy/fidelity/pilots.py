@@ -1,4 +1,4 @@
-"""Variants of a study's settings, measured at pilot design points."""
+"""Measures variants of a study's settings at pilot design points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers too large or too small to compute with: their squares, or sums of these, overflow."""
+"""Refuses numbers that are too large or too small to compute with their squares and sums."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Failures that make a design point a failed one."""
+"""The exceptions that make one design point a failed one, instead of ending a study."""
 
 from __future__ import annotations
 

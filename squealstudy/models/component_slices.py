@@ -1,4 +1,4 @@
-"""Degrees of freedom of components in an assembly, before the Assembly exists."""
+"""Ranges of the degrees of freedom of each component, needed before an assembly exists."""
 
 from __future__ import annotations
 

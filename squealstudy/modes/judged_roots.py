@@ -1,4 +1,4 @@
-"""Stability of roots within their errors, and the errors that count."""
+"""Decides whether roots are stable, unstable or uncertain within their errors."""
 
 from __future__ import annotations
 

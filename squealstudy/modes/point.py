@@ -1,4 +1,4 @@
-"""One design point, from its working point to its complex modes."""
+"""Solves one design point, from its working point to its complex modes."""
 
 from __future__ import annotations
 

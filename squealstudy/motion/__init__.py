@@ -1,1 +1,1 @@
-"""Design points in time."""
+"""Runs in time of design points: their start, integration and outcome."""

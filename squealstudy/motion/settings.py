@@ -1,4 +1,4 @@
-"""How a design point is integrated in time."""
+"""Settings of the integration of a run in time."""
 
 from __future__ import annotations
 

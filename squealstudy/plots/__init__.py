@@ -1,1 +1,1 @@
-"""Pictures from tables alone."""
+"""Pictures of results, drawn from their tables without a model."""

@@ -1,4 +1,4 @@
-"""Gaps that sliding wears into a contact, by Archard's law: at each moment sliding is steady."""
+"""Computes the gaps that sliding wears into a contact, by Archard's law."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def _levels(design: pd.Series, stable: pd.DataFrame, run: pd.Series) -> dict[str
     """Cells on the level and frequency of a run beside the cycle nearest to it."""
     row: dict[str, object] = {name: run[name] for name in OF_THE_RUN}
     line = float(run["torque_line_hz"])
-    run_hz = float(run.get("frequency_hz", np.nan))  # results of before have none
+    run_hz = float(run.get("frequency_hz", np.nan))  # earlier versions have none
     row["frequency_hz"] = run_hz
     row |= {"predicted_torque_rms": np.nan, "predicted_frequency_hz": np.nan, "cycle_id": ""}
     row |= dict.fromkeys(("level_deviation", "level_deviation_error"), np.nan)

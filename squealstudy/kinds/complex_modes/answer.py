@@ -1,4 +1,4 @@
-"""Answers of complex-mode studies, in sentences."""
+"""Answers a study of complex modes in sentences: what is unstable, and from where on."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def _estimates(manifest: Mapping[str, Any]) -> Rows:
 def undamped_rows(results: ResultTables) -> Rows:
     """Row on points at which a mode neither grows nor decays; none where there is no such point."""
     columns = ["point_id", "damping_ratio", "stability"]
-    if not set(columns) <= set(results.columns("modes")):  # tables of before
+    if not set(columns) <= set(results.columns("modes")):  # tables of an earlier version
         return []
     neutral = results.rows("modes", columns, _is_neutral)
     count = neutral["point_id"].nunique()

@@ -1,4 +1,4 @@
-"""Errors of every mode of a study: of its rung, of the reduction, and of both together.
+"""Estimates the errors of every mode of a study: of its rung and of the reduction.
 
 `audited` compares these estimates with full-order roots at the points that were checked.
 """

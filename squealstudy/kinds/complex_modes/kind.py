@@ -1,4 +1,4 @@
-"""Complex-mode studies as a kind."""
+"""The kind of complex-mode studies, as the runner and the screens use it."""
 
 from __future__ import annotations
 

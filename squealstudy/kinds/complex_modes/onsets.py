@@ -1,4 +1,4 @@
-"""The table of onsets: where each track turns unstable along a parameter, and stable again."""
+"""Finds where tracks turn unstable along a parameter, and stable again."""
 
 from __future__ import annotations
 

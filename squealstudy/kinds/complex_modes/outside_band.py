@@ -1,4 +1,4 @@
-"""Growing modes outside a study's band, at a few of its design points.
+"""Looks for growing modes outside a study's band, at a few of its design points.
 
 A study lists the modes of its band, but modes outside it may squeal too. They are searched for
 below the band and up to `SEARCHED_BAND_FACTOR` times its top, to where a reduced model keeps its

@@ -1,4 +1,4 @@
-"""Estimated errors of reduced models against full order: at some design points, carried to all.
+"""Estimates errors of reduced models at some design points, and carries them to all.
 
 At a sample of each structure's design points both the reduced model and its finer model are solved
 (modes/full_order/finer_model.py). A mode of another point gets the geometric mean of the relative

@@ -1,4 +1,4 @@
-"""Tracking of a whole study: all steps paired at once, doubtful ones refined by workers.
+"""Tracks the modes of a whole study: pairs all steps, and refines doubtful ones by workers.
 
 `Follower` sends each `RefineTask` to workers, which run `refine_task`. `CommonShapes` gives the
 shapes of two points in common coordinates.

@@ -1,4 +1,4 @@
-"""Effect of a disc's gyroscopic terms where a study leaves them out.
+"""Checks how much the gyroscopic terms of a disc matter that a study leaves out.
 
 It is checked where it matters: at points that are spread over those where a mode is nearest to
 neutral stability, by the exact method on the reduced model.

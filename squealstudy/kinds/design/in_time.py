@@ -1,4 +1,4 @@
-"""Runs in time of a design at one operating point: from today's vibrations, and from kicks.
+"""Runs a design in time at one operating point: from today's vibrations, and from kicks.
 
 A design whose small motions decay may vibrate from large ones. Complex modes cannot show that, and
 a search for limit cycles may miss a cycle apart from its curves. So runs are made from several

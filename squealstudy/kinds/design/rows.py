@@ -1,4 +1,4 @@
-"""One design at one operating point: its modes of least damping, and what every variable does."""
+"""Evaluates a design at one operating point: its least damped modes, and effects of variables."""
 
 from __future__ import annotations
 

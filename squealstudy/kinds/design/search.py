@@ -1,4 +1,4 @@
-"""Least cost that meets a margin at all operating points at once: sequential linear programs.
+"""Finds the design of least cost that keeps a margin at all points: linear programs in turn.
 
 The cost sum c_j |x_j| is split at today's design, x = p - n with p, n >= 0, and each step solves
 

@@ -1,4 +1,4 @@
-"""State of the search and of its proof."""
+"""State of the search of a design study: demands for damping, checks, the chosen design."""
 
 from __future__ import annotations
 

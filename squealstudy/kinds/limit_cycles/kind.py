@@ -1,4 +1,4 @@
-"""Studies of limit cycles as a kind, and what a worker does at their design points."""
+"""The kind of limit-cycle studies, and what a worker does at their design points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Designs at which motion louder than their level may last."""
+"""Finds designs at which motion louder than their level may last."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Method-stability studies as a kind: one method over two knobs, each cell a row."""
+"""The kind of method-stability studies: one method over two settings."""
 
 from __future__ import annotations
 

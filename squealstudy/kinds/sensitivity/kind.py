@@ -1,4 +1,4 @@
-"""Sensitivity studies as a kind, and what a worker does at their design points."""
+"""The kind of sensitivity studies, and what a worker does at their design points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers of runs in time, in sentences: levels with their errors, frequencies, sticking."""
+"""Answers a study in time in sentences: levels with their errors, frequencies, sticking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Transient studies as a kind."""
+"""The kind of studies in time, as the runner and the screens use it."""
 
 from __future__ import annotations
 

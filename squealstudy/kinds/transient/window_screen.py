@@ -39,7 +39,7 @@ def windows(results: ResultTables, unit: str) -> list[RenderableType]:
     slow = bool(table["time_stop"].max() >= MIN_SLOW_RUN_S)
     has_pressure = bool(table["pressure_start"].notna().any())
 
-    has_errors = "torque_rms_low" in table  # results of before have none
+    has_errors = "torque_rms_low" in table  # results of an earlier version have none
 
     def cells(row: dict[Hashable, Any]) -> list[str]:
         point_cell = [str(all_points.index(row["point_id"]))] if several else []

@@ -1,4 +1,4 @@
-"""Work-precision studies as a kind: error against time of methods on one study.
+"""The kind of work-precision studies: error against time of methods on one study.
 
 Each measurement is a row.
 """

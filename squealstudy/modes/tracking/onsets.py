@@ -1,4 +1,4 @@
-"""Onset of instability of a mode that is followed between two design points, by root finding.
+"""Finds the onset of instability of a mode that is followed between two design points.
 
 Between points so close that a polynomial through them is accurate, the onset is the polynomial's
 zero (`cubic_onsets`).

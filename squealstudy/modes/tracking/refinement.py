@@ -1,4 +1,4 @@
-"""Doubtful pairings are resolved by design points in between."""
+"""Resolves doubtful pairings of modes by solving design points in between."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tree of neighbouring design points along which modes are tracked."""
+"""Builds the tree of neighbouring design points along which modes are tracked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Class of a run by its motion alone: at rest, a limit cycle, growing, irregular, or open.
+"""Classifies a run by its motion: at rest, a limit cycle, growing, irregular, or open.
 
 The pace is the rate of the logarithm of the level. In a decay to rest, which becomes linear, it
 tends to a constant; towards a limit cycle to zero. A run that is too short to tell is undecided.

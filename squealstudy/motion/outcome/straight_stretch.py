@@ -1,4 +1,4 @@
-"""The straight stretch of a rising sequence whose slope is known best."""
+"""Finds the straight stretch of a rising logarithm whose slope is known best."""
 
 from __future__ import annotations
 
