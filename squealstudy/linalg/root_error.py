@@ -18,14 +18,14 @@ from squealstudy.linalg.sparse_qep import LowRankSum
 
 Matrix = Any  # ndarray, scipy sparse matrix or LowRankSum
 EPS = float(np.finfo(float).eps)
-TIME_SCALE_RATIO = 4.0  # ratio of the moduli of roots that are scaled by one time
-ACCEPTED_REL_ERROR = 1e-8  # relative error of a root up to which it is not solved again
-AT_ROUND_OFF = 10.0  # error over that of round-off up to which solving again does not help
-MIN_SIGNAL_TO_ROUND_OFF = 10.0  # modulus of a root over its round-off error to be no zero
-# modulus over the band's top up to which a root that is wrong altogether may be a rigid motion
+TIME_SCALE_RATIO = 4.0  # roots whose moduli differ by less than this ratio share a scale of time
+ACCEPTED_REL_ERROR = 1e-8  # roots with a smaller relative error are not solved again
+MAX_ERROR_OVER_ROUND_OFF = 10.0  # solving again helps only above this ratio
+MIN_SIGNAL_TO_ROUND_OFF = 10.0  # a root whose modulus over its round-off is smaller may be zero
+# a root that is zero within round-off is a rigid motion only below this share of the band's top
 RIGID_BELOW = 1e-3
-# condition from which a root is defective: entries of 12 digits hold no more. Such a root moves
-# with the square root of a change (THEORY.md section 6), by this over its modulus
+# a root with a larger condition counts as defective: matrix entries of 12 digits resolve no more. A
+# defective root moves with the square root of a change (THEORY.md section 6): relative error of it
 DEFECTIVE_CONDITION, DEFECTIVE_REL_ERROR = 1e6, 1e-6
 TINY = float(np.finfo(float).tiny)
 
@@ -48,16 +48,18 @@ class RootErrors(NamedTuple):
     residual: np.ndarray
 
     def doubt(self, lam: np.ndarray) -> float:
-        """Largest error over the accepted one; above 1 the roots should be solved again."""
-        allowed = np.maximum(ACCEPTED_REL_ERROR * np.abs(lam), AT_ROUND_OFF * self.round_off)
+        """Largest ratio of an error to the accepted one; above 1, roots should be solved again."""
+        allowed = np.maximum(
+            ACCEPTED_REL_ERROR * np.abs(lam), MAX_ERROR_OVER_ROUND_OFF * self.round_off
+        )
         with np.errstate(invalid="ignore"):  # infinite over infinite
             doubt = self.error / np.where(allowed > 0, allowed, 1.0)
         return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
 
     def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
-        """Whether roots (m,) of a band up to `top` [rad/s] differ from zero roots of a free body.
+        """Mask (m,) of the roots of a band up to `top` [rad/s] that are no zero roots of free bodies.
 
-        The others are far below `top`, and zero within their round-off.
+        Zero roots are far below `top`, and zero within their round-off.
         """
         size = np.abs(lam)
         is_resolved: np.ndarray = (size > MIN_SIGNAL_TO_ROUND_OFF * self.round_off) | (
@@ -86,9 +88,8 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
     slope = np.abs(np.einsum("ij,ij->j", psi.conj(), 2 * lam * inertia + damping))
     slope = np.maximum(slope, 2 * size * (D @ a**2))
     energy = size**2 * _energy(M, a) + size * _energy(C, a) + _energy(K, a)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # overflow only for roots that are wrong altogether
+    # only roots that are wrong altogether overflow
+    with np.errstate(over="ignore", invalid="ignore"):
         condition = conditions(lam, psi, D)
         error_per_residual = condition / np.maximum(slope, TINY)
         round_off = EPS * energy * error_per_residual
@@ -100,7 +101,7 @@ def root_errors(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarra
 
 
 def of_defects(lam: np.ndarray, condition: np.ndarray) -> np.ndarray:
-    """Errors of defective roots, rad/s; 0 of others. Arrays of one shape, as the errors."""
+    """Errors [rad/s] of defective roots, 0 for others; all arrays have one shape."""
     errors: np.ndarray = np.where(
         condition > DEFECTIVE_CONDITION, DEFECTIVE_REL_ERROR * np.abs(lam), 0.0
     )
@@ -127,11 +128,11 @@ def conditions(lam: np.ndarray, psi: np.ndarray, D: np.ndarray) -> np.ndarray:
     paired = lam.imag != 0
     scale_numbers = np.round(np.log(np.maximum(np.abs(lam), TINY)) / np.log(TIME_SCALE_RATIO))
     for scale_number in np.unique(scale_numbers):
-        of_scale = np.flatnonzero(scale_numbers == scale_number)
+        roots_of_scale = np.flatnonzero(scale_numbers == scale_number)
         scaled = lam / TIME_SCALE_RATIO**scale_number
         G = _gram(H, S, scaled, paired)
         G[np.diag_indices_from(G)] += EPS * len(G)  # two states may be parallel to round-off
-        condition[of_scale] = np.sqrt(np.maximum(inverse_diagonal(G, of_scale), 1.0))
+        condition[roots_of_scale] = np.sqrt(np.maximum(inverse_diagonal(G, roots_of_scale), 1.0))
     return condition
 
 
@@ -155,7 +156,7 @@ def inverse_diagonal(G: np.ndarray, members: np.ndarray) -> np.ndarray:
 
 
 def _gram(H: np.ndarray, S: np.ndarray, lam: np.ndarray, paired: np.ndarray) -> np.ndarray:
-    """Gram matrix of unit states, and of the conjugates of those with a conjugate root."""
+    """Gram matrix of unit states, including the conjugate states of complex roots."""
     among_states = H * (1.0 + np.outer(lam.conj(), lam))
     across = S.conj() * (1.0 + np.outer(lam.conj(), lam.conj()))
     across, among_conjugates = across[:, paired], among_states.conj()[np.ix_(paired, paired)]
@@ -182,7 +183,7 @@ def _energy(A: Matrix, a: np.ndarray) -> np.ndarray:
 
 
 def _lumped(M: Matrix) -> np.ndarray:
-    """Size (n,) of the mass at each coordinate."""
+    """Mass (n,) at each coordinate, in modulus: the diagonal, else the sum of the row."""
     M = M.sparse if isinstance(M, LowRankSum) else M
     diagonal = np.abs(M.diagonal())
     if not diagonal.all():

@@ -58,14 +58,14 @@ def is_small_batch(values: Values) -> bool:
         return False
     try:
         assembly = values.point(0).assembly()
-    except FAILURES:  # the loop over single points reports them
+    except FAILURES:  # solving point by point reports them
         return False
     plain = all(c.correspondence is None for c in assembly.components)
     return plain and assembly.n_dof <= MOST_COORDINATES
 
 
 def is_point_mass_batch(values: Values) -> bool:
-    """Whether a small batch is of point masses, whose coordinates need no convention."""
+    """Whether a small batch is of point masses alone: their coordinates are unambiguous."""
     return is_small_batch(values) and all(
         not c.K.count_nonzero() and not (c.M - sp.diags(c.M.diagonal())).count_nonzero()
         for c in values.point(0).assembly().components

@@ -1,4 +1,4 @@
-"""Writes tables as TOML, and finds the lines of keys in a TOML text, which tomllib does not."""
+"""Writes tables as TOML, and finds the lines of keys in a TOML text: tomllib does neither."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import Any
 
 KeyPath = tuple[str | int, ...]  # keys, and 0-based positions in arrays
 
-BARE = re.compile(r"[A-Za-z0-9_-]+")
-# ends of a list or text that is cut in the middle
+UNQUOTED_KEY = re.compile(r"[A-Za-z0-9_-]+")
+# what may close a list or text that is cut in the middle
 CLOSINGS = ("", "]", "]]", "]]]", '"""', "'''")
 MAX_NESTING = 24  # deeper nesting means nothing in a study file and is not searched
 
@@ -41,11 +41,11 @@ def toml_value(value: object) -> str:
 
 def toml_key(name: str) -> str:
     """A key, in quotes where it needs them."""
-    return name if BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
+    return name if UNQUOTED_KEY.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
 def _lines(tables: Mapping[str, Any], path: str) -> list[str]:
-    """Single keys first, as TOML asks for, then the tables."""
+    """Lines of nested tables: single keys before tables, as TOML asks for."""
     nested = {k: v for k, v in tables.items() if isinstance(v, Mapping) or _is_tables(v)}
     lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in tables.items() if k not in nested]
     for key, entry in nested.items():
@@ -77,7 +77,7 @@ class KeyLines:
         self._read: dict[int, dict[str, Any]] = {0: {}}
 
     def find(self, keys: KeyPath) -> int | None:
-        """Line, from 1, of a key, else of the innermost table around it; None without either.
+        """Line (from 1) of a key, else of the innermost table that has a line; None without both.
 
         ``("sweep", 1, "num")`` is ``num`` in the second ``[[sweep]]``. A dotted key may be one text
         or several parts, both in `keys` and in the file.
@@ -95,6 +95,7 @@ class KeyLines:
 
     @cached_property
     def _whole(self) -> dict[str, Any]:
+        """Tables of the whole text."""
         return self._tables(len(self._lines))
 
     def _tables(self, count: int) -> dict[str, Any]:

@@ -39,7 +39,7 @@ class FinishedNodes:
             return None
         count = int(self._counts[row])
         to_orthogonal, to_seen = self._coordinates(self._plan.tasks[row].structure)
-        raw = np.zeros((0, len(to_orthogonal)), dtype=complex)  # without a mode in the band
+        raw = np.zeros((0, len(to_orthogonal)), dtype=complex)  # no mode in the band
         if count:
             raw = columns.shapes.read(row)[:count].astype(complex)
         lam = columns.lam[self._starts[row] : self._starts[row] + count]
@@ -52,6 +52,7 @@ class FinishedNodes:
 
     @cached_property
     def _columns(self) -> ModeColumns:
+        """Results of all points, with their shapes."""
         return read_columns(
             self._store, self._plan.tasks.ids, largest_error=self._plan.method.largest_error
         )
@@ -77,7 +78,7 @@ class FinishedNodes:
         if self._plan.stacked:
             identity = np.eye(self._plan.first.assembly().n_dof)
             return identity, identity
-        if key not in self._known:
+        if key not in self._matrices:
             prepared = prepared_any(key)
             if isinstance(prepared, PreparedFamily):
                 M, _, _ = prepared.model.matrices(self._plan.nominal_values)
@@ -87,14 +88,15 @@ class FinishedNodes:
                 )
                 mass = basis.T @ (M @ basis)
                 mass_root = _root(mass)
-                self._known[key] = mass_root, mass_root
+                self._matrices[key] = mass_root, mass_root
             else:
                 sensors = prepared.sensor_shapes
-                self._known[key] = np.eye(sensors.shape[1]), sensors.T
-        return self._known[key]
+                self._matrices[key] = np.eye(sensors.shape[1]), sensors.T
+        return self._matrices[key]
 
     @cached_property
-    def _known(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def _matrices(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The matrices of `_coordinates` by structure, each made once."""
         return {}
 
 

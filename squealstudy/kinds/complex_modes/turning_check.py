@@ -1,7 +1,7 @@
 """Checks how much the gyroscopic terms of a disc matter that a study leaves out.
 
-It is checked where it matters: at points that are spread over those where a mode is nearest to
-neutral stability, by the exact method on the reduced model.
+The check solves a few design points with these terms, by the exact method on the reduced model.
+They are spread over the points at which a mode is nearest to neutral stability.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from squealstudy.modes.turning_effect import TurningEffect, turning_effect
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.study.design import DesignPoint
 
-N_CHECKED_POINTS = 5  # design points; each takes as long as an exact one
+N_CHECKED_POINTS = 5  # number of points; each takes as long as one exact solution
 # share of design points, nearest to neutral stability, among which the checked ones are chosen
 NEAR_NEUTRAL_SHARE = 0.2
 
@@ -31,7 +31,7 @@ NEAR_NEUTRAL_SHARE = 0.2
 class TurningTask:
     """A design point without gyroscopic terms, with its roots `lam` (m,) in the band [rad/s].
 
-    A mode whose damping ratio is below `neutral` in size counts as neither growing nor decaying.
+    A mode whose damping ratio has a modulus below `neutral` counts as neither growing nor decaying.
     """
 
     point: DesignPoint
@@ -43,8 +43,8 @@ class TurningTask:
 def turning_facts(plan: Plan, columns: ModeColumns, workers: Workers) -> dict[str, Any] | None:
     """Facts for the manifest; None where no disc turns, the terms are swept, or no check succeeds.
 
-    They are the number of checked points, at how many of them a mode grows either only with the
-    terms or only without them, and the largest change of such a mode's growth rate, 1/s.
+    `looked` is the number of checked points. `decided_points` counts those at which the terms
+    decide whether a mode grows, and `decided_growth` is the largest change of its growth rate, 1/s.
     """
     if GYROSCOPIC.name in {sweep.name for sweep in plan.study.sweeps} or not _turns(plan):
         return None
@@ -74,7 +74,7 @@ def _turns(plan: Plan) -> bool:
 
 
 def effect_of_turning(task: TurningTask) -> TurningEffect | None:
-    """Effect of the terms at a point, in a worker; None where the point has them or it fails."""
+    """Effect of the terms at a point; None where the point has the terms or cannot be solved."""
     state = task.point.state()
     if state.operating.gyroscopic:
         return None

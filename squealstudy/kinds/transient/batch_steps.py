@@ -1,4 +1,4 @@
-"""Errors of a batch's runs due to the time step, from runs with other steps."""
+"""Estimates errors that the time step makes in the levels of a batch of runs."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from squealstudy.motion.system import ModalSystem
 class BatchSteps:
     """Errors that the time step makes in the levels of a batch's runs.
 
-    With few contact points each run is made again with other steps, runs of one length together.
-    With many, only the first lasting run of the batch is continued with other steps, and all others
-    are taken to err by the same shares of their levels.
+    With few contact points, each run is repeated with other steps; runs of equal length are
+    repeated together. With many contact points, only the first run that lasts is continued with
+    other steps: all other runs are assumed to err by the same shares of their levels.
     """
 
     def __init__(self, task: BatchTask, motions: Sequence[Motion]) -> None:
         self._task, self._motions = task, motions
-        self._known: StepParts | None = None
-        self._again: dict[int, RunsAgain] = {}  # by the identity of the run
+        self._shared_error: StepParts | None = None
+        self._again: dict[int, RunsAgain] = {}  # by the id of the run as a Python object
 
     def of(self, motion: Motion, lasts: bool) -> StepParts:
-        """Error due to the step in a run whose vibration lasts, or does not."""
+        """Error due to the step in a run; `lasts` tells whether its vibration lasts."""
         task = self._task
         if task.hybrid:
             if not lasts:
@@ -46,12 +46,12 @@ class BatchSteps:
             again = few and isinstance(settings.integrator, KernelIntegrator)
             others = self._others(system, motion) if again else None
             return step_parts(system, motion, settings, lasts, others)
-        if self._known is None:
-            self._known = step_parts(system, motion, settings)
-        return self._known
+        if self._shared_error is None:
+            self._shared_error = step_parts(system, motion, settings)
+        return self._shared_error
 
     def again(self, motion: Motion) -> tuple[Motion, ...]:
-        """Other steps' runs of one whose speed or pressure changes; () with many contact points."""
+        """A run whose speed or pressure changes, repeated with other steps; () for many points."""
         system = replace(self._task.reference.system, sensed=motion.sensed)
         settings = self._task.settings()
         kernel = isinstance(settings.integrator, KernelIntegrator)
@@ -62,10 +62,10 @@ class BatchSteps:
         return tuple(others[factor] for factor in (HALF, TWICE) if factor in others)
 
     def _others(self, system: ModalSystem, motion: Motion) -> RunsAgain:
-        """A run with other steps, made together with all runs of its length and outcome."""
+        """Repeat a run with other steps, together with all runs of its length and outcome."""
         if id(motion) not in self._again:
             kind = motion.outcome, motion.time
-            alike = [m for m in self._motions if (m.outcome, m.time) == kind]
-            made = runs_again(system, alike, self._task.settings())
-            self._again |= {id(m): others for m, others in zip(alike, made, strict=True)}
+            runs_of_kind = [m for m in self._motions if (m.outcome, m.time) == kind]
+            repeated = runs_again(system, runs_of_kind, self._task.settings())
+            self._again |= {id(m): others for m, others in zip(runs_of_kind, repeated, strict=True)}
         return self._again.pop(id(motion))

@@ -1,4 +1,4 @@
-"""Types of the facts in a manifest of runs in time; read from a file, they are checked."""
+"""Types of the facts in a manifest of runs in time, by which a manifest that is read is checked."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from squealstudy.engine.fact_types import Count, FactGroup, Finite, Name, Text
 
 
 class ChangeAtDouble(FactGroup):
-    """Relative change of a quantity at twice the slope, and how much of it may be chance."""
+    """Relative change of a quantity at twice the slope of friction; part of it may be chance."""
 
     error: float
     chance: float
 
 
 class Pilot(FactGroup):
-    """One run at twice the slope of friction."""
+    """The run of one design point with twice the slope of friction at zero sliding."""
 
     status: Name
     message: Text
@@ -38,7 +38,7 @@ class Regularisation(FactGroup):
 
 
 class SimulatedTime(FactGroup):
-    """Simulated time that runs which stopped early have saved, and their number."""
+    """Simulated time, how much of it early stops saved, and how many runs settled or decayed."""
 
     saved_s: Finite
     asked_s: Finite

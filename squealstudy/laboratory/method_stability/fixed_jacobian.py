@@ -1,4 +1,4 @@
-"""Newmark's method with a fixed Jacobian: whether a step converges by the plain iteration.
+"""Case that maps where a Newmark step with a fixed Jacobian converges by the plain iteration.
 
 The iteration a <- a + J^-1 R(a) for the pull a, THEORY.md eq. (66), changes a small error by the
 spectral radius of I - J^-1 J_true, THEORY.md eq. (69): J is the fixed Jacobian, J_true is -dR/da
@@ -39,11 +39,11 @@ SLOW_FROM = 40  # iterations above which a step is slow: runs then halve it
 MAX_REL_PULL_ERROR = 1e-5
 MAX_ITERATIONS = 4000  # 2 % below the boundary a step takes 1,000 iterations
 CONVERGED_TOLERANCE = 1e-9  # tolerance of a step that counts as converged
-# tolerance of an iteration whose residuals alone are wanted: it need not converge
+# tolerance of an iteration that is made for its residuals and need not converge
 TRACE_TOLERANCE = 1e-15
 # distance from the solution, over `scale`, at which the local iteration starts
 START_REL_DISTANCE = 1e-8
-# ratio of a residual to the first one at which `rate` stops reading: it has grown or shrunk so far
+# `rate` reads residuals until they have grown or shrunk by these factors from the first residual
 GROWN_RESIDUAL_RATIO, SHRUNK_RESIDUAL_RATIO = 1e5, 1e-3
 NOT_CONVERGED = "not_converged"
 NO_REFERENCE = "newton found no end of the step"
@@ -88,7 +88,7 @@ class Trace:
 
 
 def plain_settings(step: float, contact_factor: float) -> MotionSettings:
-    """Settings of one step by the plain iteration: without what helps it to converge."""
+    """Settings of one step by the plain iteration, without any measure that helps convergence."""
     plain = Newmark(
         max_halvings=0, aitken=False, contact_factor=contact_factor, tangential_damping="never"
     )
@@ -196,15 +196,15 @@ def local_contraction(state: ContactState, settings: MotionSettings, solution: S
 
 
 def scale(state: ContactState, pull: np.ndarray) -> float:
-    """Size of the pull (n,), with the reference's normal forces, so that it never vanishes."""
+    """Norm of the pull (n,) plus that of the reference normal forces, which never vanishes."""
     return float(np.linalg.norm(pull) + np.linalg.norm(state.system.N.T @ state.system.force[:, 0]))
 
 
 def rate(e: np.ndarray) -> float:
     """Mean factor between successive residuals e (m,), m > 1.
 
-    It is that of the later half of the iterations that are read. They end where residuals have
-    grown or shrunk so far that round-off or other branches of the law change the factor.
+    Only the later half of the residuals is used, up to the first that has grown or shrunk too far:
+    round-off or other branches of the law then change the factor.
     """
     out_of_range = np.flatnonzero(
         (e >= GROWN_RESIDUAL_RATIO * e[0]) | (e <= SHRUNK_RESIDUAL_RATIO * e[0])

@@ -18,18 +18,18 @@ from squealstudy.models.fem.solid import Isotropic
 from squealstudy.models.file_table import KeyPath, PlacedError
 
 AXES = ("E", "nu", "G")
-BARE = re.compile(r"[A-Za-z0-9_-]+")  # keys that need no quotes
+UNQUOTED_KEY = re.compile(r"[A-Za-z0-9_-]+")  # keys that need no quotes
 N_MATERIAL_KEYS = 4  # of a key path: "components", component, "materials", material; then its key
 
 
 def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numbers) -> SolidMesh:
-    """The mesh with the materials of the model file given to its elements.
+    """Give the elements of a mesh the materials that the model file states for the component.
 
     Raises
     ------
     PlacedError
-        A material of the model file is wrong, or its element set does not exist. Elements of a
-        component without matrices have no material, or one with numbers that neither file states.
+        A material of the model file is wrong, or its element set does not exist. In a component
+        without matrices, elements have no material, or numbers of it are in neither file.
     """
     for label, material in table.materials.items():
         keys: KeyPath = ("components", name, "materials", label)
@@ -41,7 +41,7 @@ def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numb
         elif has_name(mesh.element_sets, set_name):
             mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label), set_name)
         elif material.elements is None and len(table.materials) == 1 and not _labels(mesh):
-            # the only material there is: of all elements
+            # the only material belongs to all elements
             mesh = mesh.with_material(label, _elastic(numbers, keys, mesh, label))
         else:
             names = tuple(sorted({*mesh.element_sets, *_labels(mesh)}))
@@ -77,7 +77,7 @@ def _labels(mesh: SolidMesh) -> set[str]:
 
 def _quoted(label: str) -> str:
     """A key as a model file writes it: in quotes where it needs them."""
-    return label if BARE.fullmatch(label) else f'"{label}"'
+    return label if UNQUOTED_KEY.fullmatch(label) else f'"{label}"'
 
 
 def _elastic(numbers: Numbers, keys: KeyPath, mesh: SolidMesh, label: str) -> Elastic:
@@ -93,9 +93,9 @@ def _elastic(numbers: Numbers, keys: KeyPath, mesh: SolidMesh, label: str) -> El
         lacking = ["rho"] * (density is None)
         if moduli is None:
             lacking = [k for k in ("E", "nu") if getattr(table, k) is None] + lacking
-        be = "is" if len(lacking) == 1 else "are"
+        verb = "is" if len(lacking) == 1 else "are"
         why = unfinished.missing if unfinished else f"{mesh.origin.name} has no material '{label}'"
-        raise PlacedError(keys, f"{' and '.join(lacking)} {be} missing; {why}")
+        raise PlacedError(keys, f"{' and '.join(lacking)} {verb} missing; {why}")
     try:
         if not table.has_all_moduli:  # single moduli replace those of the mesh's file
             assert moduli is not None
@@ -119,6 +119,7 @@ def _elastic(numbers: Numbers, keys: KeyPath, mesh: SolidMesh, label: str) -> El
 
 
 def _isotropic(E: float, nu: float, rho: float) -> Isotropic:
+    """The isotropic material; ModelError for numbers that no such material has."""
     if not (E > 0 and -1 < nu < 0.5 and rho > 0):
         raise ModelError(f"expected E > 0, -1 < nu < 0.5, density > 0; got {E:g}, {nu:g}, {rho:g}")
     return Isotropic(E, nu, rho)
@@ -134,7 +135,7 @@ def changed_material(material: Elastic, values: Mapping[KeyPath, float], name: s
         In SI units. The paths end in rho, E or nu; those of moduli of an orthotropic material in
         E, nu or G and an index from 0.
     name : str
-        For messages.
+        Name of the material, for messages.
 
     Raises
     ------

@@ -145,7 +145,7 @@ class ContactTable(Table):
     slave: str = Field(description="COMPONENT.SET that has the contact points")
     master: str = Field(description="COMPONENT.SET opposite")
     quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
-    points: int = Field(default=3, ge=1, le=32, description="contact points a side of a facet")
+    points: int = Field(default=3, ge=1, le=32, description="contact points along a facet's side")
     search: float = Field(
         gt=0, description="largest distance of the faces at which points are found, to either side"
     )
@@ -287,7 +287,7 @@ class LayerTable(Table):
         ge=0,
         description="stiffness per area, consistent: integrated over the faces' shape functions",
     )
-    tangential: float = Field(ge=0, description="the same in plane")
+    tangential: float = Field(ge=0, description="the same in the plane of the faces")
     in_static: bool = Field(default=True, description="false: it acts in vibration only")
     quadrature: Literal["clipped", "gauss"] = Field(default="clipped", description=CUTS)
     search: float | None = Field(
@@ -372,7 +372,7 @@ class WearTable(Table):
 
     pressure: float = Field(gt=0, description="brake pressure during wear")
     friction: float = Field(ge=0, description="friction coefficient during wear")
-    distance: float = Field(ge=0, description="distance of sliding, where sliding_speed holds")
+    distance: float = Field(ge=0, description="distance of sliding at the radius of sliding_speed")
     rate: float = Field(
         gt=0, description="depth over pressure and distance: Archard's coefficient over hardness"
     )

@@ -30,13 +30,13 @@ def hot_gaps(mesher: BrakeMesher, solids: Mapping[str, Solid], cold: Assembly) -
 
 
 def temperature_rise(mesher: BrakeMesher, name: str, z: np.ndarray) -> np.ndarray:
-    """Temperature rise (n,) [K] of a component at heights z (n,) [m]."""
-    v, band = mesher.v, mesher.v("disc.thickness")
+    """Temperature rise (n,) [K] of a component at heights z (n,) [m] along the axis of the disc."""
+    v, disc_thickness = mesher.v, mesher.v("disc.thickness")
     if name == "caliper":
         return np.zeros_like(z)
     if name == "disc":
-        across = np.clip(z / band, 0.0, 1.0) - 0.5
+        across = np.clip(z / disc_thickness, 0.0, 1.0) - 0.5
         return v("disc.temperature_rise") + v("disc.temperature_difference") * across
-    depth = z - band if name == "outer_pad" else -z
+    depth = z - disc_thickness if name == "outer_pad" else -z
     thickness = v("pad.lining_thickness") + v("pad.plate_thickness")
     return v("pad.temperature_difference") * (1.0 - depth / thickness)

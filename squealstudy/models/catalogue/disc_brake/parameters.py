@@ -40,7 +40,7 @@ OPTIONS = (
         ("medium", "coarse", "fine"),
         "cells: about 29,000, 15,000 or 91,000 DOF",
     ),
-    ModelOption("contact_points", (3, 2, 4), "contact points a side of each pad facet"),
+    ModelOption("contact_points", (3, 2, 4), "contact points along each side of a pad facet"),
     ModelOption(
         KINEMATICS,
         (UNIFORM, ROTATION),
