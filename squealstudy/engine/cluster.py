@@ -49,7 +49,7 @@ TASKS_IN_FLIGHT_PER_WORKER = 3
 CLOSE_TIMEOUT_S = 2.0  # s, longest wait for a scheduler's answer when closing
 POLL_INTERVAL_S = 2.0  # s, least time between counts of the workers, longest wait for a task
 ALL_DIED = "every worker that tried it died"
-MAX_MODELS_SENT = 8  # most models that the scheduler keeps, beside those of waiting tasks
+MAX_MODELS_SENT = 8  # most models that the scheduler stores, not counting those of waiting tasks
 KEY = re.compile(rb"[0-9a-f]{%d,}" % HASH_DIGITS)
 
 TaskT = TypeVar("TaskT")

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 MOST_COUNTED = 2**53  # whole numbers up to here are floats exactly
-MOST_LETTERS = 20_000  # of a sentence; that of a verdict of 100 variables has 10,000
+MOST_LETTERS = 20_000  # most letters of a sentence; the verdict on 100 variables has 10,000
 
 Count = Annotated[int, Field(ge=0, le=MOST_COUNTED)]
 WholeNumber = Annotated[int, Field(ge=-MOST_COUNTED, le=MOST_COUNTED)]

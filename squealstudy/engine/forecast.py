@@ -26,7 +26,8 @@ from squealstudy.modes.tracking.pairing import pair_modes
 from squealstudy.root_pairs import LIGHT_DAMPING
 from squealstudy.study.design import DesignPoint
 
-TIMED_POINTS, MOST_TIMING = 3, 20.0  # at most so many points are timed, none after so many seconds
+# most points that are timed, and seconds after which no further point is timed
+TIMED_POINTS, MOST_TIMING = 3, 20.0
 UNRELIABLE_TIMING_S = 1.0  # s: up to so much of the first call may be spent on imports
 RUN_OVERHEAD_S = (0.5, 5.0)  # s, least and most, of a run beside its points: workers, tables
 

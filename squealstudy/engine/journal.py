@@ -37,7 +37,7 @@ MAX_LINE_BYTES = 2**26  # bytes of a line; 4,096 points with their files need 2*
 MOST_BYTES = 2**29
 MEMORY_RATIO = 12.0  # bytes of memory needed for each byte of the journal
 MOST_NAMED = 4  # refused names that a message shows
-MAX_NAME_LETTERS = 100  # letters of such a name that it shows
+MAX_NAME_LETTERS = 100  # most letters of such a name that a message shows
 DAMAGED, MISSING, UNFINISHED = "damaged", "missing", "in no journal"
 
 

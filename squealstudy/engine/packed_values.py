@@ -37,7 +37,7 @@ CLASSES = {
     )
 }
 CSR = ("data", "indices", "indptr")
-MOST_INLINE = 64  # most entries of arrays that are in the JSON, as those of minimal models
+MOST_INLINE = 64  # larger arrays are not in the JSON; those of minimal models are smaller
 INLINE_CODES = {"float64": "f8", "int64": "i8", "int32": "i4", "bool": "?"}
 
 

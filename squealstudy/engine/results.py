@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from squealstudy.shapes.shape import Shape
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys(".[],- ", "_"))
-KEEP_PICTURES = 100_000  # number of points from which drawing takes long, so that pictures are kept
+# pictures of studies of at least this many points are stored, as drawing takes long
+KEEP_PICTURES = 100_000
 PUBLIC = (  # of results of every kind
     *("along", "columns", "design", "directory", "draw", "kind", "manifest", "n_points"),
     *("parameters", "plot", "rank", "swept", "table", "tables", "units"),

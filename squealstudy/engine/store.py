@@ -67,9 +67,9 @@ DESIGNS, VARIANTS = "designs.parquet", "variants.parquet"
 MARGINS, SLOPES, PROOF = "margins.parquet", "slopes.parquet", "proof.parquet"
 CURVES, VELOCITIES, BORDERS = "curves.parquet", "velocities.parquet", "borders.parquet"
 INACCURATE = "inaccurate"  # status of a point whose roots are there, with too large an error
-PART_ROWS = 1_000_000  # rows of a table up to which it is one file
+PART_ROWS = 1_000_000  # most rows of one file; larger tables are several files
 GROUP_ROWS = 2**17  # rows of a table that are read together
-UNIT = b"unit"  # of a column, in the metadata of its field
+UNIT = b"unit"  # key of a column's unit in the metadata of its field
 
 
 def column_units(

@@ -22,7 +22,7 @@ from squealstudy.errors import ContradictionError, ResultsError
 
 SIDE_BY_SIDE = b"side_by_side"  # key of a schema's metadata: columns with lists of one length
 NUMBER_BYTES = 8  # bytes of a value that is no text
-TEXT_BYTES = 16  # bytes of a text without its letters, in a table and in a frame
+TEXT_BYTES = 16  # memory of a text in a table and in a frame, without its letters
 TEXT = "BYTE_ARRAY"
 ColumnPart = tuple[int, int, int, pq.ColumnChunkMetaData]  # group, column, values, facts
 FEW_BYTES = 2**12  # most bytes on disk of the dictionary of a column with few texts, like status

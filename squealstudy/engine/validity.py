@@ -41,11 +41,11 @@ VALIDITY_INPUTS = (
 )
 SOLVED = ("ok", "inaccurate")  # statuses of points that have results
 ALL_OPEN_SHARE = 1.0 - 1e-9  # open share of the contact area that is 1 but for round-off
-FAR_KICK = 10.0  # start velocity over the sliding speed
+FAR_KICK = 10.0  # largest start velocity over the sliding speed of a valid kick
 TABLE_END_SLACK = (
     1e-9  # share of a table's range: points on its ends, but for round-off, are within
 )
-CRITICAL_DAMPING_RATIO = 1.0  # damping ratio from which on a mode does not oscillate
+CRITICAL_DAMPING_RATIO = 1.0  # a mode with this damping ratio or more does not oscillate
 MODE_RULE = f"modal damping is light, a ratio of at most {LARGEST_MODAL_DAMPING:g}"
 COMPONENT_RULE = "component modes are damped below critical"
 OSCILLATES_RULE = "modes of the band are damped below critical, damping ratio"

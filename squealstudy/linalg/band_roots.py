@@ -20,12 +20,12 @@ from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_root
 from squealstudy.root_pairs import one_of_each_pair
 
 FIRST_ROOTS = 60  # roots asked for first, if the caller has no guess
-FALLBACK_SHIFT_RATIO = 0.02  # shift over the band's top, where K itself is singular
+FALLBACK_SHIFT_RATIO = 0.02  # shift over the top of the band, used where K itself is singular
 SINGULAR_PENCIL = (
     "lambda^2 M + lambda C + K is singular for every lambda: some coordinate, or a sum of several, "
     "has no mass, no damping and no stiffness"
 )
-LARGEST_DENSE = 2000  # degrees of freedom up to which LAPACK solves where most roots are wanted
+LARGEST_DENSE = 2000  # most degrees of freedom for which LAPACK solves if most roots are wanted
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.factor import SINGULAR
 from squealstudy.linalg.overflow import OVERFLOW
 
-SHIFT_RATIO = 0.013  # shift over the limit, where roots far below the limit spoil the others
+SHIFT_RATIO = 0.013  # shift over the limit, used where roots far below the limit spoil the others
 # modulus over the limit from which roots must be resolved beside the largest root's round-off
 MIN_RESOLVED_RATIO = 1e-6
 SINGULAR_STIFFNESS = "a stiffness matrix is singular, or nearly so beside its largest entries"

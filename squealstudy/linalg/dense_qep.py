@@ -28,7 +28,7 @@ from squealstudy.linalg.companion import (
 from squealstudy.linalg.quadratic_pencil import product
 from squealstudy.root_pairs import one_of_each_pair
 
-KRYLOV_MIN_SIZE = 60  # coordinates from which a Krylov space is less work than LAPACK's QR
+KRYLOV_MIN_SIZE = 60  # for more coordinates a Krylov space is less work than LAPACK's QR
 # roots in the circle over all 2n, above which the space costs as much as LAPACK's QR
 KRYLOV_MAX_ROOT_SHARE = 0.25
 # shifts over the circle's radius; the second is used where the first fails, as next to a root
@@ -38,7 +38,7 @@ SEARCH_RADIUS_FACTOR = 1.1
 # vectors of the first space: for each expected root, and in addition
 VECTORS_PER_ROOT, EXTRA_VECTORS = 1.8, 30
 SPACE_GROWTH = 1.25  # factor on the size of a space that is too small
-CONVERGED_RESIDUAL = 1e-14  # residual of a root in the circle, over its |theta|
+CONVERGED_RESIDUAL = 1e-14  # largest residual of a converged root in the circle, over |theta|
 # the same for roots up to SEARCH_RADIUS_FACTOR: enough to know that none was missed
 OUTER_RESIDUAL_TOLERANCE = 1e-3
 # |theta| of a root next to the shift, above which its round-off spoils the others

@@ -34,10 +34,12 @@ CHOLMOD_MIN_ROWS = 50_000
 RHS_PER_SOLVE = 64  # right-hand sides a call: SuperLU works on copies, this bounds them
 CHOLMOD_BLOCK = 8  # of 115,959 rows 4 to 8 at once take 0.039 s of a core each, 64 0.044, 1 0.113
 DENSE_FILL_RATIO = 0.2  # of all entries: a projected assembly is block by block full
-LEAST_FULL = 1000  # rows: below it time is no matter, and SuperLU has the same bits in any process
-LEAST_PIVOT = 1e-12  # of the diagonal entry it came from: the round-off of a singular one
+# smaller matrices stay with SuperLU: time does not matter, and its bits are repeatable
+LEAST_FULL = 1000
+# a pivot below this share of its diagonal entry is the round-off of a singular matrix
+LEAST_PIVOT = 1e-12
 
-FEW_ROWS = 200  # solved faster than a thread starts (0.1 ms)
+FEW_ROWS = 200  # fewer rows are solved faster than a thread starts (0.1 ms)
 
 PARDISO_DEFINITE, PARDISO_UNSYMMETRIC = 2, 11  # PARDISO's types of real matrices
 

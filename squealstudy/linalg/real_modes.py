@@ -19,14 +19,14 @@ from squealstudy.linalg.factor import RefinedFactor, factorise
 # matrix definite for free bodies too. With a twentieth, rigid modes outweigh the highest ones and
 # leave them residuals a thousand times larger (1e-10 against 3e-14 on the coarse pad).
 SHIFT_SHARE = 1 / 6
-DENSE_LIMIT = 400  # degrees of freedom up to which LAPACK computes all modes
+DENSE_LIMIT = 400  # most degrees of freedom for which LAPACK computes all modes
 # states before the first test of convergence; the space then grows by 1/12 between two tests
 FIRST_TEST_SIZE, TEST_GROWTH_DIVISOR = 48, 12
 # largest Krylov space over the degrees of freedom: a larger one costs more than LAPACK
 MAX_KRYLOV_SHARE = 0.4
 # residual of a converged mode over its theta = 1 / (omega^2 + shift); refining squares it
 CONVERGED_RESIDUAL = 1e-10
-REL_RESIDUAL_FLOOR = 1e-14  # residual over the largest theta: round-off, so no residual gets below
+REL_RESIDUAL_FLOOR = 1e-14  # round-off of a residual over the largest theta: none is smaller
 # round-off over the theta of the limit, above which another shift is needed
 MAX_REL_ROUND_OFF = 1e-6
 # frequency of a rigid mode over the highest frequency of a single degree of freedom, at most

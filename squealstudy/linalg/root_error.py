@@ -57,7 +57,7 @@ class RootErrors(NamedTuple):
         return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
 
     def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
-        """Mask (m,) of the roots of a band up to `top` [rad/s] that are no zero roots of free bodies.
+        """Mask (m,) of the roots of a band up to `top` [rad/s] that are no zeros of free bodies.
 
         Zero roots are far below `top`, and zero within their round-off.
         """

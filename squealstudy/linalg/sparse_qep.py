@@ -24,10 +24,10 @@ from squealstudy.linalg.real_modes import (
 )
 from squealstudy.root_pairs import one_of_each_pair
 
-DENSE_LIMIT = 100  # degrees of freedom up to which LAPACK solves
+DENSE_LIMIT = 100  # most degrees of freedom for which LAPACK solves
 TEST_GROWTH_DIVISOR = 10  # the space grows by 1/10 of its size between two tests of convergence
-MAX_KRYLOV_SHARE = 0.4  # Krylov vectors over states, above which LAPACK is faster
-CONVERGED_RESIDUAL = 1e-11  # residual of a root over its |theta|
+MAX_KRYLOV_SHARE = 0.4  # with more Krylov vectors, over states, LAPACK is faster
+CONVERGED_RESIDUAL = 1e-11  # largest residual of a converged root, over |theta|
 
 
 class LowRankSum:

@@ -11,7 +11,7 @@ from squealstudy.modes.point import solve_point
 from squealstudy.reduction.prepared import PreparedModel
 from squealstudy.root_pairs import LIGHT_DAMPING, MAX_PAIR_REL_DISTANCE, least_assignment
 
-BAND_WIDENING = 0.02  # relative widening of the band, for partners of modes at its ends
+BAND_WIDENING = 0.02  # relative widening of the band, which gives modes at its ends partners
 
 
 @dataclass(frozen=True)

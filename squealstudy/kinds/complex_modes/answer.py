@@ -44,7 +44,7 @@ from squealstudy.wording import all_of, amount, band_text, in_digits, plural, tr
 
 LOADS = {"pressure", "normal_force"}  # parameters that press the contact
 OPEN, LARGEST_PRESSURE = "open_share", "contact_pressure_max"  # columns of points
-MOST_TOLD_DESIGNS = 3  # in the answer, each with its modes
+MOST_TOLD_DESIGNS = 3  # most designs that the answer tells, each with its modes
 LEAST_CONTACT_CHANGE = 0.1  # percent; smaller changes are not told
 
 if TYPE_CHECKING:

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 GRID = "grid"
-MOST_DESIGNS = 12  # in a table on a screen; each needs a ranking of its own
+MOST_DESIGNS = 12  # most designs in a table on a screen; each needs a ranking of its own
 MOST_MODES = 4  # named in the answer
 BELOW_TEXT = "below range"  # in place of an onset
-ALIKE_ONSETS = 2e-3  # relative difference up to which two first onsets count as the same
+ALIKE_ONSETS = 2e-3  # first onsets with a smaller relative difference count as the same
 
 Row = Mapping[Hashable, Any]
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 JUDGED = "modes that grow or have little damping"
-NEGLIGIBLE_METHOD_ERROR = 1e-9  # relative error of a method below which it needs no check
+NEGLIGIBLE_METHOD_ERROR = 1e-9  # a method with a smaller relative error needs no check
 # share of the largest estimate; checked points that err by less say little about the method
 MIN_CHECK_ERROR_SHARE = 0.1
 OTHER_MESH = "; the error of the mesh is not in it"

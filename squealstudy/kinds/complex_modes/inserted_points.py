@@ -31,7 +31,7 @@ from squealstudy.modes.tracking.snapshot_model import (
 from squealstudy.reduction.prepared import PreparedModel
 
 MIN_COORDINATES = 200  # smaller models are solved exactly as fast as in a basis
-MAX_BASIS_SHARE = 0.5  # largest number of vectors of a basis, over that of coordinates
+MAX_BASIS_SHARE = 0.5  # largest number of vectors of a basis, over the number of coordinates
 # a basis begins with 2^p + 1 points; p is the number of varied parameters, at most this
 MAX_CORNER_PARAMETERS = 3
 MIN_SNAPSHOTS, MAX_SNAPSHOTS = 3, 12  # design points of a basis

@@ -31,7 +31,7 @@ from squealstudy.reduction.prepared import PreparedFamily
 from squealstudy.root_pairs import RIGID_SHARE
 from squealstudy.study.design import DesignPoint
 
-SEARCHED_BAND_FACTOR = 1.5  # top of the searched range over the band's top
+SEARCHED_BAND_FACTOR = 1.5  # top of the searched range over the top of the band
 EVERYTHING = 1e6  # factor on the band's top: above all modes of a model with few coordinates
 # share of the design points that are searched; one takes as long as two exact points
 CHECKED_POINT_SHARE = 0.02

@@ -41,9 +41,9 @@ from squealstudy.reduction.cmt import ReductionSettings
 from squealstudy.reduction.prepared import PreparedFamily, PreparedModel
 from squealstudy.study.design import DesignPoint
 
-MAX_PROBLEMS = 2  # problems that a process keeps, each with its basis
+MAX_PROBLEMS = 2  # most problems that a process stores, each with its basis
 BASIS_TOLERANCE_SHARE = 1 / 3  # share of the study's tolerance that the basis may err by
-INTERPOLATION_SHARE = 0.1  # share that modal damping, interpolated over the box, may err by
+INTERPOLATION_SHARE = 0.1  # largest error of interpolated modal damping, over the tolerance
 # a looser tolerance drops more vectors at each training point, and then needs more of these points:
 # at 1e-2 training takes four times as long as at 1e-4, and ends with as many vectors
 MAX_BASIS_TOLERANCE = 1e-4

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 DOUBTFUL_NUMBER = (
     "~ before a mode: somewhere it was not sure which of two neighbouring modes has this number"
 )
-LEAST_SHOWN = 0.01  # upper bound of a Sobol index from which the answer names its parameter
+LEAST_SHOWN = 0.01  # the answer names parameters whose Sobol index may be at least this
 MOST_NAMED = 3  # modes, and parameters, named in the answer
 WHICH_PARAMETER = (
     f'[design] type = "{SOBOL_INDICES}" tells which parameter the scatter of growth comes from.'

@@ -36,7 +36,7 @@ from squealstudy.study.sampling import farthest_points
 CARRIED_SAFETY_FACTOR = 2.0  # on errors carried from other points
 POINTS_A_SAMPLE = 16  # design points for each sample point, which costs as much as three of them
 MIN_REDUCTION_SAMPLES, MAX_REDUCTION_SAMPLES = 8, 16  # sample points of a structure
-NEAREST = 3  # sample points from which errors are carried to a point
+NEAREST = 3  # number of sample points from which the error of a point is estimated
 # distance, in spans of the sweeps, within which a point counts as a sample point
 SAMPLE_POINT_DISTANCE = 1e-9
 MODES_PER_BLOCK = 20_000  # modes whose distances are held in memory at once

@@ -78,7 +78,7 @@ ONSETS = {
 FIRST_SEEN_NOTE = (
     "<= before an onset: the least value of a solved point at which the mode is unstable"
 )
-LEAST_ENERGY_SHARE = 0.005  # energy share from which a component is named: less rounds to 0 %
+LEAST_ENERGY_SHARE = 0.005  # components with less energy are not named: it rounds to 0 %
 SIDES = (("unstable_", "_low"), ("unstable_", "_high"), ("", ""))
 
 Row = dict[Hashable, Any]

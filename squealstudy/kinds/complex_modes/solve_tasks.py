@@ -30,7 +30,7 @@ from squealstudy.modes.rungs import rung_named
 # boxes
 MIN_BOX_POINTS, MAX_BOX_POINTS = 160, 1600
 BOXES_PER_STRUCTURE = 16  # number of boxes of a structure, unless these limits forbid it
-KEEP_GAPS_LIMIT = 5000  # design points up to which working points are kept for other studies
+KEEP_GAPS_LIMIT = 5000  # working points of larger studies are not stored for other studies
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from squealstudy.files import temporary_name
 
 SHAPES = "shapes"  # column of chunk files: (m, k) complex64 by rows, as bytes
 BYTES_PER_ENTRY = np.dtype(np.complex64).itemsize
-IN_MEMORY = 2**27  # size of a file up to which it is read as a whole, bytes
+IN_MEMORY = 2**27  # bytes; smaller files are read as a whole
 
 
 @dataclass(frozen=True)

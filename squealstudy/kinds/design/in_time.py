@@ -26,8 +26,8 @@ from squealstudy.motion.system import MotionPoint
 from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.study.design import DesignPoint
 
-START_VELOCITY_RATIO = 0.02  # start velocity over the sliding speed, in the run of today's design
-KICK_SCALES = (1.0, 0.25)  # sizes of kicks over the reach of [limit_cycles]
+START_VELOCITY_RATIO = 0.02  # start velocity over the sliding speed in the run of today's design
+KICK_SCALES = (1.0, 0.25)  # sizes of kicks over the key `reach` of [limit_cycles]
 MAX_KICKED_MODES = 4  # most modes along which there are kicks
 RUN_CACHE_SIZE = 64  # vibrations of today's designs that are stored
 TODAY = "today's vibration"

@@ -19,7 +19,7 @@ from squealstudy.study.sampling import design_points
 
 # analyses: modes with and without sensitivities, limit cycles, the unreduced model, runs in time
 MODES, ROOTS, CYCLES, FULL, IN_TIME = "modes", "roots", "cycles", "full_order", "in_time"
-MAX_STRUCTURES = 1_000_000  # number of structures if variables change it: a search may need many
+MAX_STRUCTURES = 1_000_000  # most structures of a search whose variables change the structure
 
 
 class Evaluation(NamedTuple):

@@ -18,10 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FIRST_RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.2, 0.5, 1e-3  # over each variable's range
+# radii of trust regions, over the range of each variable
+FIRST_RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.2, 0.5, 1e-3
 MOST_STEPS = 60
-RATIO_ACCEPT, RATIO_EXPAND, RATIO_SHRINK = 0.1, 0.75, 0.25  # real over predicted decrease
-MIN_REL_PREDICTED_DECREASE = 1e-4  # predicted decrease over the total cost at which the search ends
+# ratios of the real decrease of cost to the predicted decrease
+RATIO_ACCEPT, RATIO_EXPAND, RATIO_SHRINK = 0.1, 0.75, 0.25
+MIN_REL_PREDICTED_DECREASE = 1e-4  # the search ends at a smaller predicted decrease, over the cost
 # nu over the total cost, per unit of damping ratio; the next is tried where the margin is missed
 PENALTY_WEIGHTS = (2e2, 2e3, 2e4)
 # steps aim beyond the margin by the sum of a damping ratio and a share of the margin

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 MOST_BRANCHES, MOST_EVENTS = 6, 6  # branches listed, and events told of each
-SHOWN_REL_ERROR = 1e-3  # relative error of an event's value above which it is shown
+SHOWN_REL_ERROR = 1e-3  # larger relative errors of the value at an event are shown
 EVENTS = {"F": "folds", "H": "Hopf points"}
 EVENT_WORDS = {
     "H": "Hopf point",

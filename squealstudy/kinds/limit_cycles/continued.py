@@ -36,12 +36,12 @@ from squealstudy.kinds.limit_cycles.onset import has_shrunk, onset_error, onset_
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.study.design import DesignPoint
 
-TURNED = "turned"  # why a step to a neighbour fails: the branch folds before it gets there
-MAX_RETRACED_SHARE = 0.2  # share of the step that a branch may go back before it has turned
+TURNED = "turned"  # reason of a failed step to a neighbour: the branch folds before it arrives
+MAX_RETRACED_SHARE = 0.2  # a branch has turned if it goes back by more than this share of the step
 # relative differences of frequency and contact velocity up to which a branch passes a cycle
 MAX_FREQUENCY_CHANGE, MAX_LEVEL_CHANGE = 1e-3, 0.05
 ZERO_AT_HOPF = "torque_rms", "contact_velocity", "open_share_max"  # levels of rows
-SAME_FOLD_SHARE = 1e-4  # distance over the range, within which two folds are the same
+SAME_FOLD_SHARE = 1e-4  # folds are the same if they lie closer, over the range
 
 
 @dataclass(frozen=True, eq=False)

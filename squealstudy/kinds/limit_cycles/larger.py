@@ -9,7 +9,7 @@ import pandas as pd
 
 from squealstudy.wording import IF_KICKED, in_digits, plural
 
-DISTINCT_RATIO = 1.02  # level of a cycle over a design's, from which on the cycle is louder
+DISTINCT_RATIO = 1.02  # a cycle is louder than a design's level if it is above it by this ratio
 # level of a neighbour over a design's, from which on it is another motion, not the same one further
 NEIGHBOUR_RATIO = 1.5
 

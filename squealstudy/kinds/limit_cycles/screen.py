@@ -45,14 +45,14 @@ if TYPE_CHECKING:
 
 # characters of a reason that is no longer than the note that would stand for it
 MAX_SHORT_REASON_CHARACTERS = 12
-MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
+MAX_POINTS_WITHOUT_MAP = 8  # most design points that are shown without a map of letters
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 MEASURED = re.compile(r"(?<![\w.])(?<!mode )(?<!modes )\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 # loudest harmonic of a motion up to which the answer tells the frequency of its period: beyond it,
 # two motions that beat repeat together after many cycles, which nobody hears
 MOST_HARMONICS_TOLD = 12
 MOST_FOLLOWED = 3  # followed modes that are told
-SAME_FREQUENCY = 0.02  # relative distance up to which frequencies are told as one
+SAME_FREQUENCY = 0.02  # frequencies with a smaller relative distance are told as one
 MOST_COLUMNS = 2  # parameters with a column of their own
 
 

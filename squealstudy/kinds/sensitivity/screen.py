@@ -24,7 +24,7 @@ from squealstudy.wording import any_of, in_digits, listed, plural, setting
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-MOST_NAMED = 2  # parameters named that lower growth most, and that raise it most
+MOST_NAMED = 2  # most parameters that are named as lowering growth, and as raising it
 NUMBERS = ("step", "growth 1/s", "reanalysis", "off", "Hz", "damping %")
 
 

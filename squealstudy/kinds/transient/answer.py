@@ -24,7 +24,7 @@ from squealstudy.wording import (
 )
 
 MOST_MODES = 4  # leading modes named in a sentence
-LEAST_SHARE = 1e-4  # of area and time, from which on how long contact sticks is told
+LEAST_SHARE = 1e-4  # sticking is told if it has at least this share of area and time
 MOST_SETTINGS = 3  # parameters named at the loudest run
 # spread of swings, relative to their mean, above which a sentence says that no period was seen
 UNEVEN_SWINGS = 0.1

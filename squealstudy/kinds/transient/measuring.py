@@ -37,7 +37,7 @@ WITH_BOUNDS = {
     "torque_mean": ("torque_mean_low", "torque_mean_high"),
     "torque_rms": ("torque_rms_low", "torque_rms_high"),
 }
-START_RATIO = 0.7  # size of the perturbation of a start over that of the start before it
+START_RATIO = 0.7  # each start has a perturbation of this size over that of the previous start
 WITHOUT_BOUNDS = {"dominant_frequency": "torque_line_hz"}
 
 

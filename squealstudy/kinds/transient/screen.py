@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
 MOST_COLUMNS = 2  # parameters with a column of their own
-MAX_POINTS_WITHOUT_MAP = 8  # design points, up to which no map of letters is needed
-MOST_LONGER = 20  # largest advised duration, over the run's
-CHANCE_THAT_TELLS_NOTHING = 1.0  # relative scatter from which an error counts as not known
+MAX_POINTS_WITHOUT_MAP = 8  # most design points that are shown without a map of letters
+MOST_LONGER = 20  # largest duration that is advised, over the duration of the run
+CHANCE_THAT_TELLS_NOTHING = 1.0  # an error with more relative scatter counts as unknown
 MOST_POINTS = 24  # design points listed; all of them are in the tables
 PILOT_WORDS = {"torque_rms": "RMS level", "growth_rate": "growth"}
 LEAST_PLAIN_LEVEL = 1e-3  # N m or N; smaller levels, of runs that decay, are written as 1.2e-05

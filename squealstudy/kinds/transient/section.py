@@ -27,7 +27,7 @@ from squealstudy.study.section import Section
 from squealstudy.study.sections import StudyDefinition
 
 MOST_STEPS = 1e9  # of a run
-PILOT_POINTS = 8  # design points of a meshed model from which one run more costs little
+PILOT_POINTS = 8  # a pilot run costs little if a meshed model has at least this many points
 AUTO = "auto"
 WORKING_POINT = "working_point"  # where a run starts by default
 STUCK = "stuck"  # at rest relative to what slides there

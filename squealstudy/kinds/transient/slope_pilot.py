@@ -25,7 +25,7 @@ from squealstudy.mechanics.failures import FAILURES, reason
 from squealstudy.models.operating import REGULARISATION_SPEED, SLOPE
 from squealstudy.tables.method_quality import run_errors
 
-FIRST_ORDER_FACTOR = 2.0  # error at k_t over the difference to 2 k_t, if it falls as 1 / k_t
+FIRST_ORDER_FACTOR = 2.0  # error at k_t over the change to 2 k_t if the error falls as 1 / k_t
 CYCLE = "limit_cycle"
 DECIDED = ("stable", CYCLE, "growing")  # classes whose levels two runs can compare
 WHY_NOT_COMPARABLE = {  # by the class that both runs have

@@ -57,7 +57,7 @@ from squealstudy.tables.validity import BETWEEN
 
 # correlation of a mode's motion at the contact, between both representations, if it is the same
 MIN_MODE_CORRELATION = 0.99
-N_STOP_TESTS = 20  # tests of a run whether it may stop, evenly over its duration
+N_STOP_TESTS = 20  # number of times, evenly over a run, at which it is tested whether it may stop
 Failure = tuple[str, str]  # status and message
 
 

@@ -42,11 +42,11 @@ DIRECTIONS = 160  # static responses: with fewer some of what moves a root is le
 # smallest direction kept, relative to the largest (its square: relative in elastic energy)
 FINER_SVD_CUTOFF = 0.003  # in a finer model
 ENRICHING = 0.012  # in a basis that is enriched
-STRONG = 0.7  # least friction of the loads: they grow with it and cover those of weaker friction
+STRONG = 0.7  # least friction of loads in training: they also cover weaker friction
 BAND_WIDENING = 0.02  # relative widening of the band in which the finer model is compared
 FINER_MODEL_SAFETY_FACTOR = 2.0  # on the distance to the finer model, for what that lacks too
 SAME_ROOT = 1e-12  # relative: round-off of the difference of two dense eigenvalues
-LOW_END_RATIO = 0.02  # frequency over the band's top, below which bodies are nearly free
+LOW_END_RATIO = 0.02  # below this frequency, over the band's top, bodies are nearly free
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ FULL = "full"
 DEPENDENT = (
     1e-6  # new part of a static response beside real modes, over the largest, left out below
 )
-CHECK_SHIFT = 0.013  # shift of the check's factorisation over the band's top, unlike the solution's
+CHECK_SHIFT = 0.013  # shift of the factorisation that checks, over the band's top
 UNDEFINED = "undefined"  # status of a point where a coefficient has no value
 
 

@@ -53,7 +53,7 @@ FIELD_DEGREE = {1: 8, 2: 5, 3: 3}
 DAMPING_DEGREE = {0: 0, 1: 8, 2: 7, 3: 6}
 OFF_CENTRE = 0.618
 UNMOVED = 1e-10  # relative change of stiffness by a parameter that does not stiffen
-TRUNCATION = 1e-6  # singular value of the matrix roots over the largest, up to which it is dropped
+TRUNCATION = 1e-6  # singular values of matrix roots below this share are dropped
 
 
 class BrakeProblem(DenseProblem):

@@ -29,12 +29,12 @@ LEFT_BAND_FACTOR = 1.01
 # left roots asked for over right ones found: with a few more than the band holds, one of them lies
 # beyond it, and the solve need not be repeated for more
 LEFT_COUNT_FACTOR = 1.1
-SYMMETRIC = 1e-12  # asymmetry, over the largest entry, up to which it is round-off
+SYMMETRIC = 1e-12  # asymmetry below this share of the largest entry is round-off
 # multiples of (lower end of the band)^2 M that are added in turn to a stiffness not definite
 SHIFTS = (0.0, 1.0, 1e2, 1e4)
 # relative distance up to which a root of one solve and one of the other are the same root
 SAME_ROOT_REL_DISTANCE = 1e-6
-CLUSTER = 1e-7  # relative distance up to which vectors are any basis of the roots' subspace
+CLUSTER = 1e-7  # roots with a smaller relative distance have vectors of one subspace
 # largest product of a left vector with another root's right vector, over their sizes; 0 if exact
 LARGEST_PRODUCT = 1e-4
 

@@ -18,7 +18,8 @@ from scipy.sparse.csgraph import connected_components
 from squealstudy.linalg.companion import Eigenpairs
 from squealstudy.modes.reanalysis.polynomials import Interpolation, spread_points
 
-THRESHOLDS = (0.15, 0.3, 0.5)  # participations from which on two modes mix, tried in turn
+# least participations at which two modes are mixed, tried in this order
+THRESHOLDS = (0.15, 0.3, 0.5)
 MOST_MODES = 24  # modes in one block; a patch with more is better divided
 FOLLOWED_BAND_FACTOR = 1.02  # factor on the band within which modes are followed
 # factor on the band outside which all other modes are at nodes: between nodes they may come nearer

@@ -16,8 +16,8 @@ from squealstudy.modes.reanalysis.problem import lightly_damped
 from squealstudy.modes.reanalysis.sweep_basis import SweepBasis
 from squealstudy.system.parametric import Weights
 
-NEAREST = 1e-13  # relative distance below which two followed roots are one
-FIRST_ORDER = 2.0  # error over the distance of a heavily damped root to its first approximation
+NEAREST = 1e-13  # followed roots with a smaller relative distance are one
+FIRST_ORDER = 2.0  # error of a heavily damped root over its distance to the first approximation
 MOST_AMPLIFIED = 20.0  # largest dynamic over static response of a mode beyond the band
 
 

@@ -28,10 +28,10 @@ from squealstudy.system.parametric import Weights
 BASIS_BAND_FACTOR = 1.15  # modes within this factor of the band join the basis
 TESTED_BAND_FACTOR = 1.03  # errors are estimated of modes within this factor of the band
 CANDIDATES = 24  # candidates for the next design point, half of them on faces of the box
-TRUNCATION = 0.5  # least singular value of the basis, over the root of the tolerance
-CUTOFF_REDUCTION = 0.7  # factor on it where another point does not help
-STALLED = 0.5  # error over the last one, above which the last points have not helped
-WEIGHT_TOLERANCE = 0.01  # error of the weights' expansion over the tolerance
+TRUNCATION = 0.5  # least singular value of the basis, over the square root of the tolerance
+CUTOFF_REDUCTION = 0.7  # factor on that value where another point does not help
+STALLED = 0.5  # the last points have not helped if the error stays above this share
+WEIGHT_TOLERANCE = 0.01  # largest error of the expansion of weights, over the tolerance
 LEAST_WEIGHT_TOLERANCE = 1e-9
 LEAST_CUT = 1e-9  # relative singular value at which the basis is not enlarged any more
 # distance of an exact root from the nearest one of the basis, over the tolerance, beyond which the

@@ -9,7 +9,7 @@ from squealstudy.modes.problem import Point, Problem
 from squealstudy.modes.reanalysis.patch import Box
 from squealstudy.modes.rung import Rung
 
-COST = 60.0  # time of a solve of the full-order model over that of a reduced brake, about
+COST = 60.0  # time of a point of the full-order model over that of a reduced brake, roughly
 
 
 class Full(Rung):

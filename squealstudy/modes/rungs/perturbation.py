@@ -30,13 +30,13 @@ from squealstudy.system.parametric import (
 
 ORDER = 2
 SUM_BAND_FACTOR = 4.0  # second-order terms run through the modes of the band widened by this
-COST = 0.6  # time of a point over that of an exact one, about
+COST = 0.6  # time of a point over that of an exact point, roughly
 ANCHOR_BAND_FACTOR = 1.2  # factor on the band, within which modes of the anchor are perturbed
-MIN_TESTED_REL_ERROR = 1e-12  # relative error of a root up to which it is taken as it is
+MIN_TESTED_REL_ERROR = 1e-12  # a root with a smaller relative error is used as it is
 # error over the sum of the series of terms to come: the next term is itself an estimate, and errors
 # were up to 1.9 times that sum
 SERIES_SAFETY_FACTOR = 2.0
-REAL = 1e-12  # relative imaginary part of a root up to which it is its own conjugate
+REAL = 1e-12  # a root with a smaller relative imaginary part is its own conjugate
 
 
 class Perturbation(Rung):

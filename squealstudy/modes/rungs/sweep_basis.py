@@ -33,7 +33,7 @@ from squealstudy.system.parametric import Weights
 BASIS_SOLVES = 60  # cost of a sweep basis in exact solves: 23 over one parameter, 75 over two
 # with so many parameters there would be too many patches; a basis saves time from so many points on
 MANY_PARAMETERS, PAYS_FROM = 4, 600
-COST = 0.55  # time of a point over that of an exact one, about
+COST = 0.55  # time of a point over that of an exact point, roughly
 
 
 class OverABasis(Rung):

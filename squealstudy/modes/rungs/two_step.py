@@ -29,8 +29,8 @@ from squealstudy.system.parametric import (
     Weights,
 )
 
-FACTOR = 2.0  # cut-off of the real modes over the band: as commercial codes advise
-COST = 0.9  # time of a point over that of an exact one, about
+FACTOR = 2.0  # cut-off of the real modes over the top of the band, as commercial codes advise
+COST = 0.9  # time of a point over that of an exact point, roughly
 SYMMETRIC = 1e-12  # relative asymmetry of round-off
 
 

@@ -41,7 +41,7 @@ from squealstudy.system.parametric import Weights
 DEGREE = {1: 5, 2: 4}  # degree of interpolation by number of parameters; beyond two it is 2
 MIN_POINTS_PER_NODE = 1.5  # with fewer design points a patch costs more than it saves
 POINTS_PER_TEST = 32  # points that are solved together, and tested
-MAX_EXCEEDING_SHARE = 0.1  # share of points beyond the tolerance from which on a patch is halved
+MAX_EXCEEDING_SHARE = 0.1  # a patch is halved if more of its points are beyond the tolerance
 MAX_BISECTIONS = 14
 
 # design points of one structure from which on windows take less time than exact solutions of all,

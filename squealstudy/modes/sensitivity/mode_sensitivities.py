@@ -11,9 +11,9 @@ from squealstudy.errors import SquealstudyError
 from squealstudy.linalg.quadratic_pencil import QuadraticPencil, nearest_roots
 from squealstudy.modes.sensitivity.mode_family import OFFSET, ModeNeighbourhood
 
-QUARTER = 0.25  # second-order term over the first-order one at which a derivative stops being valid
-UNSEEN = 1e-9  # second-order change over |lambda| up to which it is round-off
-CONDITION_LIMIT = 100.0  # eigenvalue condition beyond which a derivative is meaningless
+QUARTER = 0.25  # a derivative is valid while the second-order term is below this share
+UNSEEN = 1e-9  # a second-order change below this share of |lambda| is round-off
+CONDITION_LIMIT = 100.0  # derivatives of roots with a larger condition are meaningless
 CANDIDATES = 8  # roots near the old one among which the mode is sought
 
 

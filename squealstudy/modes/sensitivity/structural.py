@@ -46,7 +46,7 @@ from squealstudy.reduction.working_point import WorkingPoint, working_point
 from squealstudy.system.contact_weights import ContactChange, ContactWeights
 from squealstudy.system.linearise import structure_weights, unreduced_structure
 
-RELATIVE_STEP = 1e-4  # step of the differences over the parameter's reference value
+RELATIVE_STEP = 1e-4  # step of differences, over the reference value of the parameter
 SAME_MODE = 0.99  # least product of a component mode with itself across a step
 Build = Callable[[Mapping[str, float]], Assembly]
 

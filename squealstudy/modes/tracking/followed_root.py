@@ -21,8 +21,8 @@ from squealstudy.modes.tracking.pairing import mac
 from squealstudy.modes.tracking.refinement import Modes
 
 MIN_MAC = 0.9  # least MAC of a followed mode with that mode at both ends
-MAX_OTHER_MAC = 0.7  # its largest MAC with any other mode at the ends
-ROOT_TOLERANCE = 1e-12  # last change of the root over its modulus
+MAX_OTHER_MAC = 0.7  # largest MAC at the ends with any other mode
+ROOT_TOLERANCE = 1e-12  # largest last change of a converged root, over its modulus
 RESIDUAL_TOLERANCE = 1e-9  # |Q(lambda) x| / |lambda^2 x| of both vectors
 MAX_TURNS = 8  # iterations with one factor
 MAX_FACTORS = 3  # factors at one value of the parameter

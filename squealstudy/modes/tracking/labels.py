@@ -19,11 +19,11 @@ from squealstudy.modes.tracking.ragged import Ragged
 from squealstudy.modes.tracking.steps import Pairings, Shapes, Stepper
 from squealstudy.modes.tracking.tree import tree_of_modes
 
-MIN_STRAIGHT_COSINE = 0.999  # cosine between two steps above which they lie on one line
+MIN_STRAIGHT_COSINE = 0.999  # two steps lie on one line if their cosine is larger
 # share of the last change by which roots are extrapolated: all of it would overshoot where
 # frequencies come together and lock in, none of it would lag where they cross
 EXTRAPOLATED_SHARE = 0.5
-MAX_STEP_RATIO = 3.0  # longest extrapolation over the step before
+MAX_STEP_RATIO = 3.0  # longest step that is extrapolated, over the previous step
 
 
 @dataclass(frozen=True)

@@ -8,21 +8,21 @@ import numpy as np
 
 from squealstudy.root_pairs import least_assignment
 
-FREQUENCY_WINDOW = 0.2  # change of ln|lambda| from which on two modes are never paired
+FREQUENCY_WINDOW = 0.2  # modes whose ln|lambda| differ by more are never paired
 DAMPING_WINDOW = 0.5  # change of zeta that costs as much as the whole frequency window
 UNPAIRED_COST = 1.0  # cost of leaving a mode without a partner
 # cost of a unit of zeta, by which growth decides between two pairings of equal cost
 TIE_COST = 1e-3
 # another pairing is nearly as good if it costs less than this multiple of the chosen one
 RIVAL_COST_RATIO = 1.5
-LOW_MAC = 0.5  # MAC below which a pair is ambiguous
+LOW_MAC = 0.5  # a pair with a smaller MAC is ambiguous
 # two modes without partner may be one mode if their distance (a cost) is less than this, also far
 # from the edges of the band
 LONE_MODES_DISTANCE = 0.8
 # limits of `Pairing.trust`: a pair is ambiguous up to 1
 # trust up to which the step is halved; a larger value halves steps sooner, 2 (MAC of 1) every step
 HALVING_TRUST = 1.5
-JOINING_TRUST = 1.5  # trust above which a pair shows that two tracks are one
+JOINING_TRUST = 1.5  # a pair with more trust shows that two tracks are one
 PASSING_TRUST = 1.2  # largest trust of a pair whose frequency passes that of another,
 CROSSING_MAC = 0.99  # unless its MAC is above this: then the two modes cross
 # distance from an edge of the band within which a mode may come or go, over the largest change

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-DENSE_LIMIT = 2000  # number of points up to which every pair is an edge
+DENSE_LIMIT = 2000  # most points for which every pair is an edge of the graph
 NEIGHBOURS = 12  # edges from each point if there are more points
 POINTS_PER_QUERY = 2**16  # points whose neighbours are sought at once
 
