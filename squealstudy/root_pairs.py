@@ -172,8 +172,8 @@ def paired_with_full_order(
     alone = full[~is_paired]
     row, full, errors = partner[is_paired], full[is_paired], errors[is_paired]
     resolved = np.abs(full - lam[row]) > MIN_DISTANCE_TO_ERROR * errors
-    apart = float((np.abs(full - lam[row]) / np.abs(full)).max(initial=0.0))
-    beyond = min(EDGE_TO_DISTANCE * apart, MOST_EDGE_REL_DISTANCE)
+    largest_distance = float((np.abs(full - lam[row]) / np.abs(full)).max(initial=0.0))
+    beyond = min(EDGE_TO_DISTANCE * largest_distance, MOST_EDGE_REL_DISTANCE)
     size = np.abs(alone)[:, None] / (2 * np.pi)
     at_edge = (np.abs(size - np.array(band_hz)) <= beyond * size).any(axis=1)
     return FullOrderPairs(

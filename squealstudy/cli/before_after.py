@@ -217,5 +217,5 @@ def _onset_cell(row: Row, side: str, facts: Mapping[str, Any]) -> str:
     if onset == onset:
         return f"{INEXACT.get(kind, '')}{onset:.4g}"
     doubt = facts["uncertain"] or facts["failed"] or facts["knots"]
-    gone = not row[f"mode_{side}"] and not doubt
-    return f"none up to {facts['top']:g}" if gone else "-"
+    is_stable = not row[f"mode_{side}"] and not doubt
+    return f"none up to {facts['top']:g}" if is_stable else "-"

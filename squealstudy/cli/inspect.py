@@ -255,12 +255,12 @@ def _unpaired(correlation: Correlation) -> list[str]:
 def doubts(measured: Measured, correlation: Correlation) -> list[str]:
     """Texts on doubts about the comparison, to be looked at before its numbers are trusted."""
     partner = dict(correlation.pairs)
-    lost = [str(k + 1) for k in range(len(measured.frequency_hz)) if k not in partner]
+    unpaired = [str(k + 1) for k in range(len(measured.frequency_hz)) if k not in partner]
     texts = []
-    if lost:
+    if unpaired:
         texts.append(
             f"no computed mode has a MAC of {MIN_PAIR_MAC:g} with measured "
-            f"{', '.join(lost)}: another "
+            f"{', '.join(unpaired)}: another "
             "part or placement, a support in the test, or directions that differ?"
         )
     if correlation.n_rigid != N_RIGID_MODES:

@@ -154,8 +154,8 @@ def _silent(
     """
     if near is None or not near.modes.size or contact.oscillator.n <= MAX_UNPROJECTED_COORDINATES:
         return {}
-    mine, theirs = (x / la.norm(x, axis=0) for x in (psi, near.modes))
-    mac = np.abs(mine.conj().T @ theirs) ** 2
+    modes_here, modes_near = (x / la.norm(x, axis=0) for x in (psi, near.modes))
+    mac = np.abs(modes_here.conj().T @ modes_near) ** 2
     silent = {}
     for number, family in near.families:
         k = int(np.argmax(mac[:, number - 1]))

@@ -271,9 +271,9 @@ def _difference(fine: np.ndarray, coarse: np.ndarray) -> float:
 def _size_change(floquet: Floquet, other: Floquet) -> float:
     """Largest difference of sizes of the multipliers that count, each paired with its nearest."""
     fine, coarse = floquet.multipliers[:-1], other.multipliers[:-1]
-    mine, pairs = least_assignment(np.abs(fine[:, None] - coarse))
-    change = np.abs(np.abs(fine[mine]) - np.abs(coarse[pairs]))
-    return float(change[_counts(fine)[mine]].max(initial=0.0))
+    fine_rows, pairs = least_assignment(np.abs(fine[:, None] - coarse))
+    change = np.abs(np.abs(fine[fine_rows]) - np.abs(coarse[pairs]))
+    return float(change[_counts(fine)[fine_rows]].max(initial=0.0))
 
 
 def _counts(multipliers: np.ndarray) -> np.ndarray:
@@ -290,12 +290,12 @@ def _changes(floquet: Floquet, coarse: np.ndarray, inside: np.ndarray) -> np.nda
     changes. One that is real and positive is at least as uncertain as the one that must be 1.
     """
     fine = floquet.multipliers
-    mine = np.flatnonzero((np.abs(fine) > ERROR_MIN_MULTIPLIER) & inside)
-    mine = np.union1d(mine, [len(fine) - 1])
-    rows, pairs = least_assignment(np.abs(fine[mine, None] - coarse))
-    changes = np.abs(np.abs(fine[mine[rows]]) - np.abs(coarse[pairs]))
+    fine_rows = np.flatnonzero((np.abs(fine) > ERROR_MIN_MULTIPLIER) & inside)
+    fine_rows = np.union1d(fine_rows, [len(fine) - 1])
+    rows, pairs = least_assignment(np.abs(fine[fine_rows, None] - coarse))
+    changes = np.abs(np.abs(fine[fine_rows[rows]]) - np.abs(coarse[pairs]))
     errors = np.full(len(fine), changes.max())
-    errors[mine[rows]] = changes
+    errors[fine_rows[rows]] = changes
     slow = (np.abs(fine.imag) <= errors) & (fine.real > 0)
     errors[slow] = np.maximum(errors[slow], abs(floquet.trivial - 1.0))
     return errors

@@ -233,10 +233,11 @@ def alone(number: int, family: Family, families: Sequence[tuple[int, Family]]) -
     """The family, without its threshold where another one grows at smaller motions, or may."""
     if family.threshold is None:
         return family
-    mine = family.threshold
+    own_threshold = family.threshold
     for other, other_family in families:
         smaller = any(
-            cycle.levels["energy"] < mine.levels["energy"] and not same_cycle(cycle, mine)
+            cycle.levels["energy"] < own_threshold.levels["energy"]
+            and not same_cycle(cycle, own_threshold)
             for cycle in other_family.cycles
         )
         if other != number and (smaller or (other_family.grows and not other_family.cycles)):

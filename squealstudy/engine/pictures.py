@@ -112,9 +112,9 @@ class Plot:
             code = self.draw.__code__ if isinstance(self.draw, FunctionType) else None
             if code is None or self.draw.__module__.split(".")[0] == PACKAGE:
                 raise
-            said = f"{type(error).__name__}: {error}"
+            error_text = f"{type(error).__name__}: {error}"
             raise ExtensionError(
-                Path(code.co_filename), f"the plot '{self.name}' cannot be drawn ({said})"
+                Path(code.co_filename), f"the plot '{self.name}' cannot be drawn ({error_text})"
             ) from error
 
 

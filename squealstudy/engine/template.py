@@ -199,19 +199,19 @@ def _begun(name: str, kind: str, model: ModelDefinition, whole: bool) -> Begun:
     """Sections of a new study, from what its model and its kind propose."""
     study_kind = model_kind(OF_ROBUST if kind == ROBUST else kind)
     defaults = {p.name: p.default for p in model.parameters}
-    mine, theirs = dict(model.start), dict(study_kind.start)
-    swept = {**_range(model), **mine.pop("sweep", {}), **theirs.pop("sweep", {})}
+    of_model, of_kind = dict(model.start), dict(study_kind.start)
+    swept = {**_range(model), **of_model.pop("sweep", {}), **of_kind.pop("sweep", {})}
     tables: dict[str, Any] = {
         "study": {"name": name, "kind": study_kind.name},
-        "model": {"name": model.name, **mine.pop("model", {})},
+        "model": {"name": model.name, **of_model.pop("model", {})},
         "parameters": {k: v for k, v in study_kind.begins_with.items() if defaults.get(k) == 0.0},
         "sweep": [swept],
     }
     if kind == ROBUST:
         tables |= _scatter(swept, defaults)
-    for section in (*theirs, *(s for s in mine if s not in theirs)):
+    for section in (*of_kind, *(s for s in of_model if s not in of_kind)):
         if section in study_kind.definition.model_fields:
-            tables[section] = _joined(theirs.get(section), mine.get(section))
+            tables[section] = _joined(of_kind.get(section), of_model.get(section))
     return Begun(study_kind, model, tables, study_kind.definition.model_validate(tables), whole)
 
 

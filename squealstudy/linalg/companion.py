@@ -99,8 +99,8 @@ def right_pairs(
 
 def drowned(lam: np.ndarray, limit: float) -> bool:
     """Whether round-off of the largest of all 2n roots may hide those of modulus `limit`."""
-    lost = len(lam) / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
-    return bool(np.abs(lam).max(initial=0.0) * lost >= limit)
+    lost_accuracy = len(lam) / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
+    return bool(np.abs(lam).max(initial=0.0) * lost_accuracy >= limit)
 
 
 def pairs_up_to(

@@ -166,8 +166,8 @@ class Model:
         parameters = {name: parse_parameter(name, self.definition) for name in values}
         columns = {name: column_of(p, values[name]) for name, p in parameters.items()}
         common, options = self._values, self._options
-        mine = (n for n in self.given if n not in options and n not in parameters)
-        others = [parse_parameter(name, self.definition) for name in mine]
+        not_parameters = (n for n in self.given if n not in options and n not in parameters)
+        others = [parse_parameter(name, self.definition) for name in not_parameters]
         check_disjoint([*parameters.values(), *others])
         nominal = ModelPoint(self.definition, options, self.definition.followed(common))
         for parameter in parameters.values():

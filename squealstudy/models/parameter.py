@@ -246,14 +246,17 @@ class ModelDefinition:
         by_name: dict[str, Parameter] = {}
         for declared in self.declared:
             for parameter in (declared,) if isinstance(declared, Parameter) else declared():
-                mine = own_parameters.get(parameter.name, parameter)
-                if mine is not parameter and replace(mine, default=parameter.default) != parameter:
+                parameter_here = own_parameters.get(parameter.name, parameter)
+                if (
+                    parameter_here is not parameter
+                    and replace(parameter_here, default=parameter.default) != parameter
+                ):
                     raise ModelError(
                         f"'{parameter.name}' is a parameter of the model {self.name}: the one of "
                         f"that name that a law from outside has needs another, such as "
                         f"'law.{parameter.name}'"
                     )
-                by_name.setdefault(parameter.name, mine)
+                by_name.setdefault(parameter.name, parameter_here)
         return tuple(by_name.values())
 
     @property

@@ -236,6 +236,6 @@ def integrator(name: str, options: Mapping[str, Any] | None = None) -> Integrato
             message = f"{method.label} has no such option; it takes {takes}"
         else:
             words = expectation(first["type"], first.get("ctx", {}))
-            said = f"expected {words}" if words else first["msg"]
-            message = f"{said}, got {first['input']!r}"
+            expected_text = f"expected {words}" if words else first["msg"]
+            message = f"{expected_text}, got {first['input']!r}"
         raise ParameterError(key, message) from None

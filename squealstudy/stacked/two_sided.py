@@ -68,8 +68,8 @@ def right_pairs(C: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def drowned_rows(lam: np.ndarray, limit: float) -> np.ndarray:
     """Where (m,) round-off of the largest root may hide roots of modulus `limit` [rad/s]."""
-    lost = lam.shape[1] / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
-    rows: np.ndarray = np.abs(lam).max(axis=1, initial=0.0) * lost >= limit
+    lost_accuracy = lam.shape[1] / 2 * np.finfo(float).eps / MIN_RESOLVED_RATIO
+    rows: np.ndarray = np.abs(lam).max(axis=1, initial=0.0) * lost_accuracy >= limit
     return rows
 
 

@@ -102,8 +102,10 @@ class ResolvedStudy:
             name: (number,) for name, number in self.values.items()
         }
         ends |= {s.name: tuple({s.low, s.high}) for s in self.sweeps}
-        said = (p.doubt(number) for p in self.model.parameters for number in sorted(ends[p.name]))
-        return [f"{text}: are the units right?" for text in said if text]
+        doubt_texts = (
+            p.doubt(number) for p in self.model.parameters for number in sorted(ends[p.name])
+        )
+        return [f"{text}: are the units right?" for text in doubt_texts if text]
 
     @property
     def shown_parameters(self) -> tuple[str, ...]:

@@ -29,10 +29,10 @@ def worst_settings(
     """
     largest = unstable["track"].map(worst.set_index("track")["growth_rate"]).to_numpy(float)
     growth = unstable["growth_rate"].to_numpy(float)
-    alike = unstable[growth >= largest * (1.0 - ALIKE_REL_GROWTH * np.sign(largest))]
+    nearly_worst = unstable[growth >= largest * (1.0 - ALIKE_REL_GROWTH * np.sign(largest))]
     n_values = points[names].nunique()
     settings = points[names].iloc[worst["point"]].to_dict("records")
-    by_track = dict(list(alike.groupby("track")["point"]))
+    by_track = dict(list(nearly_worst.groupby("track")["point"]))
     for row, track in zip(settings, worst["track"], strict=True):
         if len(by_track[track]) < 2:
             continue

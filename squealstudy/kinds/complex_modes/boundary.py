@@ -236,9 +236,9 @@ class CellRule:
         ends = zeta[0][outer[is_paired]], zeta[1][is_paired], zeta[2][inner[is_paired]]
         middle = sum(w * z for w, z in zip(MIDDLE_OUTSIDE, ends, strict=True))
         unstable_before, unstable_after = (z < -self._tolerance for z in ends[1:])
-        lost = ~unstable_before & ~unstable_after & (middle < -self._tolerance)
-        gained = unstable_before & unstable_after & (middle > self._tolerance)
-        return bool((lost | gained).any())
+        dips_below = ~unstable_before & ~unstable_after & (middle < -self._tolerance)
+        rises_above = unstable_before & unstable_after & (middle > self._tolerance)
+        return bool((dips_below | rises_above).any())
 
     def _paired(self, a: Node, b: Node) -> np.ndarray:
         """Index, for each root of node a, of its partner among those of node b; -1 for none."""

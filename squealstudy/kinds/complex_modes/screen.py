@@ -319,8 +319,8 @@ def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> li
     texts += ["growth, Hz, worst at: where growth is fastest; damping: least of all points"]
     texts[-1] += "; energy in: mean of the mode's unstable points" * tells_parts(table)
     names = ", ".join(settings_of(table["at"].iloc[0], {}))
-    alike = f"; {ANY}: alike at all its values" * any(f"={ANY}" in at for at in table["at"])
-    texts += [f"worst at: {names}{alike}"] if names else []
+    any_text = f"; {ANY}: alike at all its values" * any(f"={ANY}" in at for at in table["at"])
+    texts += [f"worst at: {names}{any_text}"] if names else []
     if along := results.along:
         texts.append(
             f"onset: least {along} at which the mode turns unstable{_onset_error(table, results)}"

@@ -196,15 +196,15 @@ class LimitCyclesScreen(KindScreen):
         if len(distinct_cycles):
             bad = int((distinct_cycles["status"] != "ok").sum())
             error = distinct_cycles.loc[distinct_cycles["status"] == "ok", "level_error"].max()
-            said = plural(len(distinct_cycles), "cycle")
-            said += (
+            count_text = plural(len(distinct_cycles), "cycle")
+            count_text += (
                 f"; the largest error of a level is {error_percent(error)}"
                 if bad < len(distinct_cycles)
                 else ""
             )
             if bad:
-                said += f"; {bad} too inexact to use"
-            rows.append(("cycles", said))
+                count_text += f"; {bad} too inexact to use"
+            rows.append(("cycles", count_text))
         rows += _levels_of_runs(results)
         rows += branch_rows(results)
         return [*rows, *border_rows(results.table("borders"))]

@@ -139,15 +139,16 @@ def _rounded_away(plan: Plan) -> list[str]:
     if not set(names) <= given_names:
         return []  # the study has another curve of friction
     speed, slope, ratio, decay = (points.column(name) for name in names)
-    lost = (slope == 0) & (ratio > 1) & (speed > MAX_DECAY_SHARE * decay)
-    if not lost.any():
+    is_rounded = (slope == 0) & (ratio > 1) & (speed > MAX_DECAY_SHARE * decay)
+    if not is_rounded.any():
         return []
-    worst = int(np.argmax(np.where(lost, speed / decay, 0.0)))
+    worst = int(np.argmax(np.where(is_rounded, speed / decay, 0.0)))
+    largest = MAX_DECAY_SHARE * decay[is_rounded].min()
     return [
         f"the excess of static friction is rounded away: it falls over a sliding speed of "
         f"{decay[worst]:.3g} m/s ({DECAY_SPEED.name}), and points stick below {speed[worst]:.3g} "
         f"m/s already. Stick-slip comes out too small or not at all: a "
-        f"{REGULARISATION_SPEED.name} of {MAX_DECAY_SHARE * decay[lost].min():.2g} or less keeps it"
+        f"{REGULARISATION_SPEED.name} of {largest:.2g} or less keeps it"
     ]
 
 

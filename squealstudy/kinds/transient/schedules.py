@@ -93,7 +93,7 @@ class Schedules:
     @property
     def text(self) -> str:
         """First, least, largest and last level of each parameter, and its last time, for people."""
-        said = []
+        texts = []
         for parameter, schedule in self._pairs:
             if schedule is None:
                 continue
@@ -101,8 +101,8 @@ class Schedules:
             turns = dict.fromkeys((levels[0], min(levels), max(levels), levels[-1]))
             unit = "of each design point's own" if schedule.relative else parameter.unit
             numbers = ", ".join(f"{level:.4g}" for level in turns)
-            said.append(f"{parameter.name} {numbers} {unit} until {schedule.points[-1][0]:.4g} s")
-        return "; ".join(said)
+            texts.append(f"{parameter.name} {numbers} {unit} until {schedule.points[-1][0]:.4g} s")
+        return "; ".join(texts)
 
     def with_slope(self, values: Mapping[str, float]) -> dict[str, float]:
         """Values of a design point with its regularisation speed lowered for a rising pressure.

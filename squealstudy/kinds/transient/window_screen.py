@@ -90,11 +90,13 @@ def in_words(results: ResultTables, unit: str) -> str:
     slow = bool(table["time_stop"].max() >= MIN_SLOW_RUN_S)
     factor, time_unit = (1.0, "s") if slow else (1e3, "ms")
     words = table["class"].astype(str)
-    alike = [rows for _, rows in table.groupby((words != words.shift()).cumsum().to_numpy())]
+    runs_of_words = [
+        rows for _, rows in table.groupby((words != words.shift()).cumsum().to_numpy())
+    ]
     parts = [
         f"{str(rows['class'].iloc[0]).replace('_', ' ')} to "
         f"{factor * rows['time_stop'].iloc[-1]:.4g} {time_unit}{_frequencies(rows)}"
-        for rows in alike
+        for rows in runs_of_words
     ]
     text = f" From {factor * table['time_start'].iloc[0]:.4g} {time_unit} on: {', '.join(parts)}."
     if table["torque_rms"].isna().all():

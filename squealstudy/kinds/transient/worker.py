@@ -113,11 +113,11 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
         windows = window_rows(motion, task.section.n_windows, steps.again(motion))
 
     system, summary = reference.system, summarise(motion, by_step)
-    said = doubts(motion, system, settings, summary.point)
+    doubts_by_rule = doubts(motion, system, settings, summary.point)
     if parts_of_steps and parts_of_steps[0].reason and not task.hybrid:
-        said["another step tells what the step does to levels"] = parts_of_steps[0].reason
+        doubts_by_rule["another step tells what the step does to levels"] = parts_of_steps[0].reason
     reasons = [open_reason(point.law_kind, motion.point.open_share)]
-    reasons += [f"{rule}: {text}" for rule, text in said.items()]
+    reasons += [f"{rule}: {text}" for rule, text in doubts_by_rule.items()]
     columns = {
         **summary.point,
         "stick_number": stick_number(system, motion.point, settings.step),
@@ -130,7 +130,7 @@ def _row(task: BatchTask, point: DesignPoint, motion: Motion, steps: BatchSteps)
         {**m, "energies": reference.energies[:, m["mode"] - 1].tolist()} for m in summary.modes
     ]
     untold = [parts_of_steps[0].reason] if parts_of_steps and task.hybrid else []
-    message = motion.message or BETWEEN.join([*said.values(), *untold])
+    message = motion.message or BETWEEN.join([*doubts_by_rule.values(), *untold])
     return row(
         point.point_id,
         0.0,

@@ -63,22 +63,22 @@ def measure(knobs: Mapping[str, float]) -> CaseResult:
         T, _ = complete_basis(M, K, phi, [(vectors, knobs["tolerance"])])
     except la.LinAlgError:
         return failed("singular", predicted=predicted, cost=N_TRACES)
-    lost = N_HELD + N_TRACES - T.shape[1]
+    n_lost = N_HELD + N_TRACES - T.shape[1]
     off = float(np.abs(T.T @ (M @ T) - np.eye(T.shape[1])).max())
     missing = vectors - T @ (T.T @ (M @ vectors))
     error = float(np.sqrt(np.abs(np.einsum("ij,ij->j", missing, M @ missing)).max())) / largest
     wrong = (
         off > MAX_ORTHONORMALITY_ERROR or error > knobs["tolerance"] + np.finfo(float).eps * N_ROWS
     )
-    outcome = WRONG if wrong else RECOVERED if lost else CONVERGED
+    outcome = WRONG if wrong else RECOVERED if n_lost else CONVERGED
     return CaseResult(
         outcome=outcome,
         predicted=predicted,
-        measured=max(float(lost), off / MAX_ORTHONORMALITY_ERROR),
+        measured=max(float(n_lost), off / MAX_ORTHONORMALITY_ERROR),
         error=error,
         cost=T.shape[1],
-        by="truncation" if lost else "",
-        flagged=lost > 0,
+        by="truncation" if n_lost else "",
+        flagged=n_lost > 0,
     )
 
 

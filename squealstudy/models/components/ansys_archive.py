@@ -69,11 +69,11 @@ def read_blocks(text: TextFile) -> ArchiveBlocks:
             done = subprocess.run(command, capture_output=True, timeout=MOST_SECONDS, check=False)
         except subprocess.TimeoutExpired:
             raise _unreadable(text, f"no answer within {MOST_SECONDS:g} s") from None
-        said = (done.stderr.decode(errors="replace").strip().splitlines() or [""])[-1]
-        if done.returncode < 0 or (done.returncode and not said):
+        last_line = (done.stderr.decode(errors="replace").strip().splitlines() or [""])[-1]
+        if done.returncode < 0 or (done.returncode and not last_line):
             raise _unreadable(text, "its reader crashed, as damaged files make it")
         if done.returncode or not blocks_file.is_file():
-            raise _unreadable(text, said)
+            raise _unreadable(text, last_line)
         with np.load(blocks_file, allow_pickle=False) as arrays:
             return ArchiveBlocks(
                 nnum=arrays["nnum"],

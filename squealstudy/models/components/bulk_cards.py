@@ -99,10 +99,10 @@ def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
         has too many fields.
     """
     lines = list(_flattened(_read(path, None), path.parent, 0))
-    begun = next((i + 1 for i, line in enumerate(lines) if BEGIN.fullmatch(line.text)), 0)
+    first_line = next((i + 1 for i, line in enumerate(lines) if BEGIN.fullmatch(line.text)), 0)
     cards: list[BulkCard] = []
     goes_on = False
-    for line in lines[begun:]:
+    for line in lines[first_line:]:
         if END.match(line.text):
             break
         if formula := EQUATION.match(line.text):  # which has commas of its own
@@ -124,7 +124,7 @@ def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
             raise line.error(f"expected a card, found '{shortened(line.text)}'")
         cards[-1].fields += fields
         cards[-1].lines += [line] * len(fields)
-    return cards, lines[:begun]
+    return cards, lines[:first_line]
 
 
 def included(path: Path) -> Iterator[Path]:

@@ -188,8 +188,8 @@ class BulkDiscrete:
         """Axes of a bush as rows (3, 3): of CID, or of the line of its nodes and G0 or X1 to X3."""
         if card.at(7):
             return self._systems.axes_at(card, 7, self._nodes[nodes[0]])
-        alike = (k[:3] == k[0]).all() and (k[3:] == k[3]).all()
-        if alike:
+        is_isotropic = (k[:3] == k[0]).all() and (k[3:] == k[3]).all()
+        if is_isotropic:
             return np.eye(3)
         x = self._nodes[nodes[-1]] - self._nodes[nodes[0]]
         if not np.linalg.norm(x) > 0:

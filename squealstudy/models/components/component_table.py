@@ -61,8 +61,8 @@ class MaterialTable(Table):
     def _one_kind(self) -> MaterialTable:
         """Raise ValueError unless constants are of an isotropic or an orthotropic material."""
         kinds = {isinstance(v, tuple) for v in (self.E, self.nu, self.G) if v is not None}
-        lone = self.G is None and isinstance(self.E, tuple) and isinstance(self.nu, tuple)
-        if len(kinds) > 1 or lone:
+        lacks_shear = self.G is None and isinstance(self.E, tuple) and isinstance(self.nu, tuple)
+        if len(kinds) > 1 or lacks_shear:
             raise ValueError(
                 "expected E, nu and no G (isotropic), or three numbers each of E, nu and G"
             )

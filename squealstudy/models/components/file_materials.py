@@ -64,9 +64,9 @@ def with_tables(mesh: SolidMesh, name: str, table: ComponentTable, numbers: Numb
         )
     lacking = [label for label in sorted(set(mesh.material)) if label in mesh.unfinished]
     if lacking:
-        said = "; ".join(mesh.unfinished[label].missing for label in lacking)
+        missing_numbers = "; ".join(mesh.unfinished[label].missing for label in lacking)
         where = " and ".join(f"[components.{name}.materials.{_quoted(m)}]" for m in lacking)
-        raise PlacedError(("components", name), f"{said}: state it in {where}")
+        raise PlacedError(("components", name), f"{missing_numbers}: state it in {where}")
     return mesh
 
 

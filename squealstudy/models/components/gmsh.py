@@ -124,14 +124,14 @@ def _read(path: Path) -> Any:
         raise ModelError(f"there is no file {path}")
     check_counts(path)
     _check_names(path)
-    said = io.StringIO()
+    output = io.StringIO()
     try:
-        with redirect_stderr(said):  # it prints what it overlooks: sections without end
+        with redirect_stderr(output):  # it prints what it overlooks: sections without end
             file_mesh = meshio.gmsh.read(path)
     except Exception as error:  # a damaged file is whatever its reader runs into
         reason = f"{type(error).__name__} {error}".strip()
         raise ModelError(f"{path} cannot be read as a mesh of gmsh: {reason}") from error
-    if words := " ".join(said.getvalue().split()):
+    if words := " ".join(output.getvalue().split()):
         raise ModelError(f"{path} cannot be read as a mesh of gmsh: {words}")
     for block in file_mesh.cells:
         if len(block.data) and not (

@@ -118,15 +118,15 @@ def read_inp(
     """
     ignored = {_plain(keyword) for keyword in pass_over}
     contents = _sorted(read_cards(path), ignored)
-    said = dialect or ("abaqus" if contents.abaqus else "calculix")
-    elements = _elements(path, said, treat_as)
+    dialect_name = dialect or ("abaqus" if contents.abaqus else "calculix")
+    elements = _elements(path, dialect_name, treat_as)
     text = _text(path, contents, part, elements)
     refused = [*contents.refused, *sift_elements(text, ignored)]
     if points:
         contents.passed_over += [passed(r.card, "of the matrices, or of nothing") for r in refused]
     else:
         refuse(refused)
-    text.temperature, text.abaqus, text.points_alone = temperature, said == "abaqus", points
+    text.temperature, text.abaqus, text.points_alone = temperature, dialect_name == "abaqus", points
     text.passed_over += contents.passed_over
     component = Component(text)
     mesh = component.mesh()

@@ -157,9 +157,9 @@ def used_materials(mesh: SolidMesh) -> list[str]:
     """Names of the materials of all elements; ModelError where an element has none."""
     names = sorted(set(mesh.material))
     if "" in names:
-        bare = np.flatnonzero(mesh.material == "")
+        without = np.flatnonzero(mesh.material == "")
         raise mesh.error(
-            f"{mesh.elements_named(bare)} ha{'s' if len(bare) == 1 else 've'} no material"
+            f"{mesh.elements_named(without)} ha{'s' if len(without) == 1 else 've'} no material"
         )
     return names
 
