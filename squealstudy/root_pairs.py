@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-LIGHT_DAMPING = 0.05  # damping ratio below which errors of modes are stated; growing ones count too
+LIGHT_DAMPING = 0.05  # errors are stated of modes with less damping, and of growing ones
 MAX_PAIR_REL_DISTANCE = 0.05  # relative distance within which a full-order root has a partner
 # distance of a full-order root from a band's edge within which its partner may be outside: over
 # the largest distance of a pair, and at most, relative

@@ -42,7 +42,7 @@ WIDTH_OF_SENTENCES = 100  # characters of a line of sentences there
 # columns of a grid: numbers and values are aligned right, and only texts are broken into lines
 NUMBER, VALUES, WORD, TEXT = "number", "value", "word", "text"
 GAP = 2  # characters between columns
-MIN_NUMBER_WIDTH = 4  # characters of a column of numbers, at least
+MIN_NUMBER_WIDTH = 4  # least characters of a column of numbers
 MIN_TEXT_WIDTH = 12  # characters of a column of texts, at least if its words are as long
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 PREFIXES = (("G", 1e-9), ("M", 1e-6), ("k", 1e-3))
 PREFIXED = ("Pa", "N")  # units that take a prefix
-FULL_UNIT = 1.0 - 1e-9  # of a unit: a value from which it is shown in this unit
+FULL_UNIT = 1.0 - 1e-9  # values from this share of a unit on are shown in the unit
 MAX_PREFIXED = 1e6  # largest number before a prefix: 5.4e17 Pa/m3 is not shown as 5.4e8 GPa/m3
 
 

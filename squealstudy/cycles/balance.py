@@ -25,7 +25,7 @@ from squealstudy.cycles.oscillator import LocalForces, Oscillator
 from squealstudy.kernels.few_coordinates import balance_of_few, imbalance_of_few
 from squealstudy.kernels.harmonic_balance import couple
 
-MAX_SUMMED_COORDINATES = 6  # coordinates up to which one kernel sums over samples and harmonics
+MAX_SUMMED_COORDINATES = 6  # most coordinates for which one kernel sums over samples and harmonics
 
 
 class Balanced(NamedTuple):

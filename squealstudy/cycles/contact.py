@@ -19,7 +19,7 @@ from squealstudy.kernels.harmonic_balance import sampled_forces, sampled_rows
 from squealstudy.kernels.turns import resolve_turns
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-LEVEL_SAMPLES = 512  # samples of a period from which levels and shares are computed
+LEVEL_SAMPLES = 512  # samples of a period for levels and shares
 FEWER_SAMPLES = 32  # least number of samples of a period for the forces of large models
 
 

@@ -27,7 +27,7 @@ MIN_NEWTON_SHARE = 0.1  # a line search ends at this share of a Newton step
 JACOBIAN_REUSE_RATIO = 0.1
 MIN_DECREASE_SHARE = 0.1  # share s of a Newton step has to reduce the residual by 0.1 s (Armijo)
 GROW_NEWTON_STEPS, SHRINK_NEWTON_STEPS = 2, 5  # Newton steps at which the arc-length grows, shrinks
-MIN_TANGENT_COSINE = 0.9  # cosine between tangents below which a step was too long
+MIN_TANGENT_COSINE = 0.9  # a step was too long if the cosine between tangents is smaller
 MAX_TURN_RAD = 0.3  # rad: angle that the next step may turn by if the curve goes on to bend
 FAR_OFF = 0.4  # correction over the step: a longer one may have met another curve
 # steps of at most this arc-length may turn by more, as friction that reverses bends curves sharply

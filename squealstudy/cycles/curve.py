@@ -34,7 +34,7 @@ LOST = "not_converged"  # no next point was found
 MAX_ENRICHMENTS_PER_STEP = 6  # enrichments for one step, before it is halved
 ROUGH_EVENT_TOLERANCE = 2e-2  # tolerance over the step of an event that is corrected afterwards
 MAX_RESTARTS = 2  # restarts of a lost curve on a new basis
-MAX_BASIS_CHANGE = 5e-2  # relative change in another basis up to which a motion is the same
+MAX_BASIS_CHANGE = 5e-2  # a motion is the same if another basis changes it by less
 MAX_POINTS_BACK = 4  # most points that are removed because a larger basis does not have them
 # cosine between directions before and after a change of basis, below which the sign is unclear
 MIN_DIRECTION_COSINE = 0.5

@@ -38,8 +38,8 @@ MODE_RANK_TOLERANCE = 1e-2
 MOTION_RANK_TOLERANCE = 1e-6  # and of the last motions
 MAX_ENRICHMENTS = 12  # most extensions of the basis for one motion
 MAX_BLOCK_STEPS = 6  # most of these steps after a failure of Newton's method
-MIN_REL_DIRECTION = 0.1  # singular value over the largest, below which a direction does not join
-MAX_REL_SIZE_CHANGE = 0.15  # change of size by more harmonics, beyond which it is another cycle
+MIN_REL_DIRECTION = 0.1  # directions with a smaller singular value, over the largest, do not join
+MAX_REL_SIZE_CHANGE = 0.15  # if more harmonics change the size by more, they give another cycle
 # relative error above which a basis is enriched: along curves, at cycles
 CURVE_BASIS_ERROR, CYCLE_BASIS_ERROR = 1e-2, 1e-3
 PROJECTED_TOLERANCE = 1e-5  # residual of the equations in a basis, below its error

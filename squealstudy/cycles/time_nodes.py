@@ -24,7 +24,7 @@ N_NODES = 1024  # of a period
 N_PARTS = 32  # parts of a period whose steps are multiplied side by side
 # change of a tangent from one node to the next, over its range: of a series of 59 harmonics less
 MIN_CORNER = 0.25
-MIN_RANGE = 1e-6  # range of a tangent over the largest coefficient from which it changes at all
+MIN_RANGE = 1e-6  # a tangent is constant if its range over the largest coefficient is smaller
 MAX_NEWTON_STEPS = 20
 SOLVED = 1e-8  # residual over the largest velocity
 DAMPED_SHARE = 0.5  # of a step of Newton's method that would make the residual larger

@@ -50,7 +50,7 @@ STEP_REFINEMENT = 4  # steps are shortened by this where a run fails, as by impa
 TOP_PERIODS = 3000  # longest time of a run, in periods of that highest mode
 N_STOP_TESTS = 40  # tests of whether a run may end, evenly over the longest time
 TOLERANCE = 0.02  # relative error of levels at which a run that lasts may end
-OUTSIDE = 0.5  # energy share of modes outside the band above which no mode of the band is named
+OUTSIDE = 0.5  # no mode of the band is named if modes outside have more of the energy
 
 State = tuple[np.ndarray, np.ndarray]  # displacements and velocities (n,) of the coordinates
 

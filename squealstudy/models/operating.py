@@ -115,7 +115,7 @@ FRICTION_OPTION = ModelOption(
 )
 
 LARGEST_FRICTION = 2.0  # friction of dry contacts; brakes are below 1
-LARGEST_MODAL_DAMPING = 0.2  # ratio up to which damping each mode alone is an approximation
+LARGEST_MODAL_DAMPING = 0.2  # with more damping, damping each mode alone is no approximation
 
 
 def _static_friction(values: Mapping[str, Any]) -> Any:

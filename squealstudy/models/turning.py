@@ -21,7 +21,7 @@ from squealstudy.errors import ModelError
 # largest symmetric part of a row of A over its skew part. A surface that faces along the rotation
 # has about the sine of the angle; facets of a meshed ring stay below
 MOST_SYMMETRIC = 0.3
-NEGLIGIBLE_ROW = 1e-6  # excess over the largest skew entry, below which it is round-off
+NEGLIGIBLE_ROW = 1e-6  # a smaller excess over the largest skew entry is round-off
 
 
 @dataclass(frozen=True)

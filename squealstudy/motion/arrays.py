@@ -17,8 +17,8 @@ from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
 ALIGNMENT_BYTES = 64  # a cache line, and the widest vector register
-SYMMETRY_TOLERANCE = 1e-12  # skew part of a symmetric matrix, over its largest entry: round-off
-FEW_POINTS = 8  # contact points up to which steps are cut at corners: minimal models
+SYMMETRY_TOLERANCE = 1e-12  # a smaller skew part, over the largest entry, is round-off
+FEW_POINTS = 8  # steps are cut at corners for at most so many contact points: minimal models
 PANEL_BYTES = 2**19  # tiles that are used twice stay in the second-level cache in between
 
 

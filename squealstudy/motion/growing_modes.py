@@ -22,7 +22,7 @@ from squealstudy.root_pairs import angular_band
 
 MAX_FOLLOWED_MODES = 6  # complex modes followed in a run, fastest growth first
 INVERSE_ITERATIONS = 3
-DEGENERATE_AXIS_RATIO = 1e-9  # second axis over the first, below which a plane is a line
+DEGENERATE_AXIS_RATIO = 1e-9  # a plane is a line if its second axis is shorter, over the first
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ ENERGY_BALANCE_ROUND_OFF = 1e-9  # over the work of friction and the stored ener
 # stick number beyond which a stuck contact rings at the step: levels of a belt (.3 to
 # 1.1 m/s, kicked by 4, steps of 5e-5 to 4e-4 s) err by .8 % at 26, 3 % at 52 and 12 % at 210
 MAX_STICK_NUMBER = 30.0
-MIN_STICK_SHARE = 0.5  # largest share of the contact area that sticks, above which this is checked
+MIN_STICK_SHARE = 0.5  # the stick number is checked if this share of the area sticks at once
 # numbers of steps in a period of the fastest mode: fewer than the first are too few in all cases,
 # more than the second are enough in all cases.
 # Hoffmann's oscillator, friction 0.78 and 1 % damping, grows by 83, 11, 2.6 and 0.03 % too slowly

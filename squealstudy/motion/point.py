@@ -29,7 +29,7 @@ from squealstudy.reduction.working_point import WorkingPoint
 from squealstudy.system.contact_weights import ContactWeights, contact_weights, over_speed
 from squealstudy.system.linearise import StructureWeights, structure_weights
 
-LEAST_FRICTION = 1e-3  # friction coefficient below which the slope is not reduced further
+LEAST_FRICTION = 1e-3  # for smaller friction coefficients the slope is not reduced further
 LEAST_PRESSURE = 1e-300  # Pa; keeps the slope positive
 
 

@@ -23,9 +23,9 @@ from squealstudy.motion.step_errors import (
 from squealstudy.wording import QUIET, STICK_SLIP, VIBRATES
 
 QUIET_SHARE = 0.01  # RMS over the torque of steady sliding at the window's pressure: less is quiet
-LEAST_STICKS = 2  # beginnings of sticking in a window, from which on it is stick-slip
+LEAST_STICKS = 2  # a window is of stick-slip if sticking begins at least so often in it
 STICK_LEVEL = 0.5  # sticking begins at this share of the largest stuck area in a window
-ROUND_OFF_SPEED = 1e-12  # speed over the design point's, below which the belt stands still
+ROUND_OFF_SPEED = 1e-12  # a belt with a lower speed, over the design point's, stands still
 LEVELS = ("torque_mean", "torque_rms", "torque_peak_to_peak")
 # index of these in the parts of `settling`, and index of the level that each part is relative to:
 # the part of the mean is relative to the RMS

@@ -44,10 +44,10 @@ SETTLES = np.array([1e-4, 3e-4, 2e-3, 1e-5])
 # ratio of the difference in the second half over that in the first, up to which the level comes to
 # rest, and its limit over the difference in the second half, if it rises as 1 - exp(-t / tau)
 RESTS = ((1.5, 1.15), (2.08, 1.31), (2.45, 1.91))
-HALF, TWICE = 0.5, 2.0  # steps of repeated runs over that of the run
+HALF, TWICE = 0.5, 2.0  # steps of repeated runs over the step of the run
 # steps in a period of the motion or of its mode: with fewer levels do not converge
 LEAST_STEPS_PER_PERIOD = 12.0
-MAX_REL_STEP_PART = 0.5  # relative error beyond which a level is not known at all
+MAX_REL_STEP_PART = 0.5  # a level with a larger relative error counts as unknown
 
 RunsAgain = dict[float, Motion]  # the same run with other steps, by the ratio of steps
 

@@ -12,9 +12,9 @@ from squealstudy.laws.spring import evaluate_points
 from squealstudy.motion.point import at_rest
 from squealstudy.motion.system import ModalSystem, MotionPoint
 
-MAX_REL_SPEED_LEFT = 1e-6  # speed of a point that is to stick over the sliding speed, at most
-MAX_HOLDS = 50  # tries of which points friction holds below its bound
-HOLD_TOLERANCE = 1e-6  # change of a creep over its largest speed: it holds
+MAX_REL_SPEED_LEFT = 1e-6  # largest speed of a point that sticks, over the sliding speed
+MAX_HOLDS = 50  # most guesses of the set of points that friction holds
+HOLD_TOLERANCE = 1e-6  # a creep holds if it changes by less, over its largest speed
 N_HALVINGS = 8  # of the share of the pull that friction can hold, where it cannot hold all
 MIN_REL_HOLD = 1e-8  # what holds a direction, over the largest: below, it has no creep
 

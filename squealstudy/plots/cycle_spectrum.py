@@ -21,7 +21,7 @@ from squealstudy.tables.mode_ranking import parameter_columns
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-DISTINCT_RATIO = 1.02  # level of a design, over a cycle's, from which it is that of another motion
+DISTINCT_RATIO = 1.02  # a level above the cycle's by this ratio is that of another motion
 MIN_SHOWN_HARMONIC_RATIO = 1e-5  # smallest harmonic that is drawn, over the largest
 
 

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 
 MAX_LABELLED_POINTS = 36  # design points for whose names there is room
 MAX_COLOURED_MODES = 6  # modes with a colour of their own
-MIN_SHOWN_ENERGY_SHARE = 0.02  # largest energy share from which a mode has a colour
+MIN_SHOWN_ENERGY_SHARE = 0.02  # modes whose largest energy share is smaller have no colour
 BAR_WIDTH_RATIO = 0.8  # width of a bar over the least distance between design points
 LOUDEST_LINE = "loudest line"
-LEAST_DRAWN_PERCENT = 0.1  # of energy; a thinner bar is its own edge
+LEAST_DRAWN_PERCENT = 0.1  # of the energy; a thinner bar would be only its edge
 OTHER_MODES, OUTSIDE = "other sensed modes", "outside the sensed modes"
 PALE = {OTHER_MODES: "#C8C8C8", OUTSIDE: "white"}
 CLASSES: dict[str, dict[str, Any]] = {

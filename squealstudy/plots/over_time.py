@@ -27,7 +27,7 @@ PALETTE = [c for c in COLOURS if c != "#000000"]  # colours of modes; black is f
 MOST_HISTORIES = 16  # design points whose histories are drawn; `results.plot` draws any other
 N_TIME_BINS = 1500  # parts of a long signal, about as many as an axis has pixels
 MS_PER_S = 1e3
-LEAST_SLOW_S = 10.0  # end of a run [s] from which on its times are shown in seconds
+LEAST_SLOW_S = 10.0  # runs that end later [s] are shown in seconds
 MOST_NAMED = 2  # largest number of varied parameters that are all named in a title
 # size of labels at line ends, and their distance from the axes, points
 LABEL_FONT_POINTS, LABEL_GAP_POINTS = 8.5, 6.0

@@ -34,7 +34,7 @@ MAX_FRAMES = 400  # number of windows, at most about this
 ZERO_PADDING_FACTOR = 4  # padding makes the frequency axis finer, not the resolution
 SHOWN_RANGE_DB = 60.0  # range that is shown below the maximum, dB
 PA_PER_BAR = 1e5
-UNEVEN_STEP_RATIO = 1e-3  # relative spread of steps above which a history is resampled
+UNEVEN_STEP_RATIO = 1e-3  # a history whose steps have a larger relative spread is resampled
 
 
 @register_plot(histories, points=("class",), growth=("level_share",))

@@ -23,7 +23,7 @@ from squealstudy.wording import in_digits, name_where_fastest, track_number
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 UNSTABLE = COLOURS[0]
-TWO_DECADES = 100.0  # ratio of largest to least value below which powers of ten are too few ticks
+TWO_DECADES = 100.0  # below this ratio of largest to least value powers of ten are too few ticks
 # relative spread of steps of logarithms, over that of steps, below which an axis is logarithmic
 MAX_LOG_STEP_SPREAD_RATIO = 0.6
 

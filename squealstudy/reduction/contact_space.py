@@ -34,7 +34,7 @@ MAX_RIGHT_HAND_SIDES = 512  # columns of one solve
 MAX_ENTRIES_PER_SOLVE = (
     64_000_000  # of the right-hand sides, and again of the solutions: 512 MB each
 )
-MAX_POINTS_DENSE = 16  # contact points up to which S_N and S_T are dense: faster than sparse ones
+MAX_POINTS_DENSE = 16  # most contact points for which dense S_N and S_T are faster
 # relative residual of a check solve from which K0 is singular: 1e-9 with very soft supports, 1
 # without any
 UNSUPPORTED_REL_ERROR = 1e-4

@@ -20,11 +20,11 @@ FREE_MOTION = (
 )
 # eigenvalue of the stiffness, scaled to a diagonal of 1, below which a motion is free
 MAX_FREE_EIGENVALUE = 1e-12
-MAX_DENSE_FREEDOMS = 500  # degrees of freedom up to which all eigenvalues are computed
+MAX_DENSE_FREEDOMS = 500  # most degrees of freedom for which all eigenvalues are computed
 MAX_FREE_MOTIONS = 12  # eigenvalues computed in larger models: rigid motions of two components
 FACTOR_SHIFT = 1e-9  # added to the scaled stiffness, which could not be factorised without
 MIN_MOTION_SHARE = 0.1  # share in the free motions, over the largest share, from which it is named
-MIN_RIGID_SHARE = 0.99  # rigid part of a component's squared motion from which it is rigid
+MIN_RIGID_SHARE = 0.99  # a component is rigid if this share of its squared motion is rigid
 
 
 def free_motion(assembly: AnyAssembly, K: sp.csr_matrix) -> ConvergenceError:

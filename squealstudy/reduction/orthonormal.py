@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-GRAM_RESOLUTION = 1e-6  # relative singular value below which it is round-off of a Gram matrix
+GRAM_RESOLUTION = 1e-6  # a smaller relative singular value is round-off of a Gram matrix
 # smallest singular value kept of traces of assembly modes, over the largest; with 1e-6 their
 # frequencies err by 3e-8
 MODE_TOLERANCE = 1e-7

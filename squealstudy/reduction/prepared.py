@@ -238,7 +238,7 @@ class _Clock:
 
 # nominal shapes are computed up to this times the band's end, for modes that a sweep moves into it
 BAND_FACTOR = 1.1
-SHAPE_TOLERANCE = 1e-2  # relative singular value above which nominal shapes are independent
+SHAPE_TOLERANCE = 1e-2  # nominal shapes with a larger relative singular value are independent
 MAX_COMPARED_COORDINATES = (
     64  # coordinates with mass up to which shapes are compared by all of them
 )

@@ -21,7 +21,7 @@ from squealstudy.reduction.contact_space import ContactRows, ContactSpace, conta
 from squealstudy.reduction.orthonormal import GRAM_RESOLUTION, new_directions, outside
 from squealstudy.reduction.projected import ProjectedAssembly
 
-MIN_NEW_TRACE = 1e-4  # relative singular value from which a new direction joins the basis
+MIN_NEW_TRACE = 1e-4  # directions with a larger relative singular value join the basis
 # root of the elastic energy of a new static direction, over the largest of a static response, from
 # which it joins
 MIN_NEW_STATIC = 1e-3

@@ -32,7 +32,7 @@ TOLERANCE = 1e-11  # relative imbalance of the gaps at which Newton ends
 AMPLIFIED = 10.0
 # imbalance after a step over that before, above which the Jacobian is computed anew
 MAX_IMBALANCE_SHARE_LEFT = 0.2
-OPEN = 0.01  # pressure over the mean pressure below which a contact point is open
+OPEN = 0.01  # a contact point with less pressure, over the mean, is open
 # factors on the friction that are tried in turn where the model has no steady sliding
 LESS_FRICTION = (0.5, 0.25, 0.125, 0.0)
 # contact points at which laws from outside the package are tried: lowest, median, highest pressure

@@ -31,7 +31,7 @@ STRUCTURE, COMPLEX_MODES, TRANSLATIONS, DISPLACEMENT, COMPLEX = 1, 3, 2, 8, 5
 RESPONSE = 5  # code of dataset 55: response at a frequency
 # codes of dataset 58: function over time, real double precision, even steps, general quantity, time
 IN_TIME, REAL_DOUBLE, EVEN, GENERAL, TIME = 1, 4, 1, 1, 17
-EVEN_STEP_TOLERANCE = 1e-6  # spread of steps over their mean up to which they are even
+EVEN_STEP_TOLERANCE = 1e-6  # steps with a smaller spread over their mean are even
 
 
 class Signal(NamedTuple):

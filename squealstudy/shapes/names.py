@@ -19,7 +19,7 @@ SAME_NAME_REL_DISTANCE = 1e-3  # relative distance of frequencies of modes that 
 MOST_DIAMETERS = 16
 N_RADIAL_FUNCTIONS = 3  # functions of the radius for each harmonic
 THIN_RING_RATIO = 0.03  # width of a ring over its radius; thinner rings have no nodal circles
-RIM_TOLERANCE = 0.02  # distance from a ring, over its width, up to which nodes count as inside
+RIM_TOLERANCE = 0.02  # nodes within this distance of a ring, over its width, count as inside
 MAX_RING_GAP_RAD = np.pi / 6  # widest angle without nodes in a closed ring, rad
 MIN_SIGNED_MOTION = 0.05  # motion, over the largest along the radius, whose sign counts
 

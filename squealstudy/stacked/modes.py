@@ -38,7 +38,7 @@ from squealstudy.stacked.sliding import (
 )
 from squealstudy.stacked.structures import StackedStructures
 
-MOST_COORDINATES = 40  # coordinates of a model up to which stacking saves time
+MOST_COORDINATES = 40  # most coordinates of a model for which stacking saves time
 POINTS_PER_BLOCK = 4096  # design points that are solved at once
 Columns = Mapping[str, np.ndarray | float]
 

@@ -13,7 +13,7 @@ from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, SUSTAINED
 
 AGREES, DOUBTFUL, DIFFERS, CANNOT = "agrees", "doubtful", "differs", "open"  # verdict and run
 MAX_DEVIATION = 0.2  # relative, of levels beyond their errors: other motion lasts than was found
-LOUDER_RATIO = 1.02  # a design's level that is none of its stable cycles'
+LOUDER_RATIO = 1.02  # a design's level above its stable cycles by this ratio is none of theirs
 COLUMNS = (
     {"verdict": "str", "bistable": "boolean", "n_stable": "int64"}
     | {"predicted_torque_rms": "f8", "predicted_frequency_hz": "f8", "threshold_velocity": "f8"}

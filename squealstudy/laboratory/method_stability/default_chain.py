@@ -37,7 +37,7 @@ N_STEPS = 20
 SLOW_PASSES = 10.0  # passes in a step above which a run is slow: five times a squealing brake's
 # sub-steps in a step of the reference for runs that halved steps: as many as halvings allow
 REFERENCE_SUBSTEPS = 16
-MAX_REL_STATE_ERROR = 0.05  # relative distance above which a final state is wrong
+MAX_REL_STATE_ERROR = 0.05  # a final state at a larger relative distance is wrong
 ENERGY = "energy drift"
 
 

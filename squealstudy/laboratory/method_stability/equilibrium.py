@@ -42,7 +42,7 @@ K_XX, K_XY, K_YY = 1e7, -8e6, 1.64e7  # N/m: mu_c = 1.25, k = 1e7
 CONDENSED_STIFFNESS = K_YY - K_XY**2 / K_XX
 CRITICAL = K_XX / abs(K_XY)
 AREA_M2, P_0 = 1e-3, 1e5  # m2, Pa
-SLOW_FROM = 30  # Newton iterations above which a solution is slow
+SLOW_FROM = 30  # a solution with more Newton iterations is slow
 DIVERGES = "real positive root"
 MAX_GAP_ERROR = 1e-6  # largest error of a gap that is right, in 1/lambda
 

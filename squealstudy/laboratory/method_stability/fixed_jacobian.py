@@ -34,7 +34,7 @@ from squealstudy.motion.integrators.newmark import Newmark, NewmarkNewton
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import KernelRun
 
-SLOW_FROM = 40  # iterations above which a step is slow: runs then halve it
+SLOW_FROM = 40  # a step with more iterations is slow: runs then halve it
 # largest error of the pull, over `scale`, at the end of a step that is right
 MAX_REL_PULL_ERROR = 1e-5
 MAX_ITERATIONS = 4000  # 2 % below the boundary a step takes 1,000 iterations

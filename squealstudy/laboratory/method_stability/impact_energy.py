@@ -37,7 +37,7 @@ from squealstudy.motion.system import MotionPoint
 N_IMPACTS = 30
 # h omega_peak below which 1 % of random cells gain more than MAX_REL_ENERGY_GAIN; above 2 all do
 STEP_LIMIT = 1.26
-MAX_REL_ENERGY_GAIN = 1e-2  # relative change of energy above which a result is wrong
+MAX_REL_ENERGY_GAIN = 1e-2  # a result with a larger relative change of energy is wrong
 P_0 = 1e-2  # Pa, contact pressure at zero gap: far smaller than in an impact
 
 KNOBS = (

@@ -27,7 +27,7 @@ from squealstudy.modes.reanalysis.estimate import bounded, residuals
 
 N_MODES = 8
 LOWEST_OMEGA = 1e3  # rad/s
-MAX_REL_ERROR = 1e-6  # relative error above which a root is wrong
+MAX_REL_ERROR = 1e-6  # a root with a larger relative error is wrong
 ESTIMATE_SAFETY_FACTOR = 10.0  # factor on the estimate
 
 KNOBS = (

@@ -46,7 +46,7 @@ N_NEIGHBOUR_POINTS = 40  # design points beside the two that are judged, so that
 ROUND_OFFS = 4.0  # round-offs in a root: of the matrices, the basis and the small eigenproblem
 # largest error over its estimate (THEORY.md eq. (39)) that is accepted, and over the tolerance
 ESTIMATE_SAFETY_FACTOR = 2.0
-BASIS_SHARE = 3.0  # tolerance over that of the basis, as in studies
+BASIS_SHARE = 3.0  # tolerance over the tolerance of the basis, as in studies
 
 KNOBS = (
     Knob("distance", "of friction to coalescence, relative to mu_c", 1e-3, low=1e-16, high=0.5),

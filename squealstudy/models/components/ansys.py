@@ -35,7 +35,7 @@ from squealstudy.models.components.mesh import ElementBlock, PassedOver, SolidMe
 from squealstudy.models.components.middle_nodes import LACKING, Middles
 from squealstudy.models.matrices.text import TextFile
 
-FIELDS = 10  # numbers of an element before its nodes
+FIELDS = 10  # number of fields of an element before its nodes
 MATERIAL, TYPE, AXES, LABEL = 0, 1, 4, 8  # columns among them
 
 

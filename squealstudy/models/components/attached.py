@@ -24,7 +24,7 @@ from squealstudy.models.fem.sampling import Surface
 from squealstudy.models.file_table import KeyPath, PlacedError
 from squealstudy.models.linear_interfaces import SpringInterface
 
-MOST_NODES = 600  # of a set with a mass at a place of its own, which couples all pairs of them
+MOST_NODES = 600  # most nodes of a set with a mass at its own place, which couples all pairs
 Owned = tuple[str, Surface]  # a component, and points on it
 # points (n, 3) -> three directions (n, 3) at them
 Directions = Callable[[np.ndarray], Sequence[np.ndarray]]

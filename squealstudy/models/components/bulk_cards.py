@@ -162,7 +162,7 @@ def _flattened(file: TextFile, folder: Path, depth: int) -> Iterator[Line]:
         yield from _flattened(_read(folder / name.strip(), line), folder, depth + 1)
 
 
-FLAT = 1e-10  # sine of the angle between AB and AC below which A, B and C are on one line
+FLAT = 1e-10  # A, B and C are on one line if the sine between AB and AC is smaller
 
 
 class Systems:

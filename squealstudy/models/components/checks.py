@@ -10,7 +10,7 @@ from squealstudy.models.components.jacobians import CHUNK, jacobians
 from squealstudy.models.components.mesh import CONTACT_NOT_READ, SolidMesh
 
 DOUBLED = "DOUBLED NODES"  # the name by which `pass_over` allows them
-MERGED = 1e-4  # distance over the shortest edge below which two nodes count as one written twice
+MERGED = 1e-4  # nodes closer than this, over the shortest edge, are one node written twice
 
 
 def check_mesh(mesh: SolidMesh, doubled: bool = False, points: bool = False) -> None:

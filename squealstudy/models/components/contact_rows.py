@@ -21,7 +21,7 @@ from squealstudy.models.linear_interfaces import SpringInterface
 
 KINDS = ("sliding", "stuck", "frictionless")
 SIDES = ("master", "slave")
-STEEP = 1e-6  # least part of a direction in the contact plane, over its length, to slide along it
+STEEP = 1e-6  # a direction slides if more of it, over its length, is in the contact plane
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from squealstudy.models.components.mesh import PassedOver, SolidMesh
 
 TOLERANCE = 0.05  # largest offset of a tied node over the master's mean facet, as in Abaqus
 MAX_TIE_OFFSET_OVER_FACET = 1e-6  # offset over a facet that strains nothing in a rigid turn
-COARSER = 1.3  # master nodes over tied slave nodes from which the slave is the coarser one
+COARSER = 1.3  # a slave is coarser if there are more master nodes, over tied slave nodes
 MAX_FOLLOW_DEPTH = 20  # longest chain of nodes that follow each other
 
 

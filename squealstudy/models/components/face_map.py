@@ -14,7 +14,7 @@ GAP, FACTOR = "gap", "factor"  # names of columns
 NOT_NEGATIVE = (FACTOR,)
 BEYOND_SPACINGS = 2.0  # distances of neighbours that a contact point may lie off all places
 STEEPEST = 0.5  # least distance of neighbours in the plane over their distance: up to 60 degrees
-FLAT = 1e-3  # breadth of the places over their length below which they are on a line
+FLAT = 1e-3  # places are on a line if their breadth over length is smaller
 
 
 class FaceMap:

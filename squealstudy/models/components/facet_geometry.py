@@ -21,7 +21,7 @@ from squealstudy.models.fem.sampling import Surface
 
 TRIANGLES = (3, 6)
 KINDS = (3, 4, 6, 8, 9)  # numbers of nodes of a facet
-FLAT = 1e-12  # area over radius squared, below which a facet counts as one without area
+FLAT = 1e-12  # a facet with less area over radius squared counts as one without area
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from squealstudy.models.turning import Rotors
 
 SEARCH_OVER_FACET = 0.5  # default search distance over the radius of a facet
 LAYER_POINTS = 3  # points along a side of a facet
-MAX_TIE_GAP_OVER_FACET = 1e-4  # gap over facet size up to which a tie hardly strains in rigid turns
+MAX_TIE_GAP_OVER_FACET = 1e-4  # a tie over a larger gap, over facet size, strains in rigid turns
 TIE_STIFFNESS_RATIO = 1000.0  # stiffness of a tie over that of a layer of elements beside it
 
 

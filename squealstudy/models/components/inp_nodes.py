@@ -15,7 +15,7 @@ NGEN = ("NSET", "LINE", "SYSTEM")
 NFILL = ("NSET", "BIAS", "TWOSTEP", "SINGULAR")
 KEYWORDS = ("NODE", "SYSTEM", "NGEN", "NFILL")
 MAX_GENERATED = 20_000_000  # nodes, or elements, that a deck generates
-FLAT = 1e-10  # sine of an angle below which two directions are the same
+FLAT = 1e-10  # two directions are the same if the sine of their angle is smaller
 
 
 class Nodes:

@@ -31,11 +31,11 @@ from squealstudy.models.file_table import KeyPath
 from squealstudy.models.linear_interfaces import SpringInterface
 from squealstudy.wording import duration, listed, plural
 
-FREE = 1e-9  # eigenvalue over the largest below which a rigid motion is not held
-SAME_PLACE = 1e-9  # distance of nodes over the component's size below which meshes are the same
-SPREAD = 0.3  # spread of gaps over the contact law's length above which it is doubted
-PARTLY = 0.95  # share of the slave in reach of the master below which it is doubted
-MAX_GAP_OVER_LAW_LENGTH = 5.0  # smallest gap over the law's length above which it is doubted
+FREE = 1e-9  # a rigid motion is free if its eigenvalue over the largest is smaller
+SAME_PLACE = 1e-9  # meshes are the same if nodes are closer, over the component's size
+SPREAD = 0.3  # gaps are doubted if their spread over the contact law's length is larger
+PARTLY = 0.95  # a pair is doubted if less of the slave is in reach of the master
+MAX_GAP_OVER_LAW_LENGTH = 5.0  # a pair is doubted if its least gap over the law's length is larger
 BALANCE = 1e-6  # share of a force, or length of a mean normal, that counts as zero
 # of reductions of 14,769, 48,588 and 115,959 freedoms: 0.85, 2.0, 3.5 GB; 18, 72, 350 s of a core
 MEMORY, MEMORY_EACH = 0.4, 3e-5  # GB, and GB for each degree of freedom

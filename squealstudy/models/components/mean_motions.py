@@ -9,7 +9,7 @@ import numpy as np
 
 from squealstudy.errors import ModelError
 
-ON_A_LINE = 1e-8  # smallest over largest moment of inertia below which points are on a line
+ON_A_LINE = 1e-8  # points are on a line below this ratio of least to largest moment of inertia
 
 
 def mean_motion(points: np.ndarray, weight: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from scipy.spatial.distance import cdist
 
 from squealstudy.errors import ModelError
 
-MOST_POINTS = 4000  # of one field: its eigenpairs take 8 s of a core and 0.5 GB
+MOST_POINTS = 4000  # most points of a field: its eigenpairs take 8 s of a core and 0.5 GB
 
 
 def random_field(

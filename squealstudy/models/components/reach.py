@@ -7,8 +7,8 @@ from squealstudy.models.components.facet_geometry import Facets
 from squealstudy.models.components.pairs import Pair
 from squealstudy.models.file_table import KeyPath, PlacedError
 
-LEAST_IN_REACH = 0.5  # share of the slave in reach below which the pair is refused
-ALL_MET = 0.9  # share of the master that is met, above which the slave is just the larger face
+LEAST_IN_REACH = 0.5  # a pair is refused if less of the slave is in reach
+ALL_MET = 0.9  # if more of the master is met, the slave is merely the larger face
 
 
 def expect_reach(

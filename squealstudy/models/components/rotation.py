@@ -18,7 +18,7 @@ from squealstudy.models.components.mesh_matrices import (
 )
 from squealstudy.models.turning import Rotors, convective_elements, gyroscopic
 
-SAME_MASS = 1e-6  # relative difference to the elements' mass above which there is other mass
+SAME_MASS = 1e-6  # with a larger relative difference to the elements' mass, there is other mass
 
 
 def turning_matrix(body: Body, mesh: SolidMesh, rotors: Rotors, M: sp.csr_matrix) -> sp.csr_matrix:

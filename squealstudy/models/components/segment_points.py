@@ -25,8 +25,8 @@ from squealstudy.models.components.opposite import Neighbours, Opposite
 
 AT_ONCE = 20_000  # pairs of facets integrated in one call: 13 MB
 MIN_AREA_SHARE = 0.1  # area of a point over that with constant functions
-MIN_COVERED_SHARE = 1e-12  # share of a facet below which it is not covered
-LAYERS = 1.02  # share of a facet above which several masters cover it
+MIN_COVERED_SHARE = 1e-12  # a facet counts as uncovered below this share
+LAYERS = 1.02  # several masters cover a facet if more of its area is covered
 
 
 @dataclass(frozen=True)

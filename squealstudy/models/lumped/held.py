@@ -15,7 +15,7 @@ from squealstudy.wording import listed
 UNSUPPORTED_SINGULAR_VALUE = 1e-9
 # eigenvalue of a stiffness scaled to a diagonal of ones below which it holds nothing
 UNSUPPORTED_EIGENVALUE = 1e-11
-TAKES_PART = 0.05  # motion of a coordinate over the largest above which messages name it
+TAKES_PART = 0.05  # messages name coordinates that move more, over the largest
 MAX_LISTED = 6  # coordinates that a message lists
 
 

@@ -15,7 +15,7 @@ from squealstudy.models.lumped.tables import AXES, TRANSLATIONS, TURNS
 from squealstudy.models.matrices.expression import Expression, ExpressionError
 
 Values = Mapping[str, Any]  # values of the parameters: numbers, or arrays (m,)
-LEAST_DIRECTION = 1e-12  # length of a vector up to which it has no direction
+LEAST_DIRECTION = 1e-12  # a shorter vector has no direction
 
 
 @lru_cache(maxsize=1024)

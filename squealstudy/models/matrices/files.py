@@ -26,7 +26,7 @@ Reader = Callable[[Path, str | None], Any]
 ResultT = TypeVar("ResultT")
 ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
 INDEX_ARRAYS = ("indices", "indptr", "row", "col", "offsets")  # arrays of whole numbers of SciPy
-MOST_ROWS_OP2 = 20_000  # 3.2 GB with all zeros, as its reader keeps them
+MOST_ROWS_OP2 = 20_000  # a larger matrix takes more than 3.2 GB, as its reader stores all zeros
 MAX_LISTED_VARIABLES = 12  # most variables of a file in a message
 
 

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from squealstudy.motion.integrator import SLOW_TOLERANCE, FixedJacobian, KernelIntegrator
 
-WARP_LIMIT = 2.0  # omega h up to which a mode is pre-warped
+WARP_LIMIT = 2.0  # modes are pre-warped up to this omega h
 
 
 class AverageAcceleration(KernelIntegrator):

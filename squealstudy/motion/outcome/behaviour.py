@@ -34,7 +34,7 @@ MAX_LN_TREND = 0.05  # a smaller rise of the RMS over the judged part counts as 
 MAX_LN_DRIFT = 0.15  # a limit cycle with a smaller drift has not settled, but is not irregular
 TREND_SIGMAS = 3.0  # standard errors that a trend must exceed
 MAX_REL_SCATTER = 0.10  # scatter of the RMS of windows about their trend; more is irregular
-REST_RATIO_FALLING = 1e-2  # RMS over the largest one, below which a falling level is at rest
+REST_RATIO_FALLING = 1e-2  # a falling level is at rest if its RMS over the largest RMS is smaller
 REST_RATIO = 1e-5  # the same for any level: round-off of contact forces is below it
 MIN_END_PACE_RATIO = 0.25  # a fall to rest ends with at least this share of its mean pace
 LATE_SHARE = 0.2  # share of the record in which the latest plateau is sought
@@ -51,7 +51,7 @@ LN_GROWTH_EXPECTED = 0.5  # a level that stays despite more predicted growth has
 MAX_LN_DRIFT_SATURATED = 0.02  # largest drift of such a level
 MIN_LN_TRANSIENT = 2e-3  # least transient that shows how a level was reached
 TRANSIENT_OVER_DRIFT = 5.0  # least ratio of such a transient to the drift that remains
-LEAST_DAMPING = 2e-6  # damping ratio below which a decay cannot be distinguished from a limit cycle
+LEAST_DAMPING = 2e-6  # decay with a smaller damping ratio looks like a limit cycle
 # a smaller drift over the judged part counts as none where a motion is continued
 MAX_LN_DRIFT_CONTINUED = 5e-3
 # a smaller drift over a stretch counts as none where no period is known

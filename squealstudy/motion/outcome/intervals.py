@@ -17,7 +17,7 @@ MAX_CORRELATION = 0.1  # largest correlation of neighbours that counts as none
 MIN_TREND_VARIANCE_SHARE = 0.7
 MAX_DRIFT_RATIO = 0.9  # largest ratio of the drifts of successive thirds in an extrapolation
 EXTRAPOLATION_SAFETY = 1.5  # factor on it: three means of a beat that fades show it only roughly
-MAX_REL_DRIFT = 0.05  # drift over the mean beyond which the motion is passing, without a limit
+MAX_REL_DRIFT = 0.05  # a motion with a larger drift over the mean is passing, without a limit
 # number of overlapping smooth windows, in which the beats of an approach average out
 N_SMOOTH_WINDOWS = 5
 MIN_SMOOTH_PERIODS = 20  # least number of periods in a record with such windows
@@ -25,9 +25,9 @@ MIN_SMOOTH_VARIANCE_SHARE = 0.9  # share of a line in their variance; chance rea
 SMOOTH_RATIO_RANGE = (0.3, 0.85)  # range of the ratio of the slopes of the two halves
 BEND_ERRORS = 1.9  # standard errors of their bend; Student's t of two degrees exceeds it in 10 %
 SMOOTH_SAFETY = 1.6  # factor on the distance from the limit: chosen on Hoffmann's oscillator
-MAX_REL_SMOOTH_DRIFT = 0.2  # drift over the mean beyond which the motion is passing
+MAX_REL_SMOOTH_DRIFT = 0.2  # a motion with a larger drift over the mean is passing
 PERIODS_OF_HARMONICS = 6  # periods of a second or third harmonic that are whole ones of the first
-IDENTICAL_RUNS_REL_SPREAD = 1e-9  # relative spread below which several runs are one and the same
+IDENTICAL_RUNS_REL_SPREAD = 1e-9  # runs with a smaller relative spread are one and the same
 
 
 def mean_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

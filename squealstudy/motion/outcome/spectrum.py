@@ -10,7 +10,7 @@ import numpy as np
 
 FLUCTUATION_ROUND_OFF = 1e-10  # fluctuation below this share of the largest value is round-off
 LINE_PERIODS = 3.0  # fewest periods of a line in the window; slower ones are drift
-LINE_WIDTH = 0.015  # half-width of a line over its frequency
+LINE_WIDTH = 0.015  # half-width of a spectral line over its frequency
 # share that a line's level in means between rows may lack of the expected one; a folded line lacks
 # more
 MAX_MISSING_SHARE = 0.1

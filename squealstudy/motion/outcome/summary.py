@@ -52,7 +52,7 @@ LEAST_ROWS = 10  # fewest rows of a history that is summarised
 PASSING = (STABLE, GROWING)  # classes of motion that does not last
 MAX_DURATION_FACTOR = 100.0  # largest duration that is proposed, over the duration of the run
 LEAST_PERIODS = 20.0  # of the fastest mode, in the least duration that is proposed
-FREQUENCY_ERROR = 0.1  # relative error beyond which another step has another period
+FREQUENCY_ERROR = 0.1  # with a larger relative error another step has another period
 
 
 @dataclass(frozen=True)

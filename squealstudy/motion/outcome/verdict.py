@@ -27,14 +27,14 @@ from squealstudy.wording import IRREGULAR, LIMIT_CYCLE, STABLE, UNDECIDED
 NEARLY_ALL = 0.8  # a mode with this share of the energy is the whole motion but for harmonics
 JUDGED_ROWS = 40  # fewest rows of a history whose modes are judged
 MIN_ENERGY_SHARE = 0.05  # least energy share of a mode that is part of the motion
-MAX_RISING_SHARE = 0.3  # energy share above which a rising mode leads the motion (a choice)
+MAX_RISING_SHARE = 0.3  # a rising mode with more of the energy leads the motion (a choice)
 ENERGY_SHARE_ROUND_OFF = 1e-10  # energy share that may be round-off of contact forces
 RISE_LINES = 8  # stretches of a window by which a rise behind another motion is sought
 RISE_PERIODS = 4.0  # fewest periods of the mode in each of them
 GROWTH_SIGMAS = 5.0  # standard errors that such a rise must exceed, as many modes are tested
 MIN_LN_GROWTH = 0.1  # least rise of ln amplitude over the window
 MIN_GROWTH_HALF_RATIO = 0.6  # least rise in the second half over that in the first
-NEUTRAL_RATIO = 1e-9  # damping ratio of the fastest mode, up to which it is round-off
+NEUTRAL_RATIO = 1e-9  # a smaller damping ratio of the fastest mode is round-off
 NEUTRAL_CHANGE = 0.3  # largest change of the energy from half to half of a run that stays as it is
 SMALLEST_POSITIVE = 1e-300
 MAX_FORECAST_DURATIONS = 1e3  # largest forecast time over the run's duration

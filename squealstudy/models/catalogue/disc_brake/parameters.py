@@ -86,7 +86,7 @@ ASCENDING = (
     ("caliper.finger_inner_angle", "caliper.bridge_half_angle"),
 )
 HALF_TURN = 180.0  # deg
-LARGEST_STRAIN = 0.02  # strain up to which elasticity is linear
+LARGEST_STRAIN = 0.02  # elasticity is linear up to this strain
 
 
 def vanishing(values: Mapping[str, float]) -> tuple[str, str] | None:
