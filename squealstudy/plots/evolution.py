@@ -302,6 +302,8 @@ def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -
         arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": width, "mutation_scale": 14}
         tip = axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=arrow)
         tip.set_in_layout(False)
+        if tip.arrow_patch is not None:  # its shaft may begin outside the axes
+            tip.arrow_patch.set_clip_box(axes.bbox)
 
 
 @dataclass(frozen=True)

@@ -449,6 +449,9 @@ def test_the_root_locus_shows_the_track_and_its_neighbour():
         assert any(len(c) == len(expected) and np.allclose(c, expected) for c in curves)
     assert locus.get_xlabel() == "Growth rate [1/s]"
     assert "from least friction (open circle) to most (arrow)" in locus.get_title(loc="left")
+    arrows = [text.arrow_patch for text in locus.texts if text.arrow_patch is not None]
+    assert arrows
+    assert all(arrow.get_clip_box() is not None for arrow in arrows)  # of modes from far away
 
 
 def test_curves_are_broken_at_failed_points():
