@@ -63,6 +63,10 @@ OF_THE_ROW = "unit of the row"  # in tables where each row has a unit of its own
 OWN_UNITS = {  # units of a table's columns that have another unit in other tables
     **{table: {"cost": ""} for table in ("cells", "designs", "variants")},
     "onsets": {"error_estimate": OF_THE_ONSET},
+    "measurements": {  # relative; yes or no
+        **{f"{name}_growth_rate": "" for name in ("error", "low", "high", "median", "chance")},
+        **{"within_growth_rate": "", "reference": ""},
+    },
 }
 # units of columns of result tables; the first pattern counts that matches a whole name
 UNITS: tuple[tuple[str, str], ...] = (

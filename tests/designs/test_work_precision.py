@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from squealstudy import open_results
 from squealstudy.cli.app import app
+from squealstudy.columns import unit_of
 from squealstudy.engine.manifest_file import read_manifest, write_manifest
 from squealstudy.engine.runner import run_study
 from squealstudy.engine.structures import build_structures
@@ -498,3 +499,11 @@ def test_a_model_at_full_order_has_all_its_degrees_of_freedom(monkeypatch, unred
     monkeypatch.setattr(measuring, "load_any", lambda _: prepared)
     plan = SimpleNamespace(method=SimpleNamespace(rung=SimpleNamespace(unreduced=unreduced)))
     assert measuring._n_coordinates(plan, "key") == size
+
+
+@pytest.mark.parametrize("column", ["error", "low", "high", "median", "chance", "within"])
+def test_errors_of_growth_are_relative(column):
+    """Their unit was told as 1/s, in the tables' own schema and in the report."""
+    assert unit_of(f"{column}_growth_rate", "measurements") == ""
+    assert unit_of("reference", "measurements") == ""
+    assert unit_of("growth_rate", "points") == "1/s"
