@@ -26,7 +26,7 @@ MEASUREMENTS = (
     count("n_coordinates", "Coordinates of the model; degrees of freedom at full order."),
     count("n_failed", "Design points without a result."),
     count("missed|spurious", "Unstable modes of the reference that were missed, or made up."),
-    number(r"error_\w+", "Largest error of this quantity against the reference; relative, except of ratios.",
+    number(r"error_\w+", "Largest error against the reference: relative, but of ratios.",
            leaves_out="That of the reference; low_ and high_ columns of the quantity bound it."),
     number(r"(low|high)_\w+", "Bound of the largest error.", leaves_out="It is a bound."),
     number(r"median_\w+", "Median error of this quantity.", leaves_out="That of the reference."),
