@@ -61,7 +61,8 @@ TORQUE_COLUMN = re.compile(
 OF_THE_ONSET = "unit of the parameter along which onsets are sought"
 OF_THE_ROW = "unit of the row"  # in tables where each row has a unit of its own
 OWN_UNITS = {  # units of a table's columns that have another unit in other tables
-    **{table: {"cost": ""} for table in ("cells", "designs", "variants")},
+    **{table: {"cost": ""} for table in ("cells", "designs")},
+    "variants": {"cost": "", "change": ""},  # in words
     "onsets": {"error_estimate": OF_THE_ONSET},
     "measurements": {  # relative; yes or no
         **{f"{name}_growth_rate": "" for name in ("error", "low", "high", "median", "chance")},
