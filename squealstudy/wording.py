@@ -204,6 +204,11 @@ def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
     return f"{value:{form}}" if value == value else unknown
 
 
+def signed(value: float) -> str:
+    """A number of either sign in three digits, all before its point: ``+0.123``, ``+1381``."""
+    return f"{value:+.0f}" if abs(value) >= 999.5 else f"{value:+.3g}"
+
+
 def with_error(value: float, error: float) -> str:
     """A number and two digits of its error, ``165.2 +- 4.6``; no error if four digits are right."""
     if not math.isfinite(error):

@@ -29,7 +29,7 @@ from squealstudy.tables.mode_ranking import (
     unstable_groups,
 )
 from squealstudy.tables.stability import INEXACT
-from squealstudy.wording import amount
+from squealstudy.wording import amount, signed
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -130,7 +130,7 @@ def _shares(axes: Axes, shown: pd.DataFrame, unit: str) -> None:
     share, positions = 100 * shown["unstable_share"].to_numpy(), np.arange(len(shown))
     axes.barh(positions, share, height=0.62, color=UNSTABLE)
     for y, x, row in zip(positions, share, shown.to_dict("records"), strict=True):
-        text = f"{row['max_growth_rate']:+.3g} 1/s"
+        text = f"{signed(row['max_growth_rate'])} 1/s"
         if np.isfinite(row["threshold"]):
             mark = "*" * bool(row["taken_over"]) + INEXACT.get(row["threshold_kind"], "")
             text += f", from {mark}{amount(row['threshold'], unit, digits=3)}"

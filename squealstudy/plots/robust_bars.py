@@ -26,7 +26,7 @@ from squealstudy.plots.style import (
     track_name,
 )
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
-from squealstudy.wording import in_digits, plural, track_number
+from squealstudy.wording import in_digits, plural, signed, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -114,7 +114,7 @@ def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[st
         error_kw=ERROR_BARS,
     )
     for y, x, row in zip(positions, high, shown.to_dict("records"), strict=True):
-        text = f"{100 * row['probability']:.1f} %, worst {row['max_growth_rate']:+.3g} 1/s"
+        text = f"{100 * row['probability']:.1f} %, worst {signed(row['max_growth_rate'])} 1/s"
         if row["unknown_points"]:  # elsewhere it may stand under another number
             text += f", known at {row['points'] - row['unknown_points']}"
         axes.annotate(text, (x, y), (5, 0), textcoords="offset points", va="center", fontsize=8.5)

@@ -22,7 +22,7 @@ from squealstudy.plots.over_time import (
     run_of,
 )
 from squealstudy.plots.style import empty_figure, head, joined, new_figure
-from squealstudy.wording import in_digits
+from squealstudy.wording import in_digits, signed
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
@@ -173,7 +173,7 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
     labels = []
     for row in in_view.to_dict("records"):
         colour = DARK if pd.isna(row["expressed"]) or not row["expressed"] else COLOURS[0]
-        text = f"{in_digits(row['frequency_hz'])} Hz, {row['growth_rate']:+.3g} 1/s"
+        text = f"{in_digits(row['frequency_hz'])} Hz, {signed(row['growth_rate'])} 1/s"
         share = row["level_share"]
         text += f", {100 * share:.0f} %" if np.isfinite(share) else ""
         labels.append(EndLabel(float(row["frequency_hz"]), text, colour))

@@ -20,6 +20,7 @@ from squealstudy.wording import (
     VERDICTS,
     amount,
     by_ranges,
+    signed,
     with_error,
 )
 
@@ -184,6 +185,12 @@ def test_a_number_has_two_digits_of_its_error():
         (1.4798e-5, 3.1e-7): "1.48e-05 +- 3.1e-07",
     }
     assert {numbers: with_error(*numbers) for numbers in told} == told
+
+
+def test_growth_of_thousands_is_written_out():
+    """A bar had +1.38e+03 1/s, the screen beside it 1380.6."""
+    told = {1380.6: "+1381", -2500.0: "-2500", 999.94: "+1000", 45.46: "+45.5", 0.00702: "+0.00702"}
+    assert {number: signed(number) for number in told} == told
 
 
 def test_a_prefix_leaves_a_number_that_can_be_read():
