@@ -61,13 +61,9 @@ TORQUE_COLUMN = re.compile(
 OF_THE_ONSET = "unit of the parameter along which onsets are sought"
 OF_THE_ROW = "unit of the row"  # in tables where each row has a unit of its own
 OWN_UNITS = {  # units of a table's columns that have another unit in other tables
-    **{table: {"cost": ""} for table in ("cells", "designs")},
-    "variants": {"cost": "", "change": ""},  # in words
+    **{table: {"cost": "", "change": ""} for table in ("cells", "designs", "variants")},
     "onsets": {"error_estimate": OF_THE_ONSET},
-    "measurements": {  # relative; yes or no
-        **{f"{name}_growth_rate": "" for name in ("error", "low", "high", "median", "chance")},
-        **{"within_growth_rate": "", "reference": ""},
-    },
+    "measurements": {"reference": ""},
 }
 # units of columns of result tables; the first pattern counts that matches a whole name
 UNITS: tuple[tuple[str, str], ...] = (
@@ -79,7 +75,7 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"(threshold|kick)_energy", "J"),
     (r"kick_phase", "rad"),
     (
-        r"multiplier\w*|power_imbalance|harmonic_tail"
+        r"multiplier\w*|power_imbalance|harmonic_tail|(error|low|high|median|chance|within)_growth_rate"
         r"|(level|(cycle_)?frequency|velocity|torque_peak|kick|threshold|basis|regularisation)_error",
         "",
     ),
@@ -95,10 +91,9 @@ UNITS: tuple[tuple[str, str], ...] = (
     (r"growth_per_percent|(predicted|finite)_growth_change", "1/s"),
     (r"frequency_per_percent|(predicted|finite)_frequency_change", "Hz"),
     (r"wall_s|\w*seconds\w*|cost(_onset)?|\w*_time|time|time_reached|fit_(start|stop)", "s"),
-    (r"undecided_until", "s"),
+    (r"undecided_until|time_(start|stop)", "s"),
     (r"perturbation|sliding_speed(_start|_stop)?", "m/s"),
     (r"pressure(_start|_stop)?", "Pa"),
-    (r"time_(start|stop)", "s"),
     (r"memory_mb", "MB"),
     (r"normal_force", "N"),
     (r"contact_pressure_(min|max)", "Pa"),
@@ -202,11 +197,6 @@ def motion_frequency(hz: float, line: float, decimals: int = 0) -> str:
 def figure(value: float, form: str = ".4g", unknown: str = UNKNOWN) -> str:
     """A number in a format; `unknown` for NaN."""
     return f"{value:{form}}" if value == value else unknown
-
-
-def signed(value: float) -> str:
-    """A number of either sign in three digits, all before its point: ``+0.123``, ``+1381``."""
-    return f"{value:+.0f}" if abs(value) >= 999.5 else f"{value:+.3g}"
 
 
 def with_error(value: float, error: float) -> str:

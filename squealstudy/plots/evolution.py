@@ -299,11 +299,10 @@ def _path(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, width: float) -
     nonzero_steps = np.flatnonzero(np.hypot(np.diff(x), np.diff(y)) > 0)
     if len(nonzero_steps):
         k = nonzero_steps[-1]
-        arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": width, "mutation_scale": 14}
+        arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": colour, "linewidth": width}
+        arrow |= {"mutation_scale": 14, "clip_box": axes.bbox}  # it may begin outside the axes
         tip = axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=arrow)
         tip.set_in_layout(False)
-        if tip.arrow_patch is not None:  # its shaft may begin outside the axes
-            tip.arrow_patch.set_clip_box(axes.bbox)
 
 
 @dataclass(frozen=True)

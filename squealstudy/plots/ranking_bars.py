@@ -21,6 +21,7 @@ from squealstudy.plots.style import (
     legend_below,
     name_rows,
     new_figure,
+    signed,
     track_name,
 )
 from squealstudy.tables.mode_ranking import (
@@ -29,7 +30,7 @@ from squealstudy.tables.mode_ranking import (
     unstable_groups,
 )
 from squealstudy.tables.stability import INEXACT
-from squealstudy.wording import amount, signed
+from squealstudy.wording import amount
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results

@@ -23,10 +23,11 @@ from squealstudy.plots.style import (
     legend_below,
     name_rows,
     new_figure,
+    signed,
     track_name,
 )
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
-from squealstudy.wording import in_digits, plural, signed, track_number
+from squealstudy.wording import in_digits, plural, track_number
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results

@@ -21,8 +21,8 @@ from squealstudy.plots.over_time import (
     histories,
     run_of,
 )
-from squealstudy.plots.style import empty_figure, head, joined, new_figure
-from squealstudy.wording import in_digits, signed
+from squealstudy.plots.style import empty_figure, head, joined, new_figure, signed
+from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results

@@ -179,6 +179,11 @@ def legend_of(figure: Figure, ax: Axes | None, handles: Sequence[Artist], ncols:
         ax.legend(handles=handles, fontsize=8, frameon=False)
 
 
+def signed(value: float) -> str:
+    """A number of either sign in three digits, all before its point: ``+0.123``, ``+1381``."""
+    return f"{value:+.0f}" if abs(value) >= 999.5 else f"{value:+.3g}"
+
+
 def labelled(axes: Axes) -> list[Artist]:
     """Artists in the axes that have a label, for a legend."""
     return list(axes.get_legend_handles_labels()[0])

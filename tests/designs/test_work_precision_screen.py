@@ -132,14 +132,18 @@ def test_every_quantity_has_words(quantity):
 def test_what_a_cost_consists_of_is_told_with_the_reduction_where_it_has_one():
     """An onset of 0.55 s cost 1.6 s, and the legend told neither of the line nor of reductions."""
     plain = results_of(FINE, USUAL)
+    assert "cost:" not in as_text(SCREEN.findings(plain))  # the time of a point alone
+    plain.measurements["setup_seconds"], plain.measurements["cost"] = 2.0, [10.0, 5.0, 7.0]
     assert "cost: seconds a point and 1/2 of the set-up" in as_text(SCREEN.findings(plain))
     plain.measurements["cost"] += 1.0
     told = as_text(SCREEN.findings(plain), 200)
     assert "cost: seconds a point and 1/2 of the set-up and the reduction" in told
     onsets = results_of(FINE, USUAL, quantity="onset")
-    onsets.measurements[["cost_onset", "onset_seconds"]] = 7.0
+    onsets.measurements[["cost_onset", "onset_seconds"]] = 8.25, 7.5
+    onsets.measurements["setup_seconds"] = 2.0
     told = as_text(SCREEN.findings(onsets), 200)
     assert "cost: seconds an onset, and for each point of its line 1/2 of the set-up" in told
+    assert re.search(r"newmark, step 1 +4 +7.5 +2 +8.25 ", told)  # not the cost of a point, 4 s
 
 
 def test_a_dearer_setting_of_the_method_that_fails_is_told():

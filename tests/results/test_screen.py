@@ -9,6 +9,7 @@ import pytest
 from squealstudy import screen
 from squealstudy.cli.run import fidelity
 from squealstudy.kinds.limit_cycles.screen import footnotes, levels_in_words, merged_reasons
+from squealstudy.plots.style import signed
 from squealstudy.wording import (
     CHANGING,
     CLASS_LETTERS,
@@ -20,7 +21,6 @@ from squealstudy.wording import (
     VERDICTS,
     amount,
     by_ranges,
-    signed,
     with_error,
 )
 

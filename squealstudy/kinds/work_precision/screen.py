@@ -220,14 +220,15 @@ def _columns(
 
     has_size, is_of_onsets = _sizes_differ(table), "onset" in quantities
     has_setup = bool((table["setup_seconds"] > 0).any())
-    has_shares = bool((table["cost"] > 1.005 * table["seconds_median"]).any())
+    cost, spent = ("cost_onset", "onset_seconds") if is_of_onsets else ("cost", "seconds_median")
+    has_shares = bool((table[cost] > 1.005 * table[spent]).any())
     has_passes = bool(table["iterations"].notna().any())
     columns: list[tuple[bool, str, Callable[[Row], str]]] = [
         (has_size, "size", lambda r: str(r["n_coordinates"])),
         (True, "s a point", lambda r: f"{r['seconds_median']:.3g}"),
         (is_of_onsets, "s an onset", lambda r: f"{r['onset_seconds']:.3g}"),
         (has_setup, "set-up s", lambda r: f"{r['setup_seconds']:.3g}"),
-        (has_shares, "cost s", lambda r: f"{r['cost']:.3g}"),
+        (has_shares, "cost s", lambda r: f"{r[cost]:.3g}"),
         (has_passes, "passes", lambda r: figure(r["iterations"], ".2f")),
         *((True, SHORT[q], partial(error, q)) for q in quantities),
     ]
@@ -255,7 +256,7 @@ def _legend(
         if is_without
         else "",
         f"errors against {results.fact('reference')}, the largest of "
-        f"{plural(n_points, 'measured point')}{_at_fewer(results, n_points)}; "
+        f"{plural(n_points, 'measured point')}{_at_fewer(results, n_points)}"
         f"{_cost_in_words(results)}",
         f"of each method the cheapest within {results.fact('tolerance'):g}, or the most exact; "
         f"{left_out} more in the measurements table"
@@ -281,14 +282,16 @@ def _at_fewer(results: ResultTables, n_points: int) -> str:
 
 
 def _cost_in_words(results: ResultTables) -> str:
-    """What the cost of a measurement consists of."""
+    """What the cost of a measurement consists of; empty where it is the time of a point alone."""
     table, over = results.measurements, results.fact("over")
     rest = table["cost"] - table["seconds_median"] - table["setup_seconds"] / max(over, 1)
     has_reduction = (rest > 1e-6 * table["cost"]).any()
+    if not (has_reduction or (table["setup_seconds"] > 0).any()):
+        return ""
     shared = f"1/{over} of the set-up{' and the reduction' * bool(has_reduction)}"
     if "onset" in results.fact("quantities"):
-        return f"cost: seconds an onset, and for each point of its line {shared}"
-    return f"cost: seconds a point and {shared}"
+        return f"; cost: seconds an onset, and for each point of its line {shared}"
+    return f"; cost: seconds a point and {shared}"
 
 
 def _error(value: float, within: bool) -> str:
