@@ -9,8 +9,16 @@ from itertools import chain
 
 import numpy as np
 
+from squealstudy.cycles.arrivals import arrived_at
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.small_motion import (
+    DISTINCT_LEVEL_RATIO,
+    FROM_SMALL,
+    LEVEL,
+    from_small_motion,
+    level_of,
+)
 from squealstudy.cycles.trials import (
     DECAYS,
     GROWS,
@@ -35,14 +43,9 @@ START_SIZES, START_ANGLES_RAD = (1.0, 1.5), (0.0, 0.5 * np.pi)
 # how messages name the states with which runs start
 CYCLE = "the cycle"
 START_OF_LOST, MADE_AS_LARGE = "the curve's largest motion", "scaled to"
-FROM_SMALL = "small motion"
-SMALL_START_RATIO = 0.1  # size of this small motion over that of the smallest cycle
 ABOVE = 1.1  # size of the start of a run above an unstable cycle, over the size of the cycle
 # status of a search for the least kick
 KICK_FOUND, NO_KICK, KICK_UNDECIDED, KICK_WITHOUT_CYCLE = "ok", "none", "undecided", "no_cycle"
-
-LEVEL = "torque_rms"  # level that tells which motion is the loudest
-DISTINCT_LEVEL_RATIO = 1.02  # least ratio of the levels of two motions that are not the same
 MAX_LEVEL_RUNS = 2  # most runs of `_with_level` for a design
 FREQUENCY_MARGIN = 1.01  # modes are computed up to this factor times the frequency of the mode
 
@@ -140,22 +143,24 @@ def decided_in_time(
     """Decide a design's verdicts and level by runs in time, where its limit cycles leave them open.
 
     A design that squeals gets its level from a run in three cases: no stable cycle is the loudest
-    (`_with_level`), small motion grows to a louder one (`_from_rest`), or a run from a larger
-    motion lasts (`_with_larger`). If all modes are stable, runs are made for families without a
-    verdict. They begin with the loudest cycle, or above that cycle if it is unstable. Without a
-    cycle they begin with the motion that is nearest to growing, and with the curve's largest
-    motion, scaled to `reach` [m/s] and to more: on the brake a motion may decay from `reach`
-    although there is a cycle of half that size. If one run lasts, the design squeals if kicked, and
-    no more runs are made. If all runs of a family decay and only the end of its curve was missing,
-    the verdict is that no cycle was found. Otherwise the verdict stays open, and its reason names
-    the runs. `band` [rad/s] is that of `run_on`.
+    (`_with_level`), small motion grows to a louder one (`from_small_motion`), or a run from a
+    larger motion lasts (`_with_larger`). If all modes are stable, runs are made for families
+    without a verdict. They begin with the loudest cycle, or above that cycle if it is unstable.
+    Without a cycle they begin with the motion that is nearest to growing, and with the curve's
+    largest motion, scaled to `reach` [m/s] and to more: on the brake a motion may decay from
+    `reach` although there is a cycle of half that size. If one run lasts, the design squeals if
+    kicked, and no more runs are made. If all runs of a family decay and only the end of its curve
+    was missing, the verdict is that no cycle was found. Otherwise the verdict stays open, and its
+    reason names the runs. `band` [rad/s] is that of `run_on`.
     """
     families = [family for _, family in followed.families]
     if any(family.verdict == NEUTRAL for family in families):
         return followed  # in every run such a mode stays as large as it begins
     if any(family.verdict == SQUEALS for family in families):
-        with_level = _from_rest(contact, _with_level(contact, followed, band, reach), band)
-        return _with_larger(contact, with_level, band, reach)
+        with_level = _with_level(contact, followed, band, reach)
+        with_level, reached = from_small_motion(contact, with_level, band)
+        with_larger = _with_larger(contact, with_level, band, reach)
+        return with_larger if reached is None else reached.told(with_larger)
     if followed.unstable_outside or contact.point.growing.n_outside > 0:
         return followed
     starts = [list(_starts(contact, family, reach)) for family in families]
@@ -236,33 +241,6 @@ def _with_level(
     return followed._replace(families=list(families.items()))
 
 
-def _from_rest(
-    contact: ContactOscillator, followed: Followed, band: tuple[float, float]
-) -> Followed:
-    """Take the level of a design that squeals from a run from small motion, if that is louder.
-
-    The run is made for the mode that grows fastest, if no stable cycle of its curve is known:
-    earlier runs began above its unstable cycle and may have come to another motion.
-    """
-    growing = [(n, f) for n, f in followed.families if f.verdict == SQUEALS]
-    mode, family = max(growing, key=lambda numbered: numbered[1].lam.real)
-    if family.loudest is not None or not family.path or contact.point.growing.n_outside > 0:
-        return followed
-    smallest = min((c.motion for c in family.cycles), key=lambda m: m.size, default=None)
-    first = family.path[0].motion
-    factor = 1.0 if smallest is None else SMALL_START_RATIO * smallest.size / first.size
-    q, v = state_of(first, factor)
-    above = DISTINCT_LEVEL_RATIO * max(_level(f) for _, f in followed.families)
-    (motion,) = run_on(contact, [replace(contact.point, q0=q, v0=v)], band, above)
-    run = ended(FROM_SMALL, motion, band)
-    if run.outcome != LASTS or not run.torque_rms > above:
-        return followed
-    run = with_regularisation(contact, run, motion, band)
-    reason = f"unstable mode; level of a run in time from {FROM_SMALL}"
-    families = dict(followed.families) | {mode: replace(family, run=run, reason=reason)}
-    return followed._replace(families=list(families.items()))
-
-
 def _with_larger(
     contact: ContactOscillator, followed: Followed, band: tuple[float, float], reach: float
 ) -> Followed:
@@ -272,12 +250,12 @@ def _with_larger(
     beyond the last motion of the curve there may be a louder one, which a kick leads to.
     """
     levels = {
-        mode: _level(family)
+        mode: level_of(family)
         for mode, family in followed.families
         if family.verdict == SQUEALS
         and family.largest is not None
         and family.end not in (*SEARCHED_ENDS, NOT_FOLLOWED)
-        and _level(family) > 0.0
+        and level_of(family) > 0.0
         # other runs began above all cycles already
         and (family.run is None or family.run.start in (CYCLE, FROM_SMALL))
     }
@@ -286,27 +264,23 @@ def _with_larger(
     families, mode = dict(followed.families), max(levels, key=lambda mode: levels[mode])
     family = families[mode]
     name, (q, v) = _scaled_start(contact, family, START_SIZES[0] * reach, START_ANGLES_RAD[0])
-    (motion,) = run_on(contact, [replace(contact.point, q0=q, v0=v)], band)
-    run = with_regularisation(contact, ended(name, motion, band), motion, band)
-    loudest = max(_level(family) for family in families.values())
-    if run.outcome == LASTS and run.torque_rms > DISTINCT_LEVEL_RATIO * loudest:
+    above = DISTINCT_LEVEL_RATIO * max(level_of(f) for f in families.values())
+    stable = [c.motion for f in families.values() for c in f.cycles if c.attracts]
+    start = replace(contact.point, q0=q, v0=v)
+    (motion,) = run_on(contact, [start], band, (-np.inf, above), stable)
+    run = ended(name, motion, band) if arrived_at(motion) is None else None
+    if run is not None and run.outcome == LASTS and run.torque_rms > above:
+        run = with_regularisation(contact, run, motion, band)
         reason = f"{family.reason}; the level is that of a louder run in time from {name}"
         if family.loudest is None:  # it had the level of a quieter run
             reason = f"unstable mode; level of a run in time from {name}"
         families[mode] = replace(family, run=run, reason=reason)
-    elif run.outcome == LASTS:
+    elif run is None or run.outcome == LASTS:
         why = f"a run in time from {name} comes to no louder motion"
         families[mode] = replace(family, reason=f"{family.reason}; {why}")
     else:
         families[mode] = replace(family, reason=f"{family.reason}; {run.nothing_told}")
     return followed._replace(families=list(families.items()))
-
-
-def _level(family: Family) -> float:
-    """Level of the loudest motion of a family that lasts; 0 without one."""
-    cycle = family.loudest.levels[LEVEL] if family.loudest else 0.0
-    by_run = family.run.torque_rms if family.run and family.run.outcome == LASTS else 0.0
-    return max(cycle, by_run)
 
 
 def _lasting(runs: Iterable[Ended]) -> list[Ended]:

@@ -12,9 +12,11 @@ import numpy as np
 from squealstudy.motion.motion import Motion
 from squealstudy.motion.outcome.behaviour import LEAST_DAMPING
 from squealstudy.motion.outcome.energies import moving_energy
+from squealstudy.motion.outcome.intervals import mean_interval
 from squealstudy.motion.outcome.levels import last_window
 from squealstudy.motion.outcome.periods import comes_back
 from squealstudy.motion.outcome.settling import LEAST_ROWS, SETTLED, known_outcome, levels_of_rows
+from squealstudy.motion.outcome.spectrum import spectrum
 from squealstudy.motion.outcome.verdict import expected_rise, run_verdict
 from squealstudy.wording import LASTING, UNDECIDED
 
@@ -56,3 +58,26 @@ def _undamped(run: Motion) -> bool:
     if modes.n_unstable or modes.n_outside or not len(modes.lam):
         return False
     return bool(abs(modes.lam[0].real) <= LEAST_DAMPING * abs(modes.lam[0]))
+
+
+def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float, float]:
+    """RMS of the torque within a band [rad/s], its relative half-width (95 %), its line [Hz].
+
+    Computed from the last window. The filter is wrong at the ends of the window: a tenth at either
+    end is left out.
+    """
+    torque = motion.history["torque"]
+    window = last_window(motion.times, torque)
+    time, signal = motion.times[window], torque[window]
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    hz = np.fft.rfftfreq(len(signal), step)
+    low, high = (w / (2 * np.pi) for w in band)
+    inside = (hz >= low) & (hz <= high)
+    filtered = np.fft.irfft(np.fft.rfft(signal - signal.mean()) * inside, len(signal))
+    ends = len(signal) // 10
+    mean, lowest, highest = (
+        float(x) for x in mean_interval(filtered[ends : len(signal) - ends] ** 2)
+    )
+    rms = float(np.sqrt(mean))
+    spread = 0.5 * (np.sqrt(highest) - np.sqrt(max(lowest, 0.0))) / rms if rms else np.nan
+    return rms, float(spread), float(spectrum(step, filtered).peak())

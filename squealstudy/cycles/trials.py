@@ -13,17 +13,15 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from squealstudy.cycles.arrivals import Judge, arrived_at, or_arrived, steps_to_arrive
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.friction_steps import longest_step, rounds_off
 from squealstudy.cycles.harmonics import series_at
-from squealstudy.cycles.outcomes import class_of, known_so_far, undecided_because
+from squealstudy.cycles.outcomes import band_level, class_of, known_so_far, undecided_because
 from squealstudy.motion.integrators.exact_free_motion import ExactFreeMotion
 from squealstudy.motion.motion import Motion
-from squealstudy.motion.outcome.intervals import mean_interval
 from squealstudy.motion.outcome.level import OF_THE_WINDOW, Level, LevelParts, StepParts
-from squealstudy.motion.outcome.levels import last_window
-from squealstudy.motion.outcome.spectrum import spectrum
 from squealstudy.motion.outcome.summary import run_levels, summarise, told_frequency
 from squealstudy.motion.settings import MotionSettings
 from squealstudy.motion.simulate import Watch, simulate
@@ -214,12 +212,14 @@ def run_on(
     contact: ContactOscillator,
     starts: Sequence[MotionPoint],
     band: tuple[float, float],
-    above: float = -np.inf,
+    same: tuple[float, float] = (np.inf, -np.inf),
+    cycles: Sequence[PeriodicMotion] = (),
 ) -> list[Motion]:
     """Runs from states of a design point until their outcome is known, or to the longest time.
 
     Growth is watched in the modes of `band` [rad/s]; the highest of them sets steps and times. The
-    error by the step is not computed for runs with a level (RMS of the torque) up to `above`.
+    error by the step is not computed for runs whose level (RMS of the torque) is within `same`.
+    Runs also end where they have come to one of `cycles`, all stable (`arrived_at`).
     """
     omega = contact.system.frequencies
     sensed = np.flatnonzero((omega >= band[0]) & (omega <= band[1])) + 1
@@ -240,15 +240,20 @@ def run_on(
         return known_so_far(motion, settings.duration, TOLERANCE)
 
     def run(some: Sequence[MotionPoint], how: MotionSettings) -> list[Motion]:
-        return simulate(system, some, how, Watch([how.n_steps // N_STOP_TESTS] * len(some), judge))
+        steps = how.n_steps // N_STOP_TESTS
+        test: Judge = judge
+        if cycles and (often := steps_to_arrive(cycles, how.step)) < steps:
+            steps, test = often, or_arrived(judge, steps, cycles, often)
+        return simulate(system, some, how, Watch([steps] * len(some), test))
 
     def lasts(motion: Motion) -> bool:
-        return motion.outcome == "ok" and class_of(motion) in SUSTAINED
+        is_open = motion.outcome == "ok" and arrived_at(motion) is None
+        return is_open and class_of(motion) in SUSTAINED
 
     def refined(motion: Motion) -> Refined:
         """Continue a run that lasts with half the step, until its level changes little by that."""
-        if run_levels(motion)[0]["torque_rms"] <= above:
-            return Refined.of(motion, StepParts.unknown("it is not louder"))
+        if same[0] <= run_levels(motion)[0]["torque_rms"] <= same[1]:
+            return Refined.of(motion, StepParts.unknown("it is of no other level"))
         if not has_few_points(system):
             return Refined.of(motion, step_parts(system, motion, settings))
         parts = OF_THE_WINDOW
@@ -257,6 +262,8 @@ def run_on(
             (finer,) = run(
                 [replace(motion.point, q0=motion.q, v0=motion.v, continued=True)], finer_settings
             )
+            if arrived_at(finer) is not None:
+                return Refined.of(finer, StepParts.unknown("it comes to a cycle"))
             if not lasts(finer):
                 return Refined.of(motion, StepParts.unknown("it does not last with half the step"))
             parts, is_converged = between(motion, finer)
@@ -348,29 +355,6 @@ def ended(start: str, motion: Motion, band: tuple[float, float] | None = None) -
     window, rows = (float(point[f"torque_rms_{name}"]) for name in ("window", "rows"))
     level = Level.of(rms, LevelParts(window, by_step.rms * rms, rows), 0.0)
     return Ended(start, class_name, rms, level.relative, hz, line, error, mode, opened, level=level)
-
-
-def band_level(motion: Motion, band: tuple[float, float]) -> tuple[float, float, float]:
-    """RMS of the torque within a band [rad/s], its relative half-width (95 %), its line [Hz].
-
-    Computed from the last window. The filter is wrong at the ends of the window: a tenth at either
-    end is left out.
-    """
-    torque = motion.history["torque"]
-    window = last_window(motion.times, torque)
-    time, signal = motion.times[window], torque[window]
-    step = float(time[-1] - time[0]) / (len(time) - 1)
-    hz = np.fft.rfftfreq(len(signal), step)
-    low, high = (w / (2 * np.pi) for w in band)
-    inside = (hz >= low) & (hz <= high)
-    filtered = np.fft.irfft(np.fft.rfft(signal - signal.mean()) * inside, len(signal))
-    ends = len(signal) // 10
-    mean, lowest, highest = (
-        float(x) for x in mean_interval(filtered[ends : len(signal) - ends] ** 2)
-    )
-    rms = float(np.sqrt(mean))
-    spread = 0.5 * (np.sqrt(highest) - np.sqrt(max(lowest, 0.0))) / rms if rms else np.nan
-    return rms, float(spread), float(spectrum(step, filtered).peak())
 
 
 def with_regularisation(

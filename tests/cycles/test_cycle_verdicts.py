@@ -17,7 +17,8 @@ from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.growth import without_noise
-from squealstudy.cycles.trials import OPEN, band_level, ended, run_on
+from squealstudy.cycles.outcomes import band_level
+from squealstudy.cycles.trials import OPEN, ended, run_on
 from squealstudy.engine.template import study_text
 from squealstudy.engine.validity import motion_reason
 from squealstudy.laws import CONTACT_LAWS

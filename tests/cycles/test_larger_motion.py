@@ -10,10 +10,12 @@ import pandas as pd
 import pytest
 from made_results import drawn, made
 
+from squealstudy.cycles.arrivals import arrived_at
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.families import families
-from squealstudy.cycles.kicked import _from_rest, decided_in_time
-from squealstudy.cycles.trials import Ended
+from squealstudy.cycles.kicked import decided_in_time
+from squealstudy.cycles.small_motion import from_small_motion
+from squealstudy.cycles.trials import Ended, run_on, state_of
 from squealstudy.kinds.limit_cycles.kick_words import untold_kicks
 from squealstudy.kinds.limit_cycles.larger import (
     larger_in_words,
@@ -136,23 +138,61 @@ def test_a_kick_beyond_an_unfinished_curve_tells_a_louder_level():
     assert told.reason.endswith("m/s comes to no louder motion")
 
 
-def test_small_motion_that_grows_to_a_louder_level_is_told():
-    """Beside a level of a run from above an unstable cycle; squeal begins from small motion."""
+@pytest.mark.parametrize("is_stable_known", [False, True])
+def test_small_motion_that_grows_to_a_louder_level_is_told(is_stable_known):
+    """Also past a stable cycle: 17.3 N was told where squeal grows to 56 N."""
+    contact, band, followed, mode, family = small_motion_of_hoffmann()
+    level = family.loudest.levels["torque_rms"]
+    for other, is_told in ((10.0, True), (60.0, False)):
+        beside = Ended("1.1 times the unstable cycle", "limit_cycle", torque_rms=other)
+        before = replace(family, cycles=(), run=beside)
+        if is_stable_known:  # a cycle that small motion does not come to
+            motion = family.loudest.motion
+            levels = family.loudest.levels | {"torque_rms": other}
+            elsewhere = replace(motion, Q=0.5 * motion.Q)
+            cycle = replace(family.loudest, motion=elsewhere, levels=levels)
+            before = replace(family, cycles=(cycle,))
+        came_to, reached = from_small_motion(
+            contact, followed._replace(families=[(mode, before)]), band
+        )
+        ((_, judged),) = came_to.families
+        assert reached.level == pytest.approx(level, rel=5e-3)
+        told = reached.told(came_to).families[0][1].reason
+        if is_told:
+            assert judged.run.torque_rms == reached.level
+            assert told == "unstable mode; level of a run in time from small motion"
+        else:
+            assert judged is before
+            assert (
+                told == f"{before.reason}; small motion comes to {level / 60:.2g} of the level told"
+            )
+
+
+def test_a_run_from_small_motion_ends_at_a_cycle_that_is_known():
+    """The sentence has no clause then; a cycle half as large is not come to."""
+    contact, band, followed, mode, family = small_motion_of_hoffmann()
+    before = followed._replace(families=[(mode, replace(family, cycles=(family.loudest,)))])
+    came_to, reached = from_small_motion(contact, before, band)
+    assert came_to is before
+    assert reached.level == family.loudest.levels["torque_rms"]
+    assert reached.told(came_to).families[0][1].reason == family.reason
+    motion = family.loudest.motion
+    q, v = state_of(motion, 0.1)
+    start = [replace(contact.point, q0=q, v0=v)]
+    (run,) = run_on(contact, start, band, cycles=[replace(motion, Q=0.5 * motion.Q), motion])
+    assert arrived_at(run) == 1
+    torque = run.history["torque"][run.times > run.times[-1] - 4 * 2 * np.pi / motion.omega]
+    assert torque.std() == pytest.approx(reached.level, rel=0.05)
+
+
+def small_motion_of_hoffmann():
+    """Hoffmann's oscillator with contact that opens: small motion grows to 38 N."""
     values = {"damping_ratio": 0.005, "sliding_speed": 0.1, "friction": 0.75}
     contact = models.Designs("hoffmann", values, "unilateral").at()
     band = (2 * np.pi * 10.0, 2 * np.pi * 1000.0)
     followed = families(contact, band, [1], 1e-9, Search(None, 1e-2, 0.8))
     ((mode, family),) = followed.families
-    for level, is_told in ((10.0, True), (60.0, False)):
-        beside = Ended("1.1 times the unstable cycle", "limit_cycle", torque_rms=level)
-        unknown = replace(family, cycles=(), run=beside)
-        before = followed._replace(families=[(mode, unknown)])
-        ((_, judged),) = _from_rest(contact, before, band).families
-        if is_told:
-            assert judged.run.torque_rms == pytest.approx(family.loudest.levels["torque_rms"], 5e-3)
-            assert judged.reason == "unstable mode; level of a run in time from small motion"
-        else:
-            assert judged is unknown
+    return contact, band, followed, mode, family
 
 
 @pytest.mark.parametrize(("level", "is_told"), [(45.1, False), (128.0, True), (np.nan, False)])

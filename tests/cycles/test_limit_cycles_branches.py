@@ -515,3 +515,25 @@ def test_a_cycle_of_an_unstable_mode_goes_to_an_unstable_mode(unstable_there, mo
 def test_a_cycle_is_known_as_nearly_as_errors_allow(name, error, apart, same):
     one = QUIET | {"level_error": error}
     assert _is_same_row(one | {name: (1 + apart) * one[name]}, one) == same
+
+
+@pytest.mark.parametrize(
+    ("level", "before", "clause"),
+    [
+        (9.9, "", ""),
+        (9.9, "; small motion comes to 0.4 of the level told; outside validity: it pulls", None),
+        (5.0, "", "; whether small motion grows to it was not tried"),
+        (np.nan, "", "; whether small motion grows to it was not tried"),
+    ],
+)
+def test_of_a_louder_cycle_that_came_it_is_told_that_small_motion_may_stay_quieter(
+    level, before, clause
+):
+    there = {"mode": 1, "verdict": "squeals", "reason": "unstable mode" + before, "unstable": True}
+    there |= {"n_cycles": 0, "torque_rms": level, "level_error": 0.0, "growth_rate": 1.0}
+    there |= dict.fromkeys(("threshold_velocity", "threshold_share", "threshold_energy"), np.nan)
+    row = {"verdicts": [there], "cycles": [], "n_left_out": 0, "unstable_outside": False}
+    judge_again(row, 1, "it came", QUIET)
+    told = "unstable mode, with a stable cycle: it came"
+    told += "; small motion comes to 0.4 of the level told" if clause is None else clause
+    assert row["verdicts"][0]["reason"] == told

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from squealstudy.cycles.cycle import OK
+from squealstudy.cycles.small_motion import COMES_TO, DISTINCT_LEVEL_RATIO
 from squealstudy.cycles.verdicts import ONLY_UNSTABLE
 from squealstudy.kinds.limit_cycles.tables import known_velocity, summary, with_validity
 from squealstudy.wording import IF_KICKED, NO_CYCLE, SQUEALS, UNDECIDED
@@ -43,11 +44,13 @@ def judge_again(
             verdict["reason"] += f"; no threshold: {came} is smaller"
         if verdict["mode"] != mode:
             continue
-        stable = cycle is not None and bool(cycle["stable"])
+        stable, small = cycle is not None and bool(cycle["stable"]), ""
         if cycle is not None:
             verdict["n_cycles"] += 1
             # the level may be that of the same motion from a run in time, which is less exact
-            lowest_level = verdict["torque_rms"] * (1.0 - verdict["level_error"])
+            level = verdict["torque_rms"]
+            lowest_level = level * (1.0 - np.nan_to_num(verdict["level_error"]))
+            small = _of_small_motion(verdict["reason"], level, cycle["torque_rms"])
             if stable and not lowest_level >= cycle["torque_rms"]:
                 verdict |= {name: cycle[name] for name in COLUMNS_OF_BOTH}
                 verdict["regularisation_error"] = np.nan
@@ -56,7 +59,7 @@ def judge_again(
                 verdict["threshold_share"] = verdict["threshold_velocity"] / known_velocity(cycle)
         if verdict["verdict"] == SQUEALS:
             if stable:
-                reason = f"unstable mode, with a stable cycle: {came}"
+                reason = f"unstable mode, with a stable cycle: {came}{small}"
                 verdict["reason"] = with_validity(reason, verdict["invalid_reason"])
         elif stable:
             if verdict["verdict"] != IF_KICKED:
@@ -72,6 +75,14 @@ def judge_again(
         elif not verdict["threshold_velocity"] > 0.0 and ONLY_UNSTABLE not in verdict["reason"]:
             verdict["reason"] += f"; {came} is unstable, at {cycle['contact_velocity']:.3g} m/s"
     row |= summary(row["verdicts"], row["cycles"], row["n_left_out"], bool(row["unstable_outside"]))
+
+
+def _of_small_motion(reason: str, level: float, cycle_level: float) -> str:
+    """Clause on small motion beside a cycle, from the reason and the level before it came."""
+    if not cycle_level <= DISTINCT_LEVEL_RATIO * level:
+        return "; whether small motion grows to it was not tried"
+    begin = reason.find(COMES_TO)
+    return "" if begin < 0 else reason[begin:].split("; outside validity")[0]
 
 
 def _of_steady_sliding(row: dict[str, Any]) -> str:

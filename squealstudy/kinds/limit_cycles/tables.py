@@ -274,7 +274,9 @@ def _verdict(point_id: str, mode: int, family: Family, law_kind: str) -> dict[st
         values = (loud.levels["torque_rms"], loud.level_error, hz, loud.frequency_error, line)
         level, opened = dict(zip(LEVEL, values, strict=True)), loud.levels["open_share_max"]
     run = family.run  # if it came to the stable cycle, the level of that is more exact
-    louder = run is not None and run.torque_rms * (1.0 - run.spread) > level["torque_rms"]
+    louder = False
+    if run is not None:
+        louder = run.torque_rms * (1.0 - np.nan_to_num(run.spread)) > level["torque_rms"]
     by_corner = np.nan
     if run is not None and (loud is None or louder):
         by_corner = run.regularisation
