@@ -10,6 +10,7 @@ from squealstudy.study.lumped import lumped_of
 from squealstudy.study.source import SourceText
 
 SUFFIX = "_model"  # the model file has the name of its study with this suffix
+# values with which new studies of this model begin
 START = {
     "sweep": {"parameter": "sliding_speed", "start": 0.2, "stop": 0.5, "num": 7},
     "modes": {"band": [10.0, 5000.0]},

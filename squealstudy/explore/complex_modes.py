@@ -25,7 +25,7 @@ ENERGY = "energy_"
 
 
 def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list[Content]]:
-    """Modes of some design points, and the quantities of them that a map can show.
+    """Content of a page: modes of some design points, and quantities of points for its map.
 
     If there are more modes than a page can hold, it has the unstable and the least damped ones.
     ``lightest`` is then the damping ratio up to which all modes are on the page, else None.
@@ -73,12 +73,14 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
 
 
 def _tracks(modes: pd.DataFrame) -> np.ndarray:
+    """Track of each mode (n,); MISSING for no track, or a number too large for 16 bits."""
     track = modes["track"].to_numpy()
     tracks: np.ndarray = np.where((track > 0) & (track < MISSING), track, MISSING)
     return tracks
 
 
 def _flags(modes: pd.DataFrame) -> np.ndarray:
+    """Flags of each mode (n,), as bits of a whole number."""
     flag_columns = {UNSTABLE: modes["unstable"], UNCERTAIN: is_uncertain(modes)}
     flag_columns |= {OVERDAMPED: modes["overdamped"], AMBIGUOUS: modes["track_ambiguous"]}
     flags = np.zeros(len(modes), dtype=int)

@@ -20,11 +20,17 @@ class PointPairs:
     Attributes
     ----------
     lam : ndarray (k,) complex
-        rad/s.
+        Roots, rad/s.
     right : ndarray (n, k) complex
-    residual, error_rung, error_reduction : ndarray (k,)
+        Right vectors.
+    residual : ndarray (k,)
+        Normwise backward errors.
+    error_rung, error_reduction : ndarray (k,)
+        Errors of the roots by the solver and by the reduction, rad/s; NaN where not estimated.
     energies : ndarray (parts, k)
+        Shares of elastic energy, 0 to 1.
     method : str
+        Name of the rung that solved the point.
     """
 
     lam: np.ndarray

@@ -27,14 +27,14 @@ Solve = Callable[[ModelPoint, Reduction], ResultT]
 
 
 def each(structures: Structures, solve: Solve[ResultT], single: bool) -> list[ResultT | Exception]:
-    """Results of `solve` at each design point, in order, or its error.
+    """Result of `solve`, or the error, at each design point in order.
 
     Raises
     ------
     One of FAILURES
         Where it is a `single` point that fails.
     """
-    # matrices are small, and of more threads each waits for the others: ten times the time
+    # matrices are so small that several threads wait for each other and take ten times as long
     meshed = structures.values.definition.meshed
     with threadpool_limits(1) if meshed else nullcontext():
         by_number = dict(_solved(structures, solve, single))

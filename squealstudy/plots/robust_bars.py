@@ -101,7 +101,7 @@ def robust_bars(
 
 
 def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> None:
-    """Draw the probability that each mode is unstable, with its interval."""
+    """Draw the probability that each mode, or any, is unstable, with its interval."""
     positions = np.arange(len(shown))
     percent = 100 * shown["probability"].to_numpy()
     low, high = (100 * shown[f"probability_{end}"].to_numpy() for end in ("low", "high"))

@@ -68,7 +68,7 @@ def stacked_growing_modes(
     right = psi[owner, :, mode_index]
     right = right / np.linalg.norm(right, axis=1)[:, None]
     left_modes = _left_vectors(C[owner], K[owner], roots)
-    watched = _Watched.made(C[owner], omega2, roots, right, left_modes)
+    observed = _ObservedModes.made(C[owner], omega2, roots, right, left_modes)
     ends = np.cumsum(count)
     outside = unstable & ~inside
     fastest = np.argmax(np.where(outside, lam.real, -np.inf), axis=1)
@@ -81,7 +81,7 @@ def stacked_growing_modes(
             n_below=int(below[i]),
             growth_outside=float(worst[i].real),
             frequency_outside=float(abs(worst[i]) / (2 * np.pi)),
-            **watched.of(slice(int(ends[i] - count[i]), int(ends[i]))),
+            **observed.of(slice(int(ends[i] - count[i]), int(ends[i]))),
         )
         for i in range(len(lam))
     ]
@@ -101,8 +101,8 @@ def _left_vectors(C: np.ndarray, K: np.ndarray, lam: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Watched:
-    """Modes of all design points, one after the other, with the rows that observe them in a run.
+class _ObservedModes:
+    """Growing modes of all design points, one after the other, with sensor rows for runs.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class _Watched:
     right, left : ndarray (N, n) complex
         Right and left vectors.
     seen, planes : ndarray (N, 4, n)
-        Rows as in `growth_sensors` and `mode_planes`.
+        Sensor rows of `motion.growing_modes.growth_sensors` and of `mode_planes`.
     axes : ndarray (N, 2 n, 2)
         Two axes of each mode's plane in the coordinates (Omega q, q').
     energy : ndarray (N,)
@@ -133,8 +133,8 @@ class _Watched:
         lam: np.ndarray,
         right_vectors: np.ndarray,
         left_vectors: np.ndarray,
-    ) -> _Watched:
-        """Watched modes, each with the damping C (N, n, n) of its design point."""
+    ) -> _ObservedModes:
+        """The modes with their sensor rows, from the damping C (N, n, n) of each design point."""
         n = len(omega2)
         y, root = left_vectors.conj(), lam[:, None]
         z = root * y + np.einsum("Ni,Nij->Nj", y, C)
@@ -147,7 +147,7 @@ class _Watched:
         )
         size = np.abs(right_vectors) ** 2
         energy = np.abs(lam) ** 2 * size.sum(axis=1) + (size * omega2).sum(axis=1)
-        return _Watched(
+        return _ObservedModes(
             lam=lam,
             right=right_vectors,
             left=left_vectors,

@@ -271,7 +271,7 @@ def probability_interval(unstable: int, points: int, confidence: float) -> tuple
 
 
 def _row(column: GrowthColumn, solved: np.ndarray, confidence: float) -> dict[str, object]:
-    """Row of the table of robustness, for one mode."""
+    """Row of the table of robustness, for one mode or for any mode."""
     unstable = column.unstable & solved
     growth = column.growth[solved & np.isfinite(column.growth)]
     absent = int((column.absent & solved).sum())

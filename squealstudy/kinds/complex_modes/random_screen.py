@@ -72,7 +72,7 @@ def probabilities(
 
 
 def _probability(row: Row, units: Mapping[str, str]) -> list[str]:
-    """Cells of a row on the probability that a mode is unstable."""
+    """Cells of a row on the probability that a mode, or any mode, is unstable."""
     low, high = row["unstable_points_low"], row["unstable_points_high"]
     n_certain = row["points"] - row["unknown_points"]
     bounds = f" ({percent(low / n_certain, high / n_certain)})" if low < high else ""

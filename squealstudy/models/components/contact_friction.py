@@ -40,7 +40,7 @@ def check_friction(file: ModelFile, varied: Collection[KeyPath]) -> FrictionCurv
     Returns
     -------
     FrictionCurveDefinition
-        The first friction law that has all parameters of which contacts give values.
+        The first friction law with all parameters for which contacts state values.
 
     Raises
     ------
@@ -88,13 +88,13 @@ def tangential_of(numbers: Numbers, number: int) -> float:
 
 
 def own_friction(numbers: Numbers, begins: np.ndarray, curve: FrictionCurve) -> np.ndarray:
-    """The array `own_friction` of all contact points, as `laws.own_friction` describes it.
+    """Friction of single contacts as rows over all contact points (`laws.own_friction`).
 
     Parameters
     ----------
     numbers : Numbers
     begins : ndarray (n_contacts + 1,) of int
-        Index of the first point of each contact, then the number of points.
+        Index of the first point of each contact; the last entry is the number of points.
     curve : FrictionCurve
         The friction law of the study.
 
