@@ -298,9 +298,9 @@ def test_bounds_of_short_runs_hold_the_levels_of_long_ones(tmp_path):
     assert (points["torque_rms_high"] - points["torque_rms_low"] < 0.1 * long_runs).all()
 
 
-@pytest.mark.parametrize("duration", [0.85, 0.9, 1.0])
+@pytest.mark.parametrize("duration", [0.5, 0.55, 0.6, 0.7, 0.8, 0.85, 0.9, 1.0])
 def test_a_bend_that_beats_may_have_made_is_not_trusted(duration):
-    """It goes to 88.2 N; after 1 s it was told as 85.2 +- 1.5 N."""
+    """It goes to 88.2 N; after .6 s it was told as 82.5 +- 2.1 N, after 1 s as 85.2 +- 1.5 N."""
     values = {"friction": 0.3713792, "sliding_speed": 1.0895084, "damping_ratio": 0.007439353}
     values |= {"friction_law.static_ratio": 1.3, "friction_law.decay_speed": 0.3}
     system = sq.model("hulten", **values, **{"contact.regularisation_speed": 1e-3}).at()

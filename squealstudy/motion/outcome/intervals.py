@@ -93,6 +93,18 @@ def periods_mean(values: np.ndarray, width: np.ndarray | float) -> np.ndarray:
     return means
 
 
+def distance_to_come(values: np.ndarray, width: float) -> float:
+    """Distance of the mean over whole periods from the limit that it approaches.
+
+    Values (rows,) are means between rows, a period has `width` rows. 0 where no approach shows.
+    """
+    count = _period_count(len(values), np.array([width]))
+    if not count[0]:
+        return 0.0
+    periods = _Periods.of(values[None], np.array([width]), count)
+    return float(periods.to_come(periods.mean())[0])
+
+
 def _period_count(rows: int, width: np.ndarray) -> np.ndarray:
     """Number of whole periods of `width` rows (m,) for a mean; 0 where it is over rows."""
     with np.errstate(invalid="ignore"):
@@ -163,14 +175,18 @@ class _Periods:
             of_blocks, rho = _student(blocks.T)
             half = np.where(served, of_blocks, half)
             is_correlated &= ~served | (rho > MAX_CORRELATION)
-        fine, coarse = (by_number[number] for number in SUBWINDOW_COUNTS[1:])
+        return mean, np.maximum(half, self.to_come(mean))
+
+    def to_come(self, mean: np.ndarray) -> np.ndarray:
+        """Distances (m,) of the means from the limits that they approach; 0 where none shows."""
+        fine, coarse = (self.blocks(number) for number in SUBWINDOW_COUNTS[1:])
         thirds = self.blocks(3)
         to_come = np.where(
             self.count >= SUBWINDOW_COUNTS[1],
             _still_to_come(mean, fine, thirds),
             _still_to_come(mean, coarse, thirds),
         )
-        return mean, np.maximum.reduce([half, to_come, self._left_of_an_approach(mean)])
+        return np.maximum(to_come, self._left_of_an_approach(mean))
 
     def _left_of_an_approach(self, mean: np.ndarray) -> np.ndarray:
         """`_left_behind_beats` of the means of single periods (m,).

@@ -41,12 +41,13 @@ from squealstudy.motion.outcome.periods import (
 from squealstudy.motion.outcome.settling import (
     MIN_AGREEMENT_HALF_WIDTH,
     SETTLED,
+    level_to_come,
     longer_window,
     settled,
 )
 from squealstudy.motion.outcome.torque import find_levels, find_lines, levels_of
 from squealstudy.motion.outcome.verdict import run_verdict
-from squealstudy.wording import CHANGING, FAILED, GROWING, STABLE, SUSTAINED
+from squealstudy.wording import CHANGING, FAILED, GROWING, LIMIT_CYCLE, STABLE, SUSTAINED
 
 LEAST_ROWS = 10  # fewest rows of a history that is summarised
 PASSING = (STABLE, GROWING)  # classes of motion that does not last
@@ -86,7 +87,12 @@ def summarise(
     if len(run.times) < LEAST_ROWS or (verdict.name == FAILED and not np.isfinite(energy).all()):
         return Summary(_course(run) | _forecast(run) | _class_columns(verdict, run), [], [])
     lasts = verdict.name in SUSTAINED
-    levels, window = run_levels(run, by_step(lasts), passes=verdict.name in PASSING)
+    levels, window = run_levels(
+        run,
+        by_step(lasts),
+        passes=verdict.name in PASSING,
+        approaches=verdict.name == LIMIT_CYCLE,
+    )
     if energy.max() <= energy_round_off(run):
         levels |= dict.fromkeys(("frequency_hz", "frequency_error", "torque_line_hz"), np.nan)
     behaviour = _behaviour(run, energy, verdict, levels)
@@ -165,12 +171,16 @@ def _forecast(run: Motion) -> dict[str, Any]:
 
 
 def run_levels(
-    run: Motion, by_step: StepParts = OF_THE_WINDOW, *, passes: bool = False
+    run: Motion,
+    by_step: StepParts = OF_THE_WINDOW,
+    *,
+    passes: bool = False,
+    approaches: bool = False,
 ) -> tuple[dict[str, Any], slice]:
     """Torque columns of the last window, and that window.
 
     Levels of motion that `passes` describe this window only. So where the errors by the step were
-    computed, bounds are by the step alone.
+    computed, bounds are by the step alone. Bounds of motion that `approaches` a limit reach it.
     """
     torque = run.history["torque"]
     window = judged_window(run)
@@ -182,6 +192,8 @@ def run_levels(
     own_hz = own_frequency(run, window)
     width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else levels.frequency_hz)
     half = np.maximum(_half_widths(levels), _before_the_stop(run, rows_judged, own_hz))
+    if approaches:
+        half[0] = max(half[0], level_to_come(run, rows_judged))
     scatter = max(levels.peak_scatter, levels.peak_to_peak - _least_swing(all_sums, width))
     if passes and by_step.measured:
         half, scatter = np.zeros(2), 0.0
