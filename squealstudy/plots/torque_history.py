@@ -203,7 +203,7 @@ def _shade(axes: Axes, phases: list[Phase], named: bool) -> None:
 def _zoom_title(axes: Axes, run: Run) -> None:
     f, rms = _frequency(run), run.number("torque_rms")
     text = f"last {ZOOMED_PERIODS} periods of {in_digits(f)} Hz" if f > 0 else "the end"
-    text += f"; RMS {rms:.3g} {friction_label(run.units)[1]}" if np.isfinite(rms) else ""
+    text += f"; RMS {rms:.4g} {friction_label(run.units)[1]}" if np.isfinite(rms) else ""
     head(axes, text)
 
 

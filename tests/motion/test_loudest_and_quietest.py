@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from squealstudy.kinds.transient.answer import heard, lasting_in_words
+from squealstudy.kinds.transient.answer import (
+    UNKNOWN_ROUNDING,
+    heard,
+    lasting_in_words,
+    vibrations_in_words,
+)
 
 
 def runs(*levels, error=0.7):
@@ -55,3 +62,29 @@ def test_runs_that_may_be_as_loud_as_the_loudest_are_told():
     assert ", within its error no louder than 2 others." in said(runs(44.26, 43.4, 43.2))
     assert "no louder" not in said(runs(44.26, 39.44, 36.25))
     assert "no louder" not in said(runs(44.26))
+
+
+@pytest.mark.parametrize(
+    ("stick_share", "pilot", "is_told"),
+    [
+        (0.008, {"status": "skipped", "message": "fewer than 8 design points"}, True),
+        (0.008, {"status": "failed", "message": "it broke down"}, True),
+        (0.008, None, True),
+        (0.008, {"status": "ok", "errors": {"torque_rms": {"error": 0.1}}}, False),
+        (0.0, {"status": "skipped", "message": "fewer than 8 design points"}, False),
+        (np.nan, None, False),
+    ],
+)
+def test_an_error_without_that_of_rounded_friction_says_so(stick_share, pilot, is_told):
+    """A level of 1144 +- 60 N m is 440 with ten times the speed of rounding, 1270 with half."""
+    results = SimpleNamespace(
+        points=runs(44.26).assign(stick_share=stick_share),
+        parameters=["damping"],
+        units={},
+        manifest={"regularisation": {"pilot": pilot}},
+    )
+    assert vibrations_in_words(results, "N m").endswith(UNKNOWN_ROUNDING) == is_told
+    results.manifest = {}  # its speed is given
+    assert vibrations_in_words(results, "N m").endswith(UNKNOWN_ROUNDING) == (stick_share > 0)
+    results.points["class"] = "stable"
+    assert UNKNOWN_ROUNDING not in vibrations_in_words(results, "N m")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from squealstudy.wording import (
+    FAILED,
     LIMIT_CYCLE,
+    STABLE,
     SUSTAINED,
     UNDECIDED,
     amount,
@@ -23,11 +25,34 @@ from squealstudy.wording import (
     with_error,
 )
 
+if TYPE_CHECKING:
+    from squealstudy.engine.result_tables import ResultTables
+
+UNKNOWN_ROUNDING = (
+    "Friction is rounded where the contact sticks: what that does to levels is not known, and not "
+    "in their errors."
+)
 MOST_MODES = 4  # leading modes named in a sentence
 LEAST_SHARE = 1e-4  # sticking is told if it has at least this share of area and time
 MOST_SETTINGS = 3  # parameters named at the loudest run
 # spread of swings, relative to their mean, above which a sentence says that no period was seen
 UNEVEN_SWINGS = 0.1
+
+
+def vibrations_in_words(results: ResultTables, unit: str) -> str:
+    """Sentences of `lasting_in_words`, and whether their errors are those of friction's rounding.
+
+    Where contact sticks the level depends on the speed below which friction is rounded, more than
+    by its bounds. A pilot run tells how much; without one that is said.
+    """
+    table = results.points
+    text = lasting_in_words(table, results.parameters, results.units, unit)
+    pilot = (results.manifest.get("regularisation") or {}).get("pilot") or {}
+    shares = table.get("stick_share", pd.Series(np.nan, table.index))
+    sticks = (shares >= LEAST_SHARE) & ~table["class"].isin((STABLE, FAILED))
+    if not text or not sticks.any() or "torque_rms" in pilot.get("errors", {}):
+        return text
+    return f"{text} {UNKNOWN_ROUNDING}"
 
 
 def lasting_in_words(

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
-from squealstudy.kinds.transient.answer import lasting_in_words, level_error
+from squealstudy.kinds.transient.answer import level_error, vibrations_in_words
 from squealstudy.kinds.transient.window_screen import in_words, windows
 from squealstudy.screen import Rows, command_text, facts, grid, held_together, notes
 from squealstudy.tables.energy_ranking import rank_energy, tells_parts
@@ -139,7 +139,7 @@ class TransientScreen(KindScreen):
         if (table["class"] == CHANGING).any():
             single_text = "1 run, whose speed or pressure changes." if len(table) == 1 else text
             text = single_text + in_words(results, unit)
-        return text + lasting_in_words(table, results.parameters, results.units, unit)
+        return text + vibrations_in_words(results, unit)
 
     def next_steps(self, results: ResultTables) -> Rows:
         """A shorter step or longer runs where these would decide; the page; a comparison."""
