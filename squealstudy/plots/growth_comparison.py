@@ -201,7 +201,7 @@ def _title(table: pd.DataFrame, growth: pd.DataFrame) -> str:
             f", deviation {deviation.median():.2g} % (median), {deviation.max():.2g} % (largest)"
         )
     if len(deviation) < len(table):
-        rest.append(f"{len(table) - len(deviation)} nearly neutral, not in these")
+        rest.append(f"{len(table) - len(deviation)} of these nearly neutral, not in the deviations")
     missing = int((growth["fitted_growth_rate"].isna() & growth["unstable"].astype(bool)).sum())
     rest += [f"{missing} predicted without a fit"] if missing else []
     return "\n".join([text, *(["; ".join(rest)] if rest else [])])
