@@ -297,6 +297,28 @@ def test_a_run_with_too_long_a_step_is_told_a_shorter_one_and_no_duration(tmp_pa
 
 
 @pytest.mark.parametrize(
+    ("duration", "step", "told"),
+    [
+        (1.0, 4.4e-3, ""),
+        (5.0, 8e-3, ""),
+        (20.0, 5e-3, ""),
+        (0.5, 1e-3, ""),
+        (0.5, 2e-5, "limit_cycle"),
+    ],
+)
+def test_steps_longer_than_the_motion_decide_nothing(duration, step, told):
+    """Of one that grows: steps of a period were told as irregular, of .2 periods as stable."""
+    model = sq.model("hoffmann", contact_law="unilateral", friction=0.78, damping_ratio=0.01)
+    run = model.at(sliding_speed=0.1).simulate(duration=duration, step=step, save_every=1)
+    row = run.summary().iloc[0]
+    if told:
+        assert row["class"] == told
+    else:
+        assert (row["class"], row["undecided_until"]) == ("undecided", np.inf)
+        assert "the step resolves the fastest mode" in row["invalid_reason"]
+
+
+@pytest.mark.parametrize(
     ("classes", "manifest", "told"),
     [
         (["undecided", "stable"], {}, True),

@@ -24,6 +24,8 @@ from squealstudy.motion.outcome.periods import (
 from squealstudy.motion.outcome.spectrum import hann
 from squealstudy.wording import IRREGULAR, LIMIT_CYCLE, STABLE, UNDECIDED
 
+MIN_STEPS_PER_PERIOD = 2.0  # fewer show no motion of that period: no class is told
+MIN_STEPS_OF_GROWTH = 12.0  # fewer may turn predicted growth into decay
 NEARLY_ALL = 0.8  # a mode with this share of the energy is the whole motion but for harmonics
 JUDGED_ROWS = 40  # fewest rows of a history whose modes are judged
 MIN_ENERGY_SHARE = 0.05  # least energy share of a mode that is part of the motion
@@ -54,8 +56,12 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     that is no part of it rises, or while the torque drifts to another level: one mode may feed
     another at the same energy. Stick-slip that repeats is a limit cycle, since linear growth does
     not apply to contact that sticks for most of a period. Other undecided motion that repeats is a
-    limit cycle too.
+    limit cycle too. Steps that are too long for the period of the first complex mode decide
+    nothing.
     """
+    steps_per_period = _steps_per_period(run)
+    if steps_per_period < MIN_STEPS_PER_PERIOD:
+        return RunClass(UNDECIDED, np.inf)
     initial = 0.0 if run.point.continued else float(run.modal_energy[0])
     run_class = classify(
         run.times, energy, initial, energy_round_off(run), growth=_predicted_pace(run)
@@ -79,10 +85,19 @@ def run_verdict(run: Motion, energy: np.ndarray) -> RunClass:
     if run_class.name != STABLE:
         return run_class
     unseen = modes.n_outside > 0 or modes.n_unstable > modes.n_followed
+    unseen |= modes.n_unstable > 0 and steps_per_period < MIN_STEPS_OF_GROWTH
     if unseen or (modes.n_unstable and energy.max() <= energy_round_off(run)):
         return RunClass(UNDECIDED, np.inf)
     until = max((grows_until(run, k) for k in range(modes.n_followed)), default=0.0)
     return RunClass(UNDECIDED, until) if until > 0 else run_class
+
+
+def _steps_per_period(run: Motion) -> float:
+    """Steps in a period of the first complex mode; infinite where either is not known."""
+    lam = run.point.growing.lam
+    if not len(lam) or run.steps < len(run.times) - 1 or not abs(lam[0]) > 0.0:
+        return np.inf
+    return float(2 * np.pi / abs(lam[0]) * run.steps / run.time)
 
 
 def _neutral(run: Motion, energy: np.ndarray) -> bool:
