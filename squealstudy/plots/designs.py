@@ -129,6 +129,8 @@ def _draw_line(
     row_after = _crossing(x, y, onset)
     if row_after:
         text = joined(text, f"from {onset:.4g} {over.unit}".rstrip(), by=": ")
+    elif (line.loc[(line["status"] == "ok").to_numpy(bool), "n_unstable"][:1] > 0).any():
+        text = joined(text, "unstable at the first value", by=": ")
     changes = [onset] if row_after else []
     changes += _ends(x, y, ends)
     order = np.argsort(np.append(x, changes), kind="stable")

@@ -44,6 +44,13 @@ def test_lines_have_the_largest_growth_of_their_points_and_pass_their_onset(two)
     title = "largest growth rate over friction, a line for each design"
     assert f"{title}; bars: where it turns unstable or stable, refined" in drawn(figure)
     assert [name for name, _, _ in pictures(two)].count("designs") == 1
+    late = two.points["friction"] > ONSET
+    points = two.points[late].reset_index(drop=True)
+    modes = two.modes[two.modes["point_id"].isin(points["point_id"])].reset_index(drop=True)
+    part = two.with_tables(points=points, modes=modes, onsets=two.table("onsets")[:0])
+    labels = [str(line.get_label()) for line in part.plot.designs().axes[0].lines]
+    assert "frequency_2 = 75 Hz: unstable at the first value" in labels
+    assert "frequency_2 = 60 Hz" in labels
 
 
 def test_a_line_ends_its_growth_where_the_last_mode_turns_stable():
