@@ -264,7 +264,8 @@ class GoalSection(Section):
         ge=0,
         le=1000,
         description="operating points at which the chosen design runs in time, from today's "
-        "vibration and from kicks: those of its least margin, and those of today's",
+        "vibration and from kicks: those of its least margin, and those of today's; of a brake "
+        "each takes minutes, at every design that the checks before let pass",
     )
     full_order: int = Field(
         default=2,
