@@ -13,8 +13,9 @@ import scipy.sparse.linalg as spla
 
 from squealstudy.errors import ConvergenceError
 from squealstudy.faults import raise_if_memory
-from squealstudy.linalg.companion import inverse_pairs, pairs_up_to
+from squealstudy.linalg.companion import inverse_pairs, pairs_up_to, regular
 from squealstudy.linalg.factor import SINGULAR, Factor, factorise
+from squealstudy.linalg.inverse_iteration import refined_root
 from squealstudy.linalg.root_error import Matrix, root_errors
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT, LowRankSum, smallest_roots
 from squealstudy.root_pairs import one_of_each_pair
@@ -63,8 +64,8 @@ def roots_in_band(
     Roots nearest to a real shift are computed with one real factorisation there, and more of them
     until one is beyond the band. Where K is singular, or diagonal pivots spoil the roots, this is
     repeated about a positive shift, then with partial pivoting. If no attempt is accurate, the
-    roots of the best one are returned with their errors. Roots that are zero within round-off, the
-    motions of a free body, are left out.
+    roots of the best one are returned with their errors; of few coordinates spoilt ones are refined
+    one by one. Roots that are zero within round-off, the motions of a free body, are left out.
 
     Parameters
     ----------
@@ -86,6 +87,7 @@ def roots_in_band(
         M, C, K = (_dense(A) for A in (M, C, K))
     failure = ConvergenceError("not_converged", "no roots were found")
     best: BandRoots | None = None
+    spoilt: tuple[np.ndarray, np.ndarray] | None = None
     least_doubt = np.inf
     other = shift or FALLBACK_SHIFT_RATIO * band[1]
     for sigma, pivoting in ((shift, False), (other, False), (other, True)):
@@ -98,13 +100,33 @@ def roots_in_band(
         band_roots, worst = judged_roots(M, C, K, lam, psi, band)
         if worst <= 1.0:
             return band_roots
-        if worst < least_doubt:
-            best, least_doubt = band_roots, worst
+        if best is None or worst < least_doubt:
+            best, least_doubt, spoilt = band_roots, worst, (lam, psi)
+    if spoilt is not None and M.shape[0] <= DENSE_LIMIT:
+        best, _ = judged_roots(M, C, K, *_refined(M, C, K, *spoilt, band[1]), band)
     if best is None and failure.status == SINGULAR:  # at zero and about a shift
         raise ConvergenceError(SINGULAR, SINGULAR_PENCIL)
     if best is None:
         raise failure
     return best
+
+
+def _refined(
+    M: np.ndarray, C: np.ndarray, K: np.ndarray, lam: np.ndarray, psi: np.ndarray, top: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots lam (m,) with vectors psi (n, m); spoilt ones are solved again where that helps.
+
+    It does where the root is then as accurate as round-off allows, and no zero of a free body.
+    """
+    lam, psi = lam.astype(complex), psi.astype(complex)
+    for j in np.flatnonzero(root_errors(M, C, K, lam, psi).doubts(lam) > 1.0):
+        root, x = refined_root(M, C, K, complex(lam[j]), psi[:, j])
+        again, vectors = lam.copy(), psi.copy()
+        again[j], vectors[:, j] = root, x
+        errors = root_errors(M, C, K, again, vectors)
+        if errors.doubts(again)[j] <= 1.0 and errors.resolved(again, top)[j]:
+            lam, psi = again, vectors
+    return lam, psi
 
 
 def judged_roots(
@@ -117,17 +139,33 @@ def judged_roots(
 ) -> tuple[BandRoots, float]:
     """Roots of a band out of all roots lam (m,) up to its top, and `RootErrors.doubt` of them.
 
-    Where the doubt is above 1, another attempt may be better.
+    Where the doubt is above 1, another attempt may be better. Roots below the band that may be in
+    it within their errors count.
     """
     below = len(lam) + int((lam.imag > 0).sum())
     above_bottom = np.abs(lam) >= band[0]
+    doubt = _doubt_below(M, C, K, lam[~above_bottom], psi[:, ~above_bottom], band[0])
     lam, psi = lam[above_bottom], psi[:, above_bottom]
     errors = root_errors(M, C, K, lam, psi)
     resolved = errors.resolved(lam, band[1])
     band_roots = BandRoots(
         lam=lam[resolved], psi=psi[:, resolved], n_below=below, error=errors.error[resolved]
     )
-    return band_roots, errors.doubt(lam)
+    return band_roots, max(doubt, errors.doubt(lam))
+
+
+def _doubt_below(
+    M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray, bottom: float
+) -> float:
+    """Largest doubt of the roots (m,) below a band that may be above its bottom [rad/s].
+
+    Of few coordinates; where K is singular some roots are zero.
+    """
+    if not len(lam) or not isinstance(K, np.ndarray) or not regular(K):
+        return 0.0
+    errors = root_errors(M, C, K, lam, psi)
+    may_be_in = np.abs(lam) + errors.error >= bottom
+    return float(errors.doubts(lam)[may_be_in].max(initial=0.0))
 
 
 def pair_residuals(M: Matrix, C: Matrix, K: Matrix, lam: np.ndarray, psi: np.ndarray) -> np.ndarray:

@@ -47,14 +47,18 @@ class RootErrors(NamedTuple):
     round_off: np.ndarray
     residual: np.ndarray
 
-    def doubt(self, lam: np.ndarray) -> float:
-        """Largest ratio of an error to the accepted one; above 1, roots should be solved again."""
+    def doubts(self, lam: np.ndarray) -> np.ndarray:
+        """Ratio (m,) of each error to the accepted one; above 1 a root should be solved again."""
         allowed = np.maximum(
             ACCEPTED_REL_ERROR * np.abs(lam), MAX_ERROR_OVER_ROUND_OFF * self.round_off
         )
-        with np.errstate(invalid="ignore"):  # infinite over infinite
-            doubt = self.error / np.where(allowed > 0, allowed, 1.0)
-        return float(np.nan_to_num(doubt, nan=np.inf).max(initial=0.0))
+        with np.errstate(invalid="ignore", over="ignore"):  # infinite over infinite
+            doubts = self.error / np.where(allowed > 0, allowed, 1.0)
+        return np.nan_to_num(doubts, nan=np.inf)
+
+    def doubt(self, lam: np.ndarray) -> float:
+        """The largest of `doubts`."""
+        return float(self.doubts(lam).max(initial=0.0))
 
     def resolved(self, lam: np.ndarray, top: float) -> np.ndarray:
         """Mask (m,) of the roots of a band up to `top` [rad/s] that are no zeros of free bodies.

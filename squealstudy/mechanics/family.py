@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from squealstudy.linalg.band_roots import BandRoots, pair_residuals
-from squealstudy.linalg.companion import all_roots
+from squealstudy.linalg.companion import all_roots, regular
 from squealstudy.linalg.sparse_qep import DENSE_LIMIT
 from squealstudy.mechanics.failures import FAILURES
 from squealstudy.mechanics.pairs import PointPairs
@@ -81,7 +81,7 @@ def pairs_of(
 
 def _bands_of_all(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> list[tuple[float, float]]:
     """Bands [Hz] that hold all roots; none where M is singular, which has infinite ones."""
-    if np.linalg.matrix_rank(M) < len(M):
+    if not regular(M):
         return []
     C, K = np.hsplit(np.linalg.solve(M, np.hstack([C, K])), 2)
     top = 2 * float(np.abs(all_roots(C, K)).max()) / (2 * np.pi)

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import squealstudy
 from squealstudy.errors import ConvergenceError
 from squealstudy.linalg.band_roots import BandRoots, roots_in_band
 
@@ -96,3 +97,32 @@ def test_a_pencil_that_is_singular_everywhere_has_no_roots():
     skew = np.array([[0.0, 1.68e-4, 2.66e7], [-1.68e-4, 0.0, -5.4e6], [-2.66e7, 5.4e6, 0.0]])
     with pytest.raises(ConvergenceError, match="singular"):
         solved(skew, 0.0 * skew, 41.0 * skew, (2.8, 13.0))
+
+
+@pytest.mark.parametrize("damping", [1e6, 1e10, 1e12])
+@pytest.mark.parametrize("coupling", [0.0, 3.0])
+def test_a_slow_root_beside_one_that_is_far_faster_is_there(damping, coupling):
+    """m = 1, k = -1: the root 1/c of a pushed mass was lost with status ok from c = 1e10 on."""
+    K = np.array([[1e4, coupling], [coupling, -1.0]])
+    slow = -(K[1, 1] - coupling**2 / K[0, 0]) / damping
+    modes = squealstudy.matrices(np.eye(2), K, C=np.diag([0.0, damping])).at().modes()
+    assert modes.status == "ok"
+    np.testing.assert_allclose(modes.lam, [100j, slow, -damping], rtol=1e-6)
+    assert modes.unstable.tolist() == [False, True, False]
+
+
+def test_a_light_mass_has_its_mode_and_spoils_no_other():
+    """1e-18 kg beside 1 kg counted as singular: its mode was missing, others erred by .02."""
+    K = np.array([[2e4, -1e4, 0.0], [-1e4, 2e4, -1e4], [0.0, -1e4, 2e4]])
+    M, C = np.diag([1.0, 1.0, 1e-18]), np.diag([0.1, -1.0, 0.0])
+    held = K[:2, :2] - np.outer(K[:2, 2], K[2, :2]) / K[2, 2]  # the light mass follows
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-held, -C[:2, :2]]])
+    roots = np.linalg.eigvals(A)
+    expected = np.sort_complex(roots[roots.imag > 0])
+    modes = squealstudy.matrices(M, K, C=C).at()
+    found = modes.modes().lam
+    np.testing.assert_allclose(np.sort_complex(found[:2]), expected, rtol=1e-9)
+    assert abs(found[2]) == pytest.approx(np.sqrt(2e22), rel=1e-6)
+    narrow = modes.modes((1.0, 1000.0))
+    assert narrow.error_rung.max() < 1e-6
+    np.testing.assert_allclose(np.sort_complex(narrow.lam), expected, rtol=1e-9)
