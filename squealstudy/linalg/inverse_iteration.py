@@ -23,19 +23,19 @@ def refined_root(
     """
     is_real = root.imag == 0.0
     x = x.real if is_real else x
-    value = root.real if is_real else root
+    shift = root.real if is_real else root
     with np.errstate(all="ignore"):
         for _ in range(MAX_STEPS):
-            Q = value * value * M + value * C + K
+            Q = shift * shift * M + shift * C + K
             size = np.abs(Q).max(axis=1)
             try:
-                w = np.linalg.solve(Q / size[:, None], ((2.0 * value * M + C) @ x) / size)
+                w = np.linalg.solve(Q / size[:, None], ((2.0 * shift * M + C) @ x) / size)
             except np.linalg.LinAlgError:
                 break
             step = (x.conj() @ x) / (x.conj() @ w)
             if not (np.isfinite(step) and np.isfinite(w).all()):
                 break
-            value, x = value - step, w / np.linalg.norm(w)
-            if abs(step) <= CONVERGED * abs(value):
+            shift, x = shift - step, w / np.linalg.norm(w)
+            if abs(step) <= CONVERGED * abs(shift):
                 break
-    return (complex(value), x) if value.imag >= 0.0 else (complex(value).conjugate(), x.conj())
+    return (complex(shift), x) if shift.imag >= 0.0 else (complex(shift).conjugate(), x.conj())
