@@ -55,7 +55,7 @@ def comparison(
         "more of it, ? where the run does not tell",
         *named_tracks(table["track"], names or {}),
     )
-    return [shown, summary(table), legend]
+    return [summary(table), "", shown, legend]
 
 
 def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
@@ -91,7 +91,7 @@ def cycle_comparison(table: pd.DataFrame) -> list[RenderableType]:
         if DOUBTFUL in counts
         else "",
     )
-    return [shown, f"{text}.", legend]
+    return [f"{text}.", "", shown, legend]
 
 
 def _cycle_cells(row: dict[Hashable, Any]) -> list[str]:

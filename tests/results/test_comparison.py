@@ -303,7 +303,10 @@ def studies(tmp_path):
 def test_the_command_prints_a_table_and_a_summary(studies, capsys):
     cli.compare(*studies)
     text = " ".join(capsys.readouterr().out.split())
-    assert "2 design points compared; 4 predicted instabilities, 1 expresses itself" in text
+    # the answer is first
+    assert text.startswith(
+        "2 design points compared; 4 predicted instabilities, 1 expresses itself"
+    )
     assert "2 cannot be told" in text
     assert "1 more in the time study alone, 0 express themselves, 1 cannot be told" in text
     assert "315 to 321" in text
@@ -394,4 +397,4 @@ def test_groups_of_modes_without_a_track_have_no_number():
     modes = freq_modes(freq_points(), ((-1, 3255.0, 320.0), (-1, 4940.0, 250.0)))
     table = compared(modes=modes)
     table.attrs |= {"parameters": [], "units": {}}
-    assert {row[0] for row in comparison(table)[0].rows} == {"untracked", "-"}
+    assert {row[0] for row in comparison(table)[2].rows} == {"untracked", "-"}
