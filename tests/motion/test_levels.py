@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,7 @@ from motions import bursts
 from study_runs import solved
 
 import squealstudy as sq
+from squealstudy.motion.outcome import settling
 from squealstudy.motion.outcome.intervals import mean_interval, periods_interval
 from squealstudy.motion.outcome.levels import (
     TorqueSums,
@@ -309,6 +312,19 @@ def test_a_bend_that_beats_may_have_made_is_not_trusted(duration):
     late = system.simulate(duration=5.0, **run).summary().iloc[0]
     assert row["torque_rms_low"] <= late["torque_rms"] <= row["torque_rms_high"]
     assert late["torque_rms_high"] - late["torque_rms_low"] < 0.005 * late["torque_rms"]
+
+
+@pytest.mark.parametrize(("half", "to_come"), [(1.0, 0.0), (3.0, 7 / 3 * 10.0)])
+def test_an_overshoot_that_is_over_does_not_widen_bounds(half, to_come):
+    """239.6 +- .4 N after an overshoot of 18 N was told as 239.6 +- 42 N: as if that went on."""
+    time = np.linspace(0.0, 1.0, 2001)
+    level = np.where(time < 0.6, 110.0, 100.0)
+    torque = np.sqrt(2) * level * np.sin(2 * np.pi * 100.0 * time)
+    run = SimpleNamespace(times=time, history={"torque": torque}, windows={})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settling, "longer_window", lambda *_: slice(401, 2001))
+        told = settling.level_to_come(run, slice(1201, 2001), half)
+    assert told == pytest.approx(to_come, rel=0.01)
 
 
 def test_no_level_is_steady_that_is_not_known():

@@ -93,18 +93,6 @@ def periods_mean(values: np.ndarray, width: np.ndarray | float) -> np.ndarray:
     return means
 
 
-def distance_to_come(values: np.ndarray, width: float) -> float:
-    """Distance of the mean over whole periods from the limit that it approaches.
-
-    Values (rows,) are means between rows, a period has `width` rows. 0 where no approach shows.
-    """
-    count = _period_count(len(values), np.array([width]))
-    if not count[0]:
-        return 0.0
-    periods = _Periods.of(values[None], np.array([width]), count)
-    return float(periods.to_come(periods.mean())[0])
-
-
 def _period_count(rows: int, width: np.ndarray) -> np.ndarray:
     """Number of whole periods of `width` rows (m,) for a mean; 0 where it is over rows."""
     with np.errstate(invalid="ignore"):

@@ -24,15 +24,12 @@ from squealstudy.motion.outcome.envelope import (
     windows,
 )
 from squealstudy.motion.outcome.growth import fit_growth
-from squealstudy.motion.outcome.intervals import distance_to_come
 from squealstudy.motion.outcome.levels import (
     JUDGED_SHARE,
     LEAST_PERIODS,
     TorqueLevels,
-    TorqueSums,
     judged_part,
     last_window,
-    step_of,
     torque_levels,
 )
 from squealstudy.motion.outcome.periods import judged_window
@@ -44,6 +41,7 @@ from squealstudy.wording import STABLE, SUSTAINED
 MIN_AGREEMENT_HALF_WIDTH = 0.05  # least half-width of the band within which levels agree
 # largest ratio of the changes of a level from window to window: chosen on Hulten's oscillator
 SLOWEST_HALF_RATIO = 0.7
+MIN_HALF_WIDTH_OVER_CHANGE = 0.15  # a drift within a window makes its bounds this wide at least
 SETTLED, DECAYED = "settled", "decayed"
 ROW_LEVELS = "levels of rows"  # key of what is computed once for a run
 LEAST_ROWS = 200  # fewest rows of a record that is judged
@@ -241,28 +239,23 @@ def longer_window(run: Motion, window: slice) -> slice:
     return slice(min(first, window.start), window.stop)
 
 
-def level_to_come(run: Motion, window: slice) -> float:
-    """Distance [N m] of the torque's RMS over a window from the level that it goes to.
+def level_to_come(run: Motion, window: slice, half: float) -> float:
+    """Distance [N m] by which the torque's RMS over a window may still go on.
 
-    Beats hide a slow drift within the window. Together with as many rows before it they may show an
-    approach, whose limit counts. Where they show none, the change from the rows before may go on by
-    `SLOWEST_HALF_RATIO` of itself from window to window. 0 where there are no such rows, and for a
-    window that leaves out the end of a transient.
+    Beats hide a slow drift within the window, but not between it and as many rows before it. That
+    change may go on by `SLOWEST_HALF_RATIO` of itself from window to window. 0 where there are no
+    such rows, for a window that leaves out the end of a transient, and where the change is over:
+    then it is much larger than `half` [N m], the half-width of the window's own bounds.
     """
     longer, count = longer_window(run, window), window.stop - window.start
     is_shortened = window.start > judged_part(window.stop).start
     if is_shortened or window.start - longer.start < count // 2:
         return 0.0
-    level, levels = levels_of(run, window).rms, levels_of(run, longer)
-    change = level - levels_of(run, slice(longer.start, window.start)).rms
-    sums = TorqueSums.of(run.history, longer)
-    if sums is None or not levels.rms > 0.0:
+    before = levels_of(run, slice(longer.start, window.start)).rms
+    change = abs(levels_of(run, window).rms - before)
+    if half < MIN_HALF_WIDTH_OVER_CHANGE * change:
         return 0.0
-    width = 1.0 / (levels.frequency_hz * step_of(run.times[longer]))
-    ahead = distance_to_come(sums.squares(levels.mean), width) / (2.0 * levels.rms)
-    if ahead > 0.0:
-        return abs(levels.rms + np.sign(change) * ahead - level)
-    return abs(change) * SLOWEST_HALF_RATIO / (1.0 - SLOWEST_HALF_RATIO)
+    return change * SLOWEST_HALF_RATIO / (1.0 - SLOWEST_HALF_RATIO)
 
 
 def level_drift(torque: np.ndarray) -> float:

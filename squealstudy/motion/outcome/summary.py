@@ -193,7 +193,7 @@ def run_levels(
     width = _rows_of(run, own_hz.hz if np.isfinite(own_hz.hz) else levels.frequency_hz)
     half = np.maximum(_half_widths(levels), _before_the_stop(run, rows_judged, own_hz))
     if approaches:
-        half[0] = max(half[0], level_to_come(run, rows_judged))
+        half[0] = max(half[0], level_to_come(run, rows_judged, half[0]))
     scatter = max(levels.peak_scatter, levels.peak_to_peak - _least_swing(all_sums, width))
     if passes and by_step.measured:
         half, scatter = np.zeros(2), 0.0
