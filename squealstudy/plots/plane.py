@@ -17,6 +17,7 @@ from scipy.ndimage import maximum_filter
 from squealstudy.errors import ResultsError
 from squealstudy.plots.style import Quantity, joined, quantity, set_scales, set_ticks
 from squealstudy.plots.tables import describe, slice_points
+from squealstudy.study.sweeps import RANDOM_DESIGNS
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.point_rows import ROW, largest_by_code, rows_in
 from squealstudy.wording import did_you_mean
@@ -239,6 +240,7 @@ def study_plane(
     plane, why = slice_points(points, number, along, fixed)
     counts = [plane[name].nunique() for name in along]
     gridded = min(counts) > 1 and len(plane) >= MIN_GRID_SHARE * counts[0] * counts[1]
+    gridded &= results.design not in RANDOM_DESIGNS  # three points of Sobol indices look like one
     if not gridded:
         all_varied = tuple(parameter_columns(points, varied=True))
         plane, why = slice_points(points, number, all_varied, fixed)

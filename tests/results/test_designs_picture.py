@@ -86,3 +86,20 @@ def test_many_designs_are_refused_and_not_drawn(tmp_path):
     assert "designs" not in [name for name, _, _ in pictures(many)]
     with pytest.raises(ResultsError, match="9 designs, of which 8"):
         many.plot.designs()
+
+
+def test_a_map_of_a_random_design_has_all_its_points(tmp_path):
+    """Three points of Sobol indices differ in two parameters: a map was of these alone."""
+    text = study_text("scatter", "complex_modes", "hulten") + "".join(
+        f'[[sweep]]\nparameter = "{name}"\ndistribution = "uniform"\nstart = {low}\nstop = {high}\n'
+        for name, low, high in (
+            ("friction", 0.2, 0.6),
+            ("frequency_1", 95.0, 105.0),
+            ("frequency_2", 70.0, 80.0),
+        )
+    )
+    text += '[design]\ntype = "sobol_indices"\nsamples = 8\n[modes]\nband = [10.0, 1000.0]\n'
+    results = solved(text, tmp_path / "r")
+    told = " ".join(drawn(results.plot.stability_map()))
+    assert "of 40 points" in told
+    assert "slices" not in told
