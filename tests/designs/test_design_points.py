@@ -45,7 +45,7 @@ def test_points_are_named_by_their_values_one_by_one_or_all_at_once():
     assert plan.tasks.ids.astype(str).tolist() == [t.point_id for t in tasks]
     for i, task in enumerate(tasks):
         assert task == plan.tasks[i]
-        key = plan.structure_key(plan.tasks.bare(i))
+        key = plan.structure_key(plan.tasks.without_names(i))
         assert task.structure == key
         assert task.point_id == point_id(plan._model_hash(key), task.own_values)
         swept = [task.values[sweep.name] for sweep in plan.study.sweeps]
