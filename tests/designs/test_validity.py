@@ -110,8 +110,8 @@ def test_parameters_with_units_have_no_bound_but_zero():
 
 
 def test_materials_that_contract_or_swell_sideways_are_allowed():
-    assert planned("disc_brake", '[parameters]\n"disc.poisson_ratio" = -0.2').tasks.without_names(0)
-    assert planned("disc_brake", '[parameters]\n"pad.lining_poisson_ratio_z" = 0').tasks.without_names(0)
+    for text in ('"disc.poisson_ratio" = -0.2', '"pad.lining_poisson_ratio_z" = 0'):
+        assert planned("disc_brake", f"[parameters]\n{text}").tasks.without_names(0)
 
 
 # -- points outside
