@@ -33,6 +33,7 @@ FAR_OFF = 0.4  # correction over the step: a longer one may have met another cur
 # steps of at most this arc-length may turn by more, as friction that reverses bends curves sharply
 CORNER_ARC_LENGTH = 0.03
 EVENT_REL_TOLERANCE = 1e-10  # error of an event over the step in which it is
+MAX_JUMP_ARC_LENGTH = 1e-3  # longest step at an end of which an event within a jump is put
 # an unknown may fall between two points, as a cubic, to this share of its smaller end
 MIN_DIP_SHARE = 0.5
 DIP_TEST_MIN_ARC_LENGTH = 0.02  # where it falls further, steps are halved down to this length
@@ -281,13 +282,8 @@ def grown(taken: float, iterations: int, steps: Steps, turn: float) -> float:
     `taken` is that of the last one, which took so many Newton `iterations`; `turn` is the cosine
     between the tangents at its ends.
     """
-    factor = (
-        1.5
-        if iterations <= GROW_NEWTON_STEPS
-        else 0.6
-        if iterations >= SHRINK_NEWTON_STEPS
-        else 1.0
-    )
+    is_slow = iterations >= SHRINK_NEWTON_STEPS
+    factor = 1.5 if iterations <= GROW_NEWTON_STEPS else 0.6 if is_slow else 1.0
     bent = float(np.arccos(np.clip(turn, -1.0, 1.0)))
     if bent > MAX_TURN_RAD / factor:
         factor = max(MAX_TURN_RAD / bent, 0.5)
@@ -394,5 +390,9 @@ def _events(
             s = float(brentq(test_at, 0.0, h, xtol=located * h, rtol=1e-12))
         except ValueError:  # the end of the step is on another curve than the way there
             raise ConvergenceError("not_converged", "a change of sign without a zero") from None
+        except ConvergenceError:  # the balance jumps where a kink of a force passes a node of time
+            if h > MAX_JUMP_ARC_LENGTH:
+                raise
+            s = min((0.0, h), key=lambda x: abs(test_at(x)))
         event_points.append((s, replace(at(s), events=(name,))))
     return [point for _, point in sorted(event_points, key=lambda item: item[0])]

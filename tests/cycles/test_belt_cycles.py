@@ -141,5 +141,5 @@ def test_the_fold_of_a_soft_belt_over_its_speed(designs, found):
         models.shrunk(designs.at().oscillator, 1e-4),
     )
     fold = next(p.motion for p in points if p.event == FOLD)
-    exact = brentq(lambda v: Belt(v).best()[1], 0.98 * fold.mu, 1.02 * fold.mu, xtol=1e-5)
-    assert fold.mu == pytest.approx(exact, rel=EQUAL)
+    exact = brentq(lambda v: Belt(v).best()[1], 0.98 * fold.parameter, 1.02 * fold.parameter, xtol=1e-5)
+    assert fold.parameter == pytest.approx(exact, rel=EQUAL)
