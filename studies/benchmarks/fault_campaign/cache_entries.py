@@ -132,7 +132,10 @@ def _bytes(entry: Path, rng: random.Random) -> tuple[str, bool]:
 
 def _array(entry: Path, rng: random.Random) -> tuple[str, bool]:
     """Another array, with a fitting hash."""
-    file = rng.choice(sorted(entry.glob("*.npy")))
+    arrays = sorted(entry.glob("*.npy"))
+    if not arrays:  # an entry of facts alone
+        return _fact(entry, rng)
+    file = rng.choice(arrays)
     what, array = rng.choice(list(ARRAYS)), np.load(file)
     if not array.ndim:
         array = array[None]
