@@ -141,5 +141,6 @@ def test_the_fold_of_a_soft_belt_over_its_speed(designs, found):
         models.shrunk(designs.at().oscillator, 1e-4),
     )
     fold = next(p.motion for p in points if p.event == FOLD)
-    exact = brentq(lambda v: Belt(v).best()[1], 0.98 * fold.parameter, 1.02 * fold.parameter, xtol=1e-5)
+    speeds = 0.98 * fold.parameter, 1.02 * fold.parameter
+    exact = brentq(lambda v: Belt(v).best()[1], *speeds, xtol=1e-5)
     assert fold.parameter == pytest.approx(exact, rel=EQUAL)

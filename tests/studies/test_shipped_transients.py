@@ -96,7 +96,8 @@ def test_squeal_friction(tmp_path):
     forecast = points["predicted_growth_rate"]
     error = points["growth_rate"] - forecast
     is_short = points["growth_method"] == "too_short"  # grows by half its size in the time
-    assert (is_short == error.isna()).all() and is_short.sum() <= 1
+    assert (is_short == error.isna()).all()
+    assert is_short.sum() <= 1
     assert (error.abs() < 0.03 * forecast.abs() + 0.1)[~is_short].all()
     assert (points.loc[forecast < 0, "class"] == "stable").all()
     assert (points.loc[forecast > 0, "class"] != "stable").all()
