@@ -19,13 +19,14 @@ from squealstudy.plots.style import (
     Quantity,
     cross_out,
     empty_figure,
+    figure_at,
     finish,
     labelled,
     legend_below,
-    new_figure,
     quantity,
     set_scales,
     set_ticks,
+    whole_figure,
 )
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
@@ -110,6 +111,7 @@ def cycle_levels(
     along: str,
     fixed: Mapping[str, float] | None = None,
     runs: Results | None = None,
+    ax: Axes | None = None,
 ) -> Figure:
     """Levels of the limit cycles of all modes over a parameter, and the verdicts.
 
@@ -127,6 +129,8 @@ def cycle_levels(
         Values of other parameters that the shown points have; None: all points are shown.
     runs : Results or None
         Of a study in time of the same designs, whose lasting motions are shown too.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -147,9 +151,9 @@ def cycle_levels(
         raise ResultsError(f"'{along}' is not varied in this study{hint}")
     line = _line(points, along, fixed)
     if not len(line):
-        return empty_figure("no design points")
+        return empty_figure("no design points", ax)
     if (line["status"] != "ok").all():
-        return empty_figure(f"{plural(len(line), 'point')}, all failed")
+        return empty_figure(f"{plural(len(line), 'point')}, all failed", ax)
     over = quantity(along, points[along], units)
     cycles, verdicts = results.table("cycles"), results.table("verdicts")
     by_runs = run_levels(verdicts, cycles).merge(line[["point_id", along]], on="point_id")
@@ -160,7 +164,7 @@ def cycle_levels(
     motions = None if runs is None else _runs(results, runs, line)
     if len(by_runs):  # runs of the study itself, whose contact velocity is not kept
         motions = by_runs if motions is None else pd.concat([motions, by_runs])
-    figure = new_figure(9.0, 7.4)
+    figure = figure_at(ax, 9.0, 7.4)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[1.6, 1.6, 0.9])
     set_scales(axes[0], over)
     name, unit = friction_label(units)
@@ -192,7 +196,7 @@ def cycle_levels(
     by_verdict = by_ranges(along, units.get(along, ""), line[along].tolist(), words.tolist())
     title = by_verdict or plural(len(cycles), "cycle")
     figure.suptitle(fill(f"{where}; {title}" if where else title, TITLE_WIDTH), fontsize=9.5)
-    return figure
+    return whole_figure(figure)
 
 
 def _line(points: pd.DataFrame, along: str, fixed: Mapping[str, float] | None) -> pd.DataFrame:

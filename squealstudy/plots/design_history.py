@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.operating_matrix import chosen_word
-from squealstudy.plots.style import finish, labelled, legend_below, new_figure
+from squealstudy.plots.style import figure_at, finish, labelled, legend_below, whole_figure
 from squealstudy.wording import figure as figure_text
 from squealstudy.wording import plural
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @register_plot(designs=("cost", "min_damping_ratio", "chosen", "meets_margin", "origin"))
-def design_history(results: Results) -> Figure:
+def design_history(results: Results, ax: Axes | None = None) -> Figure:
     """Least damping ratio over cost, and over the order in which designs were evaluated.
 
     Designs of the scan were solved at a few operating points only: damping is the least there.
@@ -29,6 +30,8 @@ def design_history(results: Results) -> Figure:
     ----------
     results : Results
         Of a design study.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Examples
     --------
@@ -47,7 +50,7 @@ def design_history(results: Results) -> Figure:
     margin, targets = 100.0 * float(facts["margin"]), designs["origin"].str.startswith("target")
     alone = targets.to_numpy(bool) & ~scan
     others = ~scan & ~alone & ~chosen & ~today  # these have marks of their own
-    figure = new_figure(9.0, 6.4)
+    figure = figure_at(ax, 9.0, 6.4)
     axes = figure.subplots(2, 1)
     groups: list[tuple[np.ndarray, dict[str, Any]]] = [
         (scan, {"marker": ".", "color": GREY, "label": "scan, at few operating points"}),
@@ -82,4 +85,4 @@ def design_history(results: Results) -> Figure:
         title += f"; {chosen_word(facts)}: cost {row['cost']:.4g}"
         title += f", least damping {figure_text(100.0 * row['min_damping_ratio'], '.3g')} %"
     figure.suptitle(title, fontsize=9.5)
-    return figure
+    return whole_figure(figure)

@@ -16,10 +16,11 @@ from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.plots.style import (
     empty_figure,
     error_reach,
+    figure_at,
     finish,
     labelled,
     legend_below,
-    new_figure,
+    whole_figure,
 )
 from squealstudy.wording import CHANGING, plural
 
@@ -49,7 +50,7 @@ def _of_one_speed(results: Results) -> Iterator[tuple[str, Choices]]:
 @register_plot(
     _of_one_speed, points=("class", "status"), growth=("fitted_growth_rate", "expressed")
 )
-def growth_comparison(results: Results) -> Figure:
+def growth_comparison(results: Results, ax: Axes | None = None) -> Figure:
     """Fitted growth rates over predicted ones, with 95 % bounds, and their deviation beneath.
 
     For points without an unstable mode the decay of the least stable mode is shown.
@@ -58,6 +59,8 @@ def growth_comparison(results: Results) -> Figure:
     ----------
     results : Results
         Of a transient study.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Examples
     --------
@@ -69,8 +72,8 @@ def growth_comparison(results: Results) -> Figure:
     growth, points = results.growth, results.points
     table = growth_pairs(growth, points)
     if not len(table):
-        return empty_figure(_why_nothing_is_drawn(growth, points))
-    figure = new_figure(7.6, 7.6)
+        return empty_figure(_why_nothing_is_drawn(growth, points), ax)
+    figure = figure_at(ax, 7.6, 7.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 1.0])
     for kind, style in KINDS.items():
         of_kind = table[(table["kind"] == kind).to_numpy()]
@@ -80,7 +83,7 @@ def growth_comparison(results: Results) -> Figure:
     _deviations(lower, table)
     figure.suptitle(_title(table, growth), fontsize=9.5)
     legend_below(figure, labelled(upper))
-    return figure
+    return whole_figure(figure)
 
 
 def growth_pairs(growth: pd.DataFrame, points: pd.DataFrame) -> pd.DataFrame:

@@ -19,14 +19,15 @@ from squealstudy.plots.style import (
     cross_out,
     empty_figure,
     error_reach,
+    figure_at,
     finish,
     joined,
     labelled,
     legend_below,
-    new_figure,
     quantity,
     set_scales,
     set_ticks,
+    whole_figure,
 )
 from squealstudy.plots.tables import describe, slice_points
 from squealstudy.tables.energy_ranking import transient_parameters
@@ -67,7 +68,10 @@ def _lines(results: Results) -> Iterator[tuple[str, Choices]]:
 
 @register_plot(_lines, points=("class", "torque_rms"), modes=("energy_share",))
 def levels(
-    results: Results, along: str | None = None, fixed: Mapping[str, float] | None = None
+    results: Results,
+    along: str | None = None,
+    fixed: Mapping[str, float] | None = None,
+    ax: Axes | None = None,
 ) -> Figure:
     """RMS, mean and frequency of the torque over a study, and which modes have the energy.
 
@@ -81,6 +85,8 @@ def levels(
     fixed : mapping of parameter -> value or None
         Values of other parameters; if lines are left to choose from, that with the most vibrating
         points is shown.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -96,14 +102,14 @@ def levels(
     """
     points, modes, units = results.points, results.modes, results.units
     if not len(points):
-        return empty_figure("no design points")
+        return empty_figure("no design points", ax)
     line = points if along is None else sweep_line(points, along, fixed)
     failed = (line["status"] != "ok").to_numpy(bool)
     if failed.all():
         reasons = ", ".join(sorted(set(line["status"])))
-        return empty_figure(f"{plural(len(line), 'point')}, all failed: {reasons}")
+        return empty_figure(f"{plural(len(line), 'point')}, all failed: {reasons}", ax)
     width = 9.0 if along is not None else float(np.clip(2.0 + 0.6 * len(line), 9.0, 24.0))
-    figure = new_figure(width, 9.2)
+    figure = figure_at(ax, width, 9.2)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=[1.7, 1.0, 1.0, 1.7])
     over = None if along is None else quantity(along, points[along], units)
     x = np.arange(0.0, len(line)) if over is None else over.scaled(line[over.name])
@@ -121,7 +127,7 @@ def levels(
     others = [n for n in transient_parameters(points, varied=True) if n != along]
     where = "" if along is None else describe(line.iloc[0], points, others, units)
     figure.suptitle(_title(where, line), fontsize=9.5)
-    return figure
+    return whole_figure(figure)
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,13 @@ from squealstudy.plots.stability_map import STABLE
 from squealstudy.plots.style import (
     UNSTABLE,
     Quantity,
+    figure_at,
     finish,
     head,
     joined,
     legend_below,
-    new_figure,
     quantity,
+    whole_figure,
 )
 from squealstudy.tables.method_quality import WORKS
 from squealstudy.wording import plural
@@ -51,7 +52,7 @@ POINTS_PER_INTERVAL = 8  # interpolated between two values of a knob
 
 
 @register_plot(cells=("outcome", "flagged", "predicted"))
-def method_stability(results: Results) -> Figure:
+def method_stability(results: Results, ax: Axes | None = None) -> Figure:
     """Cells of a grid coloured by outcome, with the predicted boundary as a line.
 
     An axis is logarithmic where the values of its knob are spaced so.
@@ -60,6 +61,8 @@ def method_stability(results: Results) -> Figure:
     ----------
     results : Results
         Of a method-stability study.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def method_stability(results: Results) -> Figure:
     unknown = sorted(set(cells["outcome"]) - set(CLASSES))
     if unknown:
         raise ResultsError(f"outcome '{unknown[0]}' is none of {', '.join(CLASSES)}")
-    figure = new_figure(8.5, 6.4)
+    figure = figure_at(ax, 8.5, 6.4)
     axes = figure.add_subplot()
     across, up = (quantity(name, cells[name], results.units) for name in facts["knobs"])
     x, y = (shown.scaled(cells[shown.name]) for shown in (across, up))
@@ -91,7 +94,7 @@ def method_stability(results: Results) -> Figure:
     axes.grid(False)
     head(axes, facts["title"], tally(cells))
     legend_below(figure, handles, 3)
-    return figure
+    return whole_figure(figure)
 
 
 def _label(shown: Quantity, words: Mapping[str, str]) -> str:

@@ -24,7 +24,7 @@ from squealstudy.plots.over_time import (
     outline,
     run_of,
 )
-from squealstudy.plots.style import empty_figure, joined, new_figure
+from squealstudy.plots.style import empty_figure, figure_at, joined, whole_figure
 from squealstudy.tables.energy_ranking import component_columns
 from squealstudy.wording import in_digits, plural, real_mode_number
 
@@ -38,7 +38,7 @@ SHOWN_DECADES = 8  # decades that are shown below the largest energy
 
 
 @register_plot(histories, points=("class",), modes=("energy_share",))
-def modal_energies(results: Results, point: str | int = 0) -> Figure:
+def modal_energies(results: Results, point: str | int = 0, ax: Axes | None = None) -> Figure:
     """Energy of the sensed modes over time on a logarithmic axis; the leading ones are named.
 
     Parameters
@@ -47,6 +47,8 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
         Of a transient study.
     point : str or int
         ``point_id`` of a design point, or its row of `points`, counted from 0.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -63,8 +65,8 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
     run = run_of(results, point)
     mode_numbers = [int(m[1]) for m in map(MODE_COLUMN.fullmatch, map(str, run.history)) if m]
     if len(run.history) < 2 or not mode_numbers:
-        return empty_figure("no modal energies of this design point")
-    figure = new_figure(10.5, 5.8)
+        return empty_figure("no modal energies of this design point", ax)
+    figure = figure_at(ax, 10.5, 5.8)
     axes = figure.add_subplot()
     axes.set_yscale("log")
     leading = leading_modes(run, mode_numbers)
@@ -87,8 +89,8 @@ def modal_energies(results: Results, point: str | int = 0) -> Figure:
         _note(run.modes, len(mode_numbers) - len(leading)),
     )
     figure.suptitle(joined(*texts, by="\n"), fontsize=9.5)
-    end_labels(figure, axes, [label for label in labels if label is not None])
-    return figure
+    end_labels(axes, [label for label in labels if label is not None])
+    return whole_figure(figure)
 
 
 def leading_modes(run: Run, mode_numbers: list[int]) -> list[int]:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from squealstudy.colours import COLOURS, DARK
 from squealstudy.engine.pictures import register_plot
-from squealstudy.plots.style import finish, labelled, legend_below, new_figure
+from squealstudy.plots.style import figure_at, finish, labelled, legend_below, whole_figure
 from squealstudy.wording import plural, setting
 
 if TYPE_CHECKING:
@@ -29,13 +30,15 @@ CALLED = {  # name of the design that a study ends with, for outcomes without a 
     points=("design", "analysis", "min_damping_ratio"),
     designs=("cost", "chosen", "min_damping_ratio"),
 )
-def operating_matrix(results: Results) -> Figure:
+def operating_matrix(results: Results, ax: Axes | None = None) -> Figure:
     """Least damping ratio at every operating point, of today's design and of the chosen one.
 
     Parameters
     ----------
     results : Results
         Of a design study.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Examples
     --------
@@ -50,7 +53,7 @@ def operating_matrix(results: Results) -> Figure:
     solved = points[points["analysis"].isin(analyses).to_numpy(bool)]
     names, number = list(facts["operating"]), int(facts["n_operating_points"])
     today = solved[(solved["design"] == facts["today"]).to_numpy(bool)].iloc[:number]
-    figure = new_figure(9.0, 5.4)
+    figure = figure_at(ax, 9.0, 5.4)
     axes = figure.subplots()
     style: dict[str, Any] = {"linestyle": "", "markersize": 6}
     axes.plot(range(len(today)), _percent(today), marker="s", color=DARK, label="today", **style)
@@ -71,7 +74,7 @@ def operating_matrix(results: Results) -> Figure:
     legend_below(figure, labelled(axes), 3)
     title = f"{plural(len(today), 'operating point')}, below the margin: {', '.join(counts)}"
     figure.suptitle(title, fontsize=9.5)
-    return figure
+    return whole_figure(figure)
 
 
 def chosen_word(facts: Mapping[str, Any]) -> str:

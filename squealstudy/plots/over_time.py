@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import Choices
-from squealstudy.plots.style import finish, quantity
+from squealstudy.plots.style import finish, quantity, whole_figure
 from squealstudy.plots.tables import describe
 from squealstudy.tables.energy_ranking import transient_parameters
 from squealstudy.wording import TORQUE
@@ -162,7 +161,7 @@ def friction_label(units: Mapping[str, str]) -> tuple[str, str]:
     return ("torque" if unit == "N m" else "friction force"), unit
 
 
-def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
+def end_labels(axes: Axes, labels: Sequence[EndLabel]) -> None:
     """Write labels to the right of the axes, as near to their heights as possible without overlap.
 
     A thin line leads from each height to its label. Everything else must have been drawn before,
@@ -170,6 +169,7 @@ def end_labels(figure: Figure, axes: Axes, labels: Sequence[EndLabel]) -> None:
     """
     if not labels:
         return
+    figure = whole_figure(axes)
     figure.draw_without_rendering()
     scale = figure.dpi / 72
     frame = axes.get_window_extent()

@@ -14,15 +14,16 @@ from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.style import (
     UNSTABLE,
     empty_figure,
+    figure_at,
     finish,
     head,
     joined,
     labelled,
     legend_below,
     name_rows,
-    new_figure,
     signed,
     track_name,
+    whole_figure,
 )
 from squealstudy.tables.mode_ranking import (
     energy_columns,
@@ -58,7 +59,7 @@ HATCHES = ("", "//", "\\\\", "xx")  # of components beyond the number of colours
 
 
 @register_plot(points=("status",), modes=("track", "unstable", "overdamped"))
-def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
+def ranking(results: Results, by: str = "share", top: int = 12, ax: Axes | None = None) -> Figure:
     """Unstable share of each ranked track, and mean energy shares where the model has them.
 
     Parameters
@@ -69,6 +70,8 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
         Order of the rows, as in ``Results.rank``.
     top : int
         Number of rows to show.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -86,11 +89,11 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
     shown = table.iloc[:top]
     if not len(shown):
         is_solved = (results.points["status"] == "ok").any()
-        return empty_figure("no unstable mode" if is_solved else "no design point is solved")
+        return empty_figure("no unstable mode" if is_solved else "no design point is solved", ax)
     columns = [*COLUMNS_OF_GROUPS, *energy_columns(results.columns("modes"))]
     unstable = results.rows("modes", columns, lambda modes: modes["unstable"].to_numpy(bool))
     energies = mean_energies(unstable, shown["track"].tolist())
-    figure = new_figure(10.5 if len(energies.columns) else 6.5, 1.9 + 0.38 * len(shown))
+    figure = figure_at(ax, 10.5 if len(energies.columns) else 6.5, 1.9 + 0.38 * len(shown))
     if len(energies.columns):
         left_axes, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.0, 1.25])
         _energies(right, energies)
@@ -107,7 +110,7 @@ def ranking(results: Results, by: str = "share", top: int = 12) -> Figure:
             f"largest growth rate, and the {along} from which on unstable" if along else "",
         ),
     )
-    return figure
+    return whole_figure(figure)
 
 
 def mean_energies(modes: pd.DataFrame, tracks: list[int]) -> pd.DataFrame:

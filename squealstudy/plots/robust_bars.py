@@ -17,14 +17,15 @@ from squealstudy.errors import ResultsError
 from squealstudy.plots.style import (
     UNSTABLE,
     error_reach,
+    figure_at,
     finish,
     head,
     labelled,
     legend_below,
     name_rows,
-    new_figure,
     signed,
     track_name,
+    whole_figure,
 )
 from squealstudy.study.sweeps import RANDOM_DESIGNS, SOBOL_INDICES
 from squealstudy.wording import in_digits, plural, track_number
@@ -45,7 +46,7 @@ def _random(results: Results) -> Iterator[tuple[str, Choices]]:
 
 
 @register_plot(_random, points=("status",), modes=("track", "unstable", "overdamped"))
-def robust(results: Results, top: int = 10) -> Figure:
+def robust(results: Results, top: int = 10, ax: Axes | None = None) -> Figure:
     """Probability of instability of each mode, and Sobol indices of growth rates beside it.
 
     Indices are shown for a design that is made for them, of the first three growth rates that have
@@ -57,6 +58,8 @@ def robust(results: Results, top: int = 10) -> Figure:
         Of a complex-mode study with a random design.
     top : int
         Number of rows to show beside "any mode".
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -75,19 +78,20 @@ def robust(results: Results, top: int = 10) -> Figure:
     if results.design == SOBOL_INDICES:
         with contextlib.suppress(ResultsError):  # `squealstudy robust` says why
             indices = results.sobol_indices().dropna(subset=["first", "total"])
-    return robust_bars(results.robust().iloc[: top + 1], indices, results.track_names)
+    return robust_bars(results.robust().iloc[: top + 1], indices, results.track_names, ax)
 
 
 def robust_bars(
     shown: pd.DataFrame,
     indices: pd.DataFrame | None,
     names: Mapping[int, tuple[str, bool]] | None = None,
+    ax: Axes | None = None,
 ) -> Figure:
     """The figure of rows of both tables; without indices it has the probabilities alone."""
     quantities = [] if indices is None else list(indices["track"].unique()[:MAX_QUANTITIES])
     parameters = 0 if indices is None else indices["parameter"].nunique()
     height = max(1.7 + 0.36 * len(shown), 1.7 + 0.5 * parameters, 3.0)
-    figure = new_figure(5.6 + 3.3 * len(quantities), height)
+    figure = figure_at(ax, 5.6 + 3.3 * len(quantities), height)
     panels = figure.subplots(
         1, 1 + len(quantities), width_ratios=[1.5] + [1.0] * len(quantities), squeeze=False
     )[0]
@@ -97,7 +101,7 @@ def robust_bars(
             _indices(axes, indices[indices["track"] == track], first=axes is panels[1])
     if quantities:
         legend_below(figure, labelled(panels[1]), 2, "right")
-    return figure
+    return whole_figure(figure)
 
 
 def _probabilities(axes: Axes, shown: pd.DataFrame, names: Mapping[int, tuple[str, bool]]) -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Patch
 
 from squealstudy.colours import COLOURS
@@ -16,11 +17,12 @@ from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.plots.style import (
     UNSTABLE,
     empty_figure,
+    figure_at,
     finish,
     head,
     legend_below,
     name_rows,
-    new_figure,
+    whole_figure,
 )
 from squealstudy.plots.tables import describe
 from squealstudy.tables.sensitivity_ranking import (
@@ -56,7 +58,11 @@ def _modes(results: Results) -> Iterator[tuple[str, Choices]]:
 
 @register_plot(_modes, points=(), sensitivities=(PREDICTED, FINITE))
 def sensitivity(
-    results: Results, mode: float | None = None, point_id: str | None = None, top: int = 20
+    results: Results,
+    mode: float | None = None,
+    point_id: str | None = None,
+    top: int = 20,
+    ax: Axes | None = None,
 ) -> Figure:
     """Change of the growth rate at each parameter's step, to first order and by reanalysis.
 
@@ -70,6 +76,8 @@ def sensitivity(
         The design point; None: that at which the mode grows fastest.
     top : int
         Number of parameters to show, those with the largest change.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -83,17 +91,20 @@ def sensitivity(
     >>> sq.run(study).plot.sensitivity().savefig("sensitivity.png")
     """
     if not len(results.sensitivities):
-        return empty_figure("no mode, no sensitivities")
+        return empty_figure("no mode, no sensitivities", ax)
     rows = mode_sensitivities(results.sensitivities, mode, point_id)
     points = results.points
     point = points[points["point_id"] == rows["point_id"].iloc[0]].iloc[0]
-    return sensitivity_bars(rows, describe(point, points, results.parameters, results.units), top)
+    title = describe(point, points, results.parameters, results.units)
+    return sensitivity_bars(rows, title, top, ax)
 
 
-def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figure:
+def sensitivity_bars(
+    mode: pd.DataFrame, title: str = "", top: int = 20, ax: Axes | None = None
+) -> Figure:
     """The figure of the rows of one mode; `title` has the parameters of the design point."""
     shown = rank_sensitivities(mode, top)
-    figure = new_figure(10.0, 1.9 + 0.36 * len(shown))
+    figure = figure_at(ax, 10.0, 1.9 + 0.36 * len(shown))
     axes = figure.add_subplot()
     positions = np.arange(len(shown), dtype=float)
     hatches = [HATCH if near else "" for near in shown["near_coalescence"]]
@@ -116,10 +127,10 @@ def sensitivity_bars(mode: pd.DataFrame, title: str = "", top: int = 20) -> Figu
         text += f"; first {len(shown)} of {len(mode)} parameters"
     head(axes, text, *wrap(title, TITLE_LINE_CHARACTERS))
     _legend(figure, any(hatches))
-    return figure
+    return whole_figure(figure)
 
 
-def _legend(figure: Figure, hatched: bool) -> None:
+def _legend(figure: FigureBase, hatched: bool) -> None:
     """Draw the legend; `hatched` tells that bars near coalescence are shown."""
     handles = [
         Patch(color=COLOURS[1], label="first order, from left and right vectors"),

@@ -21,7 +21,7 @@ from squealstudy.plots.over_time import (
     histories,
     run_of,
 )
-from squealstudy.plots.style import empty_figure, head, joined, new_figure, signed
+from squealstudy.plots.style import empty_figure, figure_at, head, joined, signed, whole_figure
 from squealstudy.wording import in_digits
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ UNEVEN_STEP_RATIO = 1e-3  # a history whose steps have a larger relative spread 
 
 
 @register_plot(histories, points=("class",), growth=("level_share",))
-def spectrogram(results: Results, point: str | int = 0) -> Figure:
+def spectrogram(results: Results, point: str | int = 0, ax: Axes | None = None) -> Figure:
     """Short-time amplitude of the torque in dB of its maximum, up to the top of the band.
 
     Where a history has the torque's means between rows, these are used. Content above half the rate
@@ -53,6 +53,8 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
         Of a transient study.
     point : str or int
         ``point_id`` of a design point, or its row of `points`, counted from 0.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -70,14 +72,14 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     band_top = float(results.fact("band_hz")[1])
     what, _ = friction_label(results.units)
     if len(run.history) < FEWEST_SAMPLES:
-        return empty_figure("no history of this design point to take spectra of")
+        return empty_figure("no history of this design point to take spectra of", ax)
     means = run.column("torque_mean")
     averaged = bool(np.isfinite(means[1:]).all()) and len(means) > 1
     time, torque = _even(run.column("time"), means if averaged else run.column("torque"))
     centres, frequency, level = short_time_levels(time, torque, averaged)
     if not np.isfinite(level).any():
-        return empty_figure(f"the {what} does not vary")
-    figure = new_figure(10.0, 6.8 if run.changes else 5.6)
+        return empty_figure(f"the {what} does not vary", ax)
+    figure = figure_at(ax, 10.0, 6.8 if run.changes else 5.6)
     if run.changes:
         axes, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1.0])
     else:
@@ -111,8 +113,8 @@ def spectrogram(results: Results, point: str | int = 0) -> Figure:
     if run.changes:
         _imposed(below, run)
     else:
-        _predictions(figure, axes, run.growth, top)
-    return figure
+        _predictions(axes, run.growth, top)
+    return whole_figure(figure)
 
 
 def _imposed(axes: Axes, run: Run) -> None:
@@ -166,7 +168,7 @@ def _even(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return even, np.interp(even, time, signal)
 
 
-def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -> None:
+def _predictions(axes: Axes, growth: pd.DataFrame, top: float) -> None:
     """Write predicted instabilities at the right edge, with growth and share of energy."""
     unstable = growth["unstable"].to_numpy(bool)
     in_view = growth[unstable & (growth["frequency_hz"] <= top).to_numpy()]
@@ -188,4 +190,4 @@ def _predictions(figure: Figure, axes: Axes, growth: pd.DataFrame, top: float) -
         color=DARK,
         va="top",
     )
-    end_labels(figure, axes, labels)
+    end_labels(axes, labels)

@@ -13,11 +13,12 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from squealstudy.colours import COLOURS
 from squealstudy.engine.pictures import NOTHING_TO_SEE
+from squealstudy.errors import ResultsError
 from squealstudy.shown_units import prefixed
 from squealstudy.wording import in_digits, name_where_fastest, track_number
 
@@ -130,10 +131,37 @@ def new_figure(width: float = 9.0, height: float = 5.5) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+def figure_at(ax: Axes | None, width: float, height: float) -> FigureBase:
+    """A new figure, or a part of the user's figure in the place of `ax`, which is removed.
+
+    Raises
+    ------
+    ResultsError
+        For axes that are in no grid.
+    """
+    if ax is None:
+        return new_figure(width, height)
+    cell = ax.get_subplotspec()
+    if cell is None:
+        raise ResultsError("ax: expected axes of a grid, as plt.subplots() gives them")
+    whole = whole_figure(ax)
+    if whole.get_layout_engine() is None:  # legends beneath axes need one
+        whole.set_layout_engine("constrained")
+    part: FigureBase = ax.figure.add_subfigure(cell)
+    ax.remove()
+    return part
+
+
+def whole_figure(part: FigureBase | Axes) -> Figure:
+    """The figure that a part of one, or axes, is in."""
+    figure: Figure = part.figure.figure
+    return figure
+
+
 def one_panel(ax: Axes | None, width: float = 9.0, height: float = 5.5) -> tuple[Figure, Axes]:
     """A figure and axes to draw in: those of the user if given, else new ones."""
     if ax is not None:
-        return ax.figure.figure, ax  # the whole figure, if the axes are in a part of it
+        return whole_figure(ax), ax
     figure = new_figure(width, height)
     return figure, figure.add_subplot()
 
@@ -163,7 +191,7 @@ def head(axes: Axes, *lines: str) -> None:
 
 
 def legend_below(
-    figure: Figure, handles: Sequence[Artist], ncols: int = 4, place: str = "center"
+    figure: FigureBase, handles: Sequence[Artist], ncols: int = 4, place: str = "center"
 ) -> None:
     """Draw a legend beneath all axes; none without handles."""
     if handles:

@@ -23,12 +23,13 @@ from squealstudy.plots.over_time import (
 )
 from squealstudy.plots.style import (
     empty_figure,
+    figure_at,
     finish,
     head,
     joined,
     labelled,
     legend_below,
-    new_figure,
+    whole_figure,
 )
 from squealstudy.wording import GROWING, LIMIT_CYCLE, STABLE, UNDECIDED, in_digits
 
@@ -52,7 +53,7 @@ class Phase:
 
 
 @register_plot(histories, points=("class",), growth=("fit_start", "fit_stop"))
-def torque_history(results: Results, point: str | int = 0) -> Figure:
+def torque_history(results: Results, point: str | int = 0, ax: Axes | None = None) -> Figure:
     """Torque (or friction force), contact states and normal force of one run.
 
     Its last periods are shown beside them.
@@ -63,6 +64,8 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
         Of a transient study.
     point : str or int
         ``point_id`` of a design point, or its row of `points`, counted from 0.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -78,8 +81,8 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
     """
     run = run_of(results, point)
     if len(run.history) < 2:
-        return empty_figure(f"no history of this design point{_failure(run)}")
-    figure = new_figure(11.5, 7.4)
+        return empty_figure(f"no history of this design point{_failure(run)}", ax)
+    figure = figure_at(ax, 11.5, 7.4)
     axes = figure.subplots(
         3, 2, sharex="col", sharey="row", width_ratios=[2.3, 1.0], height_ratios=[2.2, 1.0, 0.8]
     )
@@ -98,7 +101,7 @@ def torque_history(results: Results, point: str | int = 0) -> Figure:
     _zoom_title(axes[0, 1], run)
     figure.suptitle(joined(run.title, _growth_text(run), by="\n"), fontsize=9.5)
     legend_below(figure, [handle for panel in axes[:, 0] for handle in labelled(panel)])
-    return figure
+    return whole_figure(figure)
 
 
 def phases(run: Run) -> list[Phase]:

@@ -17,7 +17,7 @@ from squealstudy.colours import FILLS, GREY
 from squealstudy.engine.pictures import Choices, register_plot
 from squealstudy.errors import ResultsError
 from squealstudy.plots.plane import Plane
-from squealstudy.plots.style import finish, joined, legend_below, new_figure, quantity
+from squealstudy.plots.style import figure_at, finish, joined, legend_below, quantity, whole_figure
 from squealstudy.plots.tables import describe
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.wording import plural
@@ -47,6 +47,7 @@ def verdict_map(
     x: str | None = None,
     y: str | None = None,
     fixed: Mapping[str, float] | None = None,
+    ax: Axes | None = None,
 ) -> Figure:
     """Cells of a grid, or scattered points, coloured by verdict; contours of the least kick.
 
@@ -62,6 +63,8 @@ def verdict_map(
         Two varied parameters; by default the first two.
     fixed : mapping of parameter -> value or None
         Values of other parameters; by default those of the point in the middle of the table.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Raises
     ------
@@ -95,7 +98,7 @@ def verdict_map(
     codes = [*FILLS]
     verdict = rows["verdict"].map({name: k for k, name in enumerate(codes)}).to_numpy(float)
     verdict[(rows["status"] != "ok").to_numpy(bool)] = np.nan
-    figure = new_figure(8.5, 6.0)
+    figure = figure_at(ax, 8.5, 6.0)
     axes = figure.add_subplot()
     plane.frame(axes, rows)
     colours = ListedColormap([FILLS[name] for name in codes])
@@ -132,7 +135,7 @@ def verdict_map(
         joined(design_text, lines_told if gridded and n_thresholds > 3 else "", failed),
         fontsize=9.5,
     )
-    return figure
+    return whole_figure(figure)
 
 
 def _borders(

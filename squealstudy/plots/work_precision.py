@@ -15,7 +15,14 @@ from matplotlib.ticker import FuncFormatter
 from squealstudy.colours import COLOURS, DARK, GREY
 from squealstudy.engine.pictures import register_plot
 from squealstudy.plots.over_time import friction_label
-from squealstudy.plots.style import MARKERS, finish, labelled, legend_below, new_figure
+from squealstudy.plots.style import (
+    MARKERS,
+    figure_at,
+    finish,
+    labelled,
+    legend_below,
+    whole_figure,
+)
 from squealstudy.tables.method_quality import at_tolerances, cost_of, on_front, usable
 
 if TYPE_CHECKING:
@@ -37,7 +44,7 @@ NAMES = {
 
 
 @register_plot(measurements=("method", "cost"))
-def work_precision(results: Results) -> Figure:
+def work_precision(results: Results, ax: Axes | None = None) -> Figure:
     """Largest error over cost of each measurement, with the front of the best ones.
 
     No measurement has both a smaller error and a lower cost than one on the front.
@@ -50,6 +57,8 @@ def work_precision(results: Results) -> Figure:
     ----------
     results : Results
         Of a work-precision study.
+    ax : matplotlib.axes.Axes or None
+        Axes of a grid that the picture takes the place of; None: a new figure.
 
     Examples
     --------
@@ -64,7 +73,7 @@ def work_precision(results: Results) -> Figure:
     friction, _ = friction_label(results.units)
     rows = -(-len(quantities) // 2) if len(quantities) > 1 else 1
     columns = 2 if len(quantities) > 1 else 1
-    figure = new_figure(6.4 * columns + 0.8, 4.6 * rows + 1.2)
+    figure = figure_at(ax, 6.4 * columns + 0.8, 4.6 * rows + 1.2)
     shared = "onset" not in quantities  # an onset costs a whole line of design points
     panels = figure.subplots(rows, columns, squeeze=False, sharex=shared).ravel()
     methods = measurements[~measurements["reference"].to_numpy(bool)]
@@ -90,7 +99,7 @@ def work_precision(results: Results) -> Figure:
         tick: dict[str, Any] = {"marker": "_", "ms": 10, "mew": 1.6, "color": DARK}
         handles.append(Line2D([], [], ls="", label="what 95 % bounds explain", **tick))
     legend_below(figure, handles, min(4, len(handles)))
-    return figure
+    return whole_figure(figure)
 
 
 def _minor_tick(value: float, _: int) -> str:

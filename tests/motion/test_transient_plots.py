@@ -157,8 +157,8 @@ def test_labels_at_line_ends_do_not_overlap():
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.add_subplot()
     axes.set_ylim(0, 1)
-    end_labels(figure, axes, [EndLabel(0.5 + 1e-3 * k, f"mode {k}") for k in range(9)])
-    end_labels(figure, axes, [])
+    end_labels(axes, [EndLabel(0.5 + 1e-3 * k, f"mode {k}") for k in range(9)])
+    end_labels(axes, [])
     drawn(figure)
     assert overlapping(figure) == []
 
@@ -285,6 +285,42 @@ def test_modal_energies_name_the_leading_modes():
     low, high = axes.get_ylim()
     assert high == pytest.approx(0.04, rel=0.01)
     assert low >= 0.99 * 0.04e-8 / 2
+
+
+def two_cells():
+    return Figure(figsize=(20, 7)).subplots(1, 2)
+
+
+@pytest.mark.parametrize("name", ["torque_history", "modal_energies", "spectrogram"])
+def test_a_picture_takes_the_place_of_axes(name):
+    left, right = two_cells()
+    whole = left.figure
+    results = of_one_point(history_table(), one_point().iloc[0], GROWTH)
+    assert getattr(results.plot, name)(point=1, ax=right) is whole
+    texts = [
+        text for text in drawn(getattr(results.plot, name)(point=1)) if "e" in text
+    ]  # no ticks
+    assert texts
+    assert set(texts) <= {*drawn(whole)}
+    others = [axes for axes in whole.findobj(type(left)) if axes is not left]
+    assert len(others) >= 1
+    assert right not in others
+    assert min(axes.bbox.x0 for axes in others) >= left.bbox.x1
+    assert whole.get_layout_engine() is not None  # legends have room
+
+
+def test_a_picture_takes_the_place_of_axes_of_a_grid_alone():
+    results = of_one_point(history_table(), one_point().iloc[0], GROWTH)
+    with pytest.raises(ResultsError, match="expected axes of a grid"):
+        results.plot.torque_history(point=1, ax=Figure().add_axes((0.1, 0.1, 0.5, 0.5)))
+
+
+def test_nothing_to_see_stands_in_the_axes():
+    left, right = two_cells()
+    points, modes = sweep(["failed"] * 6)
+    results = made("transient", points=points, modes=modes, growth=GROWTH)
+    assert results.plot.levels(ax=right) is left.figure
+    assert "all failed" in right.texts[0].get_text()
 
 
 def test_modes_of_the_transfer_are_named_whatever_their_share():

@@ -1,3 +1,4 @@
+import inspect
 import subprocess
 import sys
 
@@ -951,3 +952,10 @@ def test_a_file_of_a_picture_names_its_study(tmp_path, monkeypatch):
     assert saved
     for figure in saved.values():
         assert "study named_study" in [text.get_text() for text in figure.texts]
+
+
+def test_every_picture_can_stand_in_a_users_figure():
+    for name, plot in plots().items():
+        if plot.draw.__module__.startswith("squealstudy."):
+            parameter = inspect.signature(plot.draw).parameters["ax"]
+            assert parameter.default is None, name
