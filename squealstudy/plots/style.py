@@ -144,9 +144,8 @@ def figure_at(ax: Axes | None, width: float, height: float) -> FigureBase:
     cell = ax.get_subplotspec()
     if cell is None:
         raise ResultsError("ax: expected axes of a grid, as plt.subplots() gives them")
-    whole = whole_figure(ax)
-    if whole.get_layout_engine() is None:  # legends beneath axes need one
-        whole.set_layout_engine("constrained")
+    if whole_figure(ax).get_layout_engine() is None:  # legends beneath axes need one
+        whole_figure(ax).set_layout_engine("constrained")
     part: FigureBase = ax.figure.add_subfigure(cell)
     ax.remove()
     return part
