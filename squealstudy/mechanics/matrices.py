@@ -30,7 +30,7 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     Parameters
     ----------
     M, K, C : matrix (n, n), or mapping of str -> matrix (n, n)
-        Real matrices, dense or sparse. A mapping is a sum of its matrices, each times its key: a
+        Real matrices, dense or sparse, which are copied. A mapping is a sum of its matrices, each times its key: a
         number, or an expression of parameters such as ``"mu"`` or ``"2*sin(angle)"``.
     **values
         Value of each parameter in the coefficients.
@@ -53,7 +53,8 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     """
     terms, letters = [], []
     for letter, matrix_or_parts in (("M", M), ("C", C), ("K", K)):
-        parts = matrix_or_parts if isinstance(matrix_or_parts, Mapping) else {"1": matrix_or_parts}
+        is_sum = isinstance(matrix_or_parts, Mapping) and not sp.issparse(matrix_or_parts)  # DOK
+        parts = matrix_or_parts if is_sum else {"1": matrix_or_parts}
         for coefficient, matrix in parts.items():
             if matrix is not None:
                 term = FamilyTerm(ORDERS[letter], _real(letter, matrix), Expression(coefficient))
@@ -94,7 +95,7 @@ def _real(letter: str, matrix: Any) -> sp.csr_matrix:
         raise ModelError(f"{letter}: expected a square matrix, got the shape {array.shape}")
     if array.dtype.kind not in "iuf":
         raise ModelError(f"{letter}: expected a matrix of real numbers, got {array.dtype}")
-    sparse = sp.csr_matrix(array, dtype=float)
+    sparse = sp.csr_matrix(array, dtype=float, copy=True)
     if not np.isfinite(sparse.data).all():
         raise ModelError(f"{letter}: expected finite numbers")
     return sparse

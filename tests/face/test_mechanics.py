@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from own_blocks import write_blocks
@@ -324,6 +325,16 @@ def test_matrices_that_are_there_are_a_model():
         sq.matrices(M, {"mu": K}, mu=1.0, nu=2.0)
     with pytest.raises(ModelError, match="square"):
         sq.matrices(M, K[:3])
+
+
+def test_matrices_are_copied():
+    """A stiffness that is changed in place for a second model is not that of the first."""
+    own = sp.csr_matrix(np.diag([1e4, 4e4]))
+    models = [sq.matrices(np.eye(2), own)]
+    own.data *= 4.0
+    models.append(sq.matrices(np.eye(2), own.todok()))
+    highest = [np.abs(model.at().modes().lam).max() for model in models]
+    np.testing.assert_allclose(highest, [200.0, 400.0])
 
 
 @pytest.mark.parametrize("scale", [1e-5, 1.0, 1e6], ids=["mHz", "Hz", "MHz"])
