@@ -109,6 +109,13 @@ def test_a_matrix_market_term_has_rows_in_that_order(tmp_path):
             "DMIG,K2PP,0,1,1,0\nDMIG,K2PP,7,1,,7,1,1.,,\nDMIG,K2PP,7,1,,7,1,2.\n",
             "line 3: this entry is there twice",
         ),
+        ("f.pch", "DMIG,K2PP,0,1,1,0\nDMIG,K2PP,7,1,,7,1,1.,,,9,2,3.\n", "line 2: more than eight"),
+        (
+            "f.pch",
+            "DMIG    K2PP    0       1       1\nDMIG    K2PP    7       1               7       1"
+            "       1.\n9       2       3.\n",
+            "line 3: expected a card, found '9 2 3.'",
+        ),
     ],
 )
 def test_terms_that_are_none(tmp_path, file, content, message):
@@ -117,3 +124,9 @@ def test_terms_that_are_none(tmp_path, file, content, message):
     plan = plan_of(text, tmp_path / "a.toml")
     with pytest.raises((StudyFileError, ModelError), match=message):
         solved(plan, tmp_path / "r")
+
+
+def test_a_line_that_ends_with_a_comma_goes_on_with_data(tmp_path):
+    file = tmp_path / "f.pch"
+    file.write_text("DMIG,K2PP,0,1,1,0\nDMIG,K2PP,7,1,,7,1,1.,\n9,2,3.\nDMIG,K2PP,9,2,,9,2,4.\n")
+    np.testing.assert_array_equal(read_term_matrix(file).matrix.toarray(), [[1.0, 0.0], [3.0, 4.0]])

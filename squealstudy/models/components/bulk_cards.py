@@ -15,7 +15,13 @@ import numpy as np
 from squealstudy.errors import ModelError
 from squealstudy.models.components.inp_cards import MAX_INCLUDE_DEPTH
 from squealstudy.models.components.inp_lines import Line
-from squealstudy.models.matrices.dmig import NUMBER, fields_of
+from squealstudy.models.matrices.dmig import (
+    MORE_FIELDS,
+    NUMBER,
+    continued,
+    fields_of,
+    has_more_fields,
+)
 from squealstudy.models.matrices.text import COUNT, TextFile, shortened
 
 BEGIN, END = re.compile(r"\s*BEGIN\b(\s+BULK\b)?", re.I), re.compile(r"\s*ENDDATA\b", re.I)
@@ -110,14 +116,11 @@ def read_bulk(path: Path) -> tuple[list[BulkCard], list[Line]]:
             continue
         if cards and cards[-1].name == "DEQATN" and line.text[:1] in "+* ,":
             continue
-        text = line.text
-        if goes_on and NUMBER.fullmatch(text.split(",")[0].strip()):
-            text = f",{text}"  # data from the first field on
+        text = continued(line.text, goes_on)
         goes_on = text.rstrip().endswith(",")
         first, fields = fields_of(text)
-        beyond = [w.strip() for w in text.split(",")[9:]]
-        if any(beyond[1:]) or (beyond and beyond[0] and beyond[0][0] not in "+*"):
-            raise line.error("more than eight fields behind the name of a card")
+        if has_more_fields(text):
+            raise line.error(MORE_FIELDS)
         if first and first[0] not in "+*":
             cards.append(BulkCard(first.upper().rstrip("*")))
         elif not cards:

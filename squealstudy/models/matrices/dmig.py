@@ -26,6 +26,7 @@ SCALED = re.compile(  # a line that multiplies selected matrices: PARAM CK2, or 
     r"|\s*(?P<command>K42GG|[KMB]2(?:GG|PP))\s*=[^$]*\*",
     re.I,
 )
+MORE_FIELDS = "more than eight fields behind the name of a card"
 FIELDS_PER_ENTRY = 4  # fields of an entry: node, direction, real and imaginary part
 SQUARE, SYMMETRIC = 1, 6  # forms
 REAL_TYPES = (1, 2)
@@ -114,10 +115,13 @@ def _is_one(factor: str | None) -> bool:
 def _cards(text: TextFile) -> Iterator[_Card]:
     """The DMIG cards of a file, with their continuations."""
     card: _Card | None = None
+    goes_on = False
     for number, line in enumerate(text.lines):
         plain = line.split("$", 1)[0].rstrip()
         if not plain.strip():
             continue
+        plain = continued(plain, goes_on)
+        goes_on = plain.endswith(",")
         first, fields = fields_of(plain)
         if first.upper().rstrip("*") == CARD:
             if card is not None:
@@ -125,13 +129,28 @@ def _cards(text: TextFile) -> Iterator[_Card]:
             card = _Card([], [])
         elif first and first[0] not in "+*":
             if card is not None:
+                if not first[0].isalpha():
+                    raise text.error(number, f"expected a card, found '{shortened(plain)}'")
                 yield card
             card = None
         if card is not None:
+            if has_more_fields(plain):
+                raise text.error(number, MORE_FIELDS)
             card.fields += fields
             card.lines += [number] * len(fields)
     if card is not None:
         yield card
+
+
+def continued(line: str, goes_on: bool) -> str:
+    """A line with its first field empty where one that `goes_on` is continued by data alone."""
+    return f",{line}" if goes_on and NUMBER.fullmatch(line.split(",")[0].strip()) else line
+
+
+def has_more_fields(line: str) -> bool:
+    """Whether a line in free fields has data behind its eighth field."""
+    beyond = [word.strip() for word in line.split(",")[FIELDS + 1 :]]
+    return any(beyond[1:]) or (bool(beyond) and beyond[0][:1] not in ("", "+", "*"))
 
 
 def fields_of(line: str) -> tuple[str, list[str]]:
