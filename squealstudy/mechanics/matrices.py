@@ -30,8 +30,9 @@ def matrices(M: Any, K: Any, *, C: Any = None, **values: float) -> Model:
     Parameters
     ----------
     M, K, C : matrix (n, n), or mapping of str -> matrix (n, n)
-        Real matrices, dense or sparse, which are copied. A mapping is a sum of its matrices, each times its key: a
-        number, or an expression of parameters such as ``"mu"`` or ``"2*sin(angle)"``.
+        Real matrices, dense or sparse, which are copied. A mapping is a sum of its
+        matrices, each times its key: a number, or an expression of parameters such as
+        ``"mu"`` or ``"2*sin(angle)"``.
     **values
         Value of each parameter in the coefficients.
 
