@@ -24,8 +24,15 @@ from squealstudy.shapes.names import SAME_NAME_REL_DISTANCE
 
 # numbers of the datasets of a universal file
 NODES = (15, 2411)  # coordinates
+SYSTEMS, SYSTEMS_BY_POINTS = 2420, 18  # coordinate systems
 UNITS, SHAPE, FUNCTION = 164, 55, 58
 NORMAL, COMPLEX, COMPLEX_VELOCITY = 2, 3, 7  # analysis types of dataset 55 that are modes
+# characteristics of dataset 55 that are motions: unknown, three translations, these with turns
+CHARACTERISTICS, VALUES_PER_NODE = (0, 2, 3), (3, 6)
+# its kinds of data of which a mode has the same shape: unknown, general, displacement, velocity,
+# acceleration
+MOTIONS = (0, 1, 8, 11, 12)
+MAX_TURN = 1e-4  # entries of a turn below which axes are global: points have six digits
 
 
 @dataclass(frozen=True)
@@ -78,15 +85,17 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
     ------
     ModelError
         Where the file cannot be read, has no nodes or no modes, a mode that is zero everywhere,
-        modes at nodes without coordinates, or several axes of displacement.
+        modes at different nodes or at nodes without coordinates, or axes of displacement that are
+        not global.
     """
     sets = _sets(path)
     of_kind = {kind: [s for s in sets if s["type"] == kind] for kind in {s["type"] for s in sets}}
     if UNITS in of_kind:
         unit = 1.0 / float(of_kind[UNITS][0]["length"])
-    coordinates_of = _node_places(path, [s for kind in NODES for s in of_kind.get(kind, [])])
+    nodes = [s for kind in NODES for s in of_kind.get(kind, [])]
+    coordinates_of = _node_places(path, nodes, _turned_systems(of_kind))
     shapes = of_kind.get(SHAPE, [])
-    modes = [s for s in shapes if s["analysis_type"] in (NORMAL, COMPLEX, COMPLEX_VELOCITY)]
+    modes = [s for s in shapes if _is_mode_shape(s)]
     functions = len(of_kind.get(FUNCTION, []))
     if not modes:
         functions_text = f"it has {functions} functions (dataset 58): " if functions else ""
@@ -96,6 +105,8 @@ def read_measured(path: Path, unit: float = 1.0) -> Measured:
     used = sorted({int(n) for s in modes for n in s["node_nums"]})
     if missing := [n for n in used if n not in coordinates_of]:
         raise ModelError(f"{path}: node {missing[0]} has a shape, but no coordinates")
+    for number, mode in enumerate(modes, start=1):
+        _expect_each_once(path, number, [int(n) for n in mode["node_nums"]], used)
     row_of_node = {n: i for i, n in enumerate(used)}
     mode_shapes = np.zeros((len(modes), len(used), 3), dtype=complex)
     for k, mode in enumerate(modes):
@@ -122,7 +133,7 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
             raise ModelError(f"{path} cannot be read: {error}") from None
     try:
         file = pyuff.UFF(str(path))
-        types_read = (*NODES, UNITS, SHAPE)
+        types_read = (*NODES, UNITS, SHAPE, SYSTEMS, SYSTEMS_BY_POINTS)
         sets = [
             file.read_sets(i) if kind in types_read else {"type": int(kind)}
             for i, kind in enumerate(file.get_set_types())
@@ -132,8 +143,49 @@ def _sets(path: Path) -> list[Mapping[str, Any]]:
     return sets
 
 
+def _is_mode_shape(s: Mapping[str, Any]) -> bool:
+    """Whether a dataset 55 has motions of a mode, not its strains, forces or energies."""
+    return (
+        s["analysis_type"] in (NORMAL, COMPLEX, COMPLEX_VELOCITY)
+        and s["data_ch"] in CHARACTERISTICS
+        and s["spec_data_type"] in MOTIONS
+        and s["n_data_per_node"] in VALUES_PER_NODE
+    )
+
+
+def _expect_each_once(path: Path, number: int, nodes: Sequence[int], used: Sequence[int]) -> None:
+    """Raise ModelError unless a mode shape has each node that is used, and each once."""
+    if absent := sorted(set(used) - set(nodes)):
+        raise ModelError(
+            f"{path}: mode shape {number} has no value at node {absent[0]}, where others have one: "
+            "expected all modes at the same nodes"
+        )
+    if len(set(nodes)) < len(nodes):
+        twice = next(n for k, n in enumerate(nodes) if n in nodes[:k])
+        raise ModelError(f"{path}: mode shape {number} has node {twice} twice")
+
+
+def _turned_systems(sets_of_kind: Mapping[int, Sequence[Mapping[str, Any]]]) -> set[int]:
+    """Numbers of the coordinate systems whose axes are not the global ones."""
+    numbers: set[int] = set()
+    for s in sets_of_kind.get(SYSTEMS, ()):
+        for label, kind, rows in zip(
+            s["CS_sys_labels"], s["CS_types"], s["CS_matrices"], strict=True
+        ):
+            if kind != 0 or np.abs(rows[:3] - np.eye(3)).max() > MAX_TURN:
+                numbers.add(int(label))
+    for s in sets_of_kind.get(SYSTEMS_BY_POINTS, ()):
+        x, xz = s["x_point"] - s["ref_o"], s["xz_point"] - s["ref_o"]
+        for label, kind, to_x, to_xz in zip(s["cs_num"], s["cs_type"], x, xz, strict=True):
+            is_global = np.abs(to_x[1:]).max() <= MAX_TURN * to_x[0]
+            is_global &= abs(to_xz[1]) <= MAX_TURN * to_xz[2]
+            if kind != 0 or not is_global or not to_x[0] > 0 or not to_xz[2] > 0:
+                numbers.add(int(label))
+    return numbers
+
+
 def _node_places(
-    path: Path, sets: Iterable[Mapping[str, Any]]
+    path: Path, sets: Iterable[Mapping[str, Any]], turned_systems: set[int]
 ) -> dict[int, tuple[float, float, float]]:
     """Coordinates of each node by its number, in the unit of the file."""
     place_of: dict[int, tuple[float, float, float]] = {}
@@ -147,6 +199,11 @@ def _node_places(
     if len(axes) > 1:
         raise ModelError(
             f"{path}: nodes have several axes of displacement ({len(axes)}): expected global ones"
+        )
+    if turned := turned_systems.intersection(map(int, axes)):
+        raise ModelError(
+            f"{path}: displacements are in the coordinate system {min(turned)}, whose axes are not "
+            "the global ones"
         )
     return place_of
 

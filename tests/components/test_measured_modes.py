@@ -10,6 +10,7 @@ import pyuff
 from own_blocks import block, write_blocks
 from study_runs import command
 
+from squealstudy.errors import ModelError
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.inp_writer import write_inp
 from squealstudy.shapes.measured import correlated, read_measured
@@ -208,3 +209,77 @@ def test_what_cannot_be_compared(plate, tmp_path, capsys):
         assert text in err, err
         assert got in (code, 1, 2)
     assert command("inspect", str(path), "--measured", str(good)) == 2
+
+
+def test_strains_of_a_mode_are_no_shape(plate, tmp_path):
+    """Of each mode its shape and six strains: these were taken for displacements of other modes."""
+    _, body, hz, shapes, _ = plate
+    numbers = list(1 + np.arange(len(body.nodes)))
+    strains = {f"r{k}": np.full(len(numbers), float(k)) for k in range(1, 7)}
+    strains |= {"model_type": 1, "analysis_type": 2, "data_ch": 4, "spec_data_type": 3}
+    strains |= {"data_type": 2, "n_data_per_node": 6, "load_case": 1, "mode_n": 1, "freq": hz[0]}
+    strains |= {"modal_m": 1.0, "modal_damp_vis": 0.01, "modal_damp_his": 0.0}
+    strains |= {f"id{k}": "NONE" for k in range(1, 6)} | {"node_nums": numbers}
+    own = pyuff.prepare_55(**strains)
+    path = written(tmp_path / "a.uff", numbers, body.nodes, hz[:2], shapes[:2], kind=2, more=[own])
+    measured = read_measured(path)
+    np.testing.assert_allclose(measured.frequency_hz, hz[:2], rtol=1e-5)
+    assert measured.left_out == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "turn", "refused"), [(0, 0.0, False), (0, 0.3, True), (1, 0.0, True)]
+)
+def test_axes_of_displacement_are_global(plate, tmp_path, kind, turn, refused):
+    """One system for all nodes: Cartesian as the global one, turned, cylindrical."""
+    _, body, hz, shapes, _ = plate
+    c, s = np.cos(turn), np.sin(turn)
+    rows = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0], [0.1, 0.2, 0.3]])
+    numbers = list(1 + np.arange(len(body.nodes)))
+    origin = rows[3]
+    by_rows = {"type": 2420, "Part_UID": 1, "Part_Name": "p", "CS_sys_labels": [5]}
+    by_rows |= {"CS_types": [kind], "CS_colors": [8], "CS_names": ["own"], "CS_matrices": [rows]}
+    by_points = pyuff.prepare_18(
+        cs_num=[5],
+        cs_type=[kind],
+        ref_cs_num=[0],
+        cs_name=["own"],
+        ref_o=[origin],
+        x_point=[origin + rows[0]],
+        xz_point=[origin + rows[0] + rows[2]],
+    )
+    x, y, z = body.nodes.T
+    nodes = pyuff.prepare_15(node_nums=numbers, disp_cs=[5] * len(numbers), x=x, y=y, z=z)
+    for systems in (by_rows, by_points):
+        path = written(tmp_path / "a.uff", numbers, body.nodes, hz[:2], shapes[:2])
+        modes = [s for s in pyuff.UFF(str(path)).read_sets() if s["type"] == 55]
+        path.unlink()
+        pyuff.UFF(str(path)).write_sets([systems, nodes, *modes], "add")
+        if refused:
+            with pytest.raises(ModelError, match="in the coordinate system 5, whose axes are not"):
+                read_measured(path)
+        else:
+            np.testing.assert_allclose(read_measured(path).frequency_hz, hz[:2], rtol=1e-5)
+
+
+def test_all_modes_are_measured_at_the_same_nodes(plate, tmp_path):
+    """A second mode at half of the points was compared as zero at the others."""
+    _, body, hz, shapes, _ = plate
+    numbers = 1 + np.arange(len(body.nodes))
+    path = written(tmp_path / "a.uff", numbers, body.nodes, hz[:2], shapes[:2])
+    half = written(tmp_path / "b.uff", numbers[::2], body.nodes[::2], hz[1:2], shapes[1:2, ::2])
+    twice = np.append(numbers, numbers[4])
+    double = written(
+        tmp_path / "c.uff",
+        twice,
+        body.nodes[twice - 1],
+        hz[:1],
+        shapes[:1, twice - 1],
+    )
+    sets = pyuff.UFF(str(path)).read_sets()[:-1] + pyuff.UFF(str(half)).read_sets()[1:]
+    path.unlink()
+    pyuff.UFF(str(path)).write_sets(sets, "add")
+    with pytest.raises(ModelError, match="mode shape 2 has no value at node 2, where others"):
+        read_measured(path)
+    with pytest.raises(ModelError, match="mode shape 1 has node 5 twice"):
+        read_measured(double)
