@@ -513,6 +513,18 @@ def test_a_study_end_to_end(tmp_path, capsys):
     assert run_study(Plan(load_study(path)), tmp_path / "r", jobs=1).n_solved == 13
 
 
+def test_no_kind_is_advised_that_serves_no_matrices(tmp_path, capsys):
+    """Neither where modes are unstable nor where none is: matrices have complex modes alone."""
+    path = write_hulten(tmp_path)
+    for text, found in ((HULTEN, "T1 at"), (HULTEN.replace("num = 13", "num = 1"), "No mode")):
+        path.write_text(text)
+        cli.run(path, tmp_path / found, 1)
+        printed = capsys.readouterr().out
+        assert found in printed
+        assert "click through" in printed
+        assert 'kind = "' not in printed
+
+
 def test_a_point_without_value_is_a_failed_row(tmp_path):
     path = write_hulten(tmp_path)
     path.write_text(HULTEN.replace('coefficient = "mu"', 'coefficient = "1/(10*mu)"'))

@@ -200,17 +200,16 @@ class ComplexModesScreen(KindScreen):
     def next_steps(self, results: ResultTables) -> Rows:
         """How to see why modes grow, or where else to look if none does."""
         explored = ("click through", command_text("explore", results.directory))
+        more = results.manifest["model"] != MATRICES  # these have complex modes alone
         if len(self.rank(results, "share", 1, None)):
-            why = [("why unstable", command_text("rank", results.directory, "--why"))]
-            least = ("least change", 'kind = "design" searches the least that silences it')
+            why = [("why unstable", command_text("rank", results.directory, "--why"))] * more
+            least = [("least change", 'kind = "design" searches the least that silences it')] * more
             shares = [("probability", command_text("robust", results.directory))]
             shares *= results.design in RANDOM_DESIGNS
-            return [*shares, *why * (results.manifest["model"] != MATRICES), explored, least]
-        return [
-            explored,
-            ("squeal elsewhere", "a wider band of [modes], or other values in [[sweep]]"),
-            ("squeal if kicked", 'kind = "limit_cycles" looks for vibration beside stable sliding'),
-        ]
+            return [*shares, *why, explored, *least]
+        kicked = 'kind = "limit_cycles" looks for vibration beside stable sliding'
+        elsewhere = "a wider band of [modes], or other values in [[sweep]]"
+        return [explored, ("squeal elsewhere", elsewhere), *[("squeal if kicked", kicked)] * more]
 
     def facts(self, results: ResultTables) -> Rows:
         """Which rungs served the points, what an audit of them found, estimates and errors."""
