@@ -62,6 +62,8 @@ class ContactSpace:
         Z_T K0^-1 Z_N^T, m/N.
     C_Nf : ndarray (r, 2)
         Z_N K0^-1 [load, constant_load].
+    load_travel : ndarray (nc, 2)
+        |S_N| |Z_N| |K0^-1 [load, constant_load]|: sizes of the terms of openings, m/Pa and m.
     C_NU, C_TU : ndarray (r, m), (t, m)
         Z_N K0^-1 U and Z_T K0^-1 U for the shapes U = M phi of component modes.
     C_fU : ndarray (2, m)
@@ -83,6 +85,7 @@ class ContactSpace:
     C_NN: np.ndarray
     C_TN: np.ndarray
     C_Nf: np.ndarray
+    load_travel: np.ndarray
     C_NU: np.ndarray
     C_TU: np.ndarray
     C_fU: np.ndarray
@@ -106,6 +109,11 @@ class ContactSpace:
         force = np.zeros_like(self.area)
         force[self.touching] = self.area[self.touching]
         return float(force @ self.opening(force, np.zeros_like(force)))
+
+    def round_off_size(self, pressure: float, gap: np.ndarray) -> float:
+        """Largest of the terms [m] whose sums are gaps (nc,) at a brake pressure [Pa]."""
+        travel = self.load_travel @ np.array([abs(pressure), 1.0])
+        return float(sum(np.abs(x).max(initial=0.0) for x in (travel, self.gap0, gap)))
 
     def opening(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Changes of the gaps (..., nc) [m] by normal forces s and friction t (..., nc) [N].
@@ -249,6 +257,9 @@ def contact_space(
     shapes = shapes() if callable(shapes) else shapes
     X_U = solve(shapes) if shapes.shape[1] else shapes
     on_responses(X_U)
+    S = rows.S_N
+    sizes = sp.csr_matrix((np.abs(S.data), S.indices, S.indptr), S.shape)
+    travel = sizes @ (np.abs(rows.Z) @ np.abs(solve(loads)[rows.normal]))
     return ContactSpace(
         k_c=k_c,
         area=c.area,
@@ -260,6 +271,7 @@ def contact_space(
         C_NN=C_NN,
         C_TN=C_TN,
         C_Nf=np.vstack(load_products),
+        load_travel=travel,
         C_NU=rows.Z @ X_U[rows.normal],
         C_TU=rows.sliding_rows_times(X_U),
         C_fU=loads.T @ X_U,

@@ -14,6 +14,7 @@ import scipy.linalg as la
 
 from squealstudy.errors import ConvergenceError, ModelError
 from squealstudy.laws import ContactLaw
+from squealstudy.laws.corners import balanced_at_a_corner
 from squealstudy.laws.spring import NO_SPRINGS, at_a_corner, engaged, spring_error
 from squealstudy.models.contact_points import ContactPoints
 from squealstudy.models.operating import OperatingPoint
@@ -41,6 +42,10 @@ CONTRADICTORY_LAW = "contradictory_law"  # status of a point where such a law co
 SPRING_AT_CORNER = (
     "a spring with a gap or of one side just touches in steady sliding, where its stiffness is all "
     "or nothing: expected a gap, or a load, that moves it from there"
+)
+CONTACT_AT_CORNER = (
+    "a contact point just touches in steady sliding, where its law's stiffness jumps: expected a "
+    "load, or a gap, that moves it from there"
 )
 PRESSES_OPEN = (
     "the softening contact gives way under the load: it is balanced beyond the gap at which its "
@@ -120,7 +125,7 @@ def working_point(
     ------
     ConvergenceError
         ``working_point`` where Newton does not converge, as contact is lost or friction is beyond
-        its limit; where a spring just touches; where softening contact has given way.
+        its limit; where a spring or contact point just touches; where softening contact gave way.
     """
     law, A, touching = point.law, space.area, space.touching
     equations = GapEquations(space, [point])
@@ -152,12 +157,10 @@ def working_point(
             g = g - jacobian.solve(F)  # an older Jacobian left F larger than round-off
             (F,), (p,), (kappa,) = equations.imbalance(g[None])
             residual = float(equations.relative(F[None], g[None])[0])
-            return _checked(
-                space,
-                working_point_result(
-                    A, g, p, kappa, iteration, residual, F, loaded, space.spring_points
-                ),
+            state = working_point_result(
+                A, g, p, kappa, iteration, residual, F, loaded, space.spring_points
             )
+            return _checked(space, point, state)
         if damping < 1.0 or not np.abs(F).max() < MAX_IMBALANCE_SHARE_LEFT * before:
             jacobian = None
     pressure = float(point.brake_pressure) if space.C_Nf[:, 0].any() else None
@@ -211,7 +214,7 @@ def known_working_point(
     state = working_point_result(
         space.area, g, p, kappa, 0, residual, F, loaded, space.spring_points
     )
-    return _checked(space, state)
+    return _checked(space, point, state)
 
 
 def expect_consistent_laws(
@@ -324,14 +327,25 @@ def _engaged_springs(
     return engaged(opened[first:], space.spring_points)
 
 
-def _checked(space: ContactSpace, state: WorkingPoint) -> WorkingPoint:
-    """The working point; ConvergenceError where a spring is at a corner or an open gap presses."""
-    if len(space.spring_points) and at_a_corner(state.gap, space.spring_points):
-        raise ConvergenceError("working_point", SPRING_AT_CORNER)
+def _checked(space: ContactSpace, point: OperatingPoint, state: WorkingPoint) -> WorkingPoint:
+    """The working point; ConvergenceError where it is at a corner or an open gap presses."""
+    if (text := corner_text(space, point, state.gap)) is not None:
+        raise ConvergenceError("working_point", text)
     touching = space.touching
     if presses_open(*(x[touching] for x in (state.gap, state.contact_pressure, state.tangent))):
         raise ConvergenceError("working_point", PRESSES_OPEN)
     return state
+
+
+def corner_text(space: ContactSpace, point: OperatingPoint, gap: np.ndarray) -> str | None:
+    """Error message of balanced gaps (nc,) [m] at which a tangent jumps; None where none does."""
+    if len(space.spring_points) and at_a_corner(gap, space.spring_points):
+        return SPRING_AT_CORNER
+    size, touching = space.round_off_size(point.brake_pressure, gap), space.touching
+    cornered = balanced_at_a_corner(
+        lambda g: point.law.evaluate(g)[1], gap[touching], np.array(size), space.area[touching]
+    )
+    return CONTACT_AT_CORNER if cornered else None
 
 
 def presses_open(gap: np.ndarray, pressure: np.ndarray, tangent: np.ndarray) -> np.ndarray:

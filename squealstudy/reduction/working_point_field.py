@@ -12,11 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from squealstudy.laws.spring import at_a_corner
 from squealstudy.models.operating import OperatingPoint
 from squealstudy.reduction.contact_space import ContactSpace
 from squealstudy.reduction.gap_equations import Changes, GapEquations, GapJacobian
-from squealstudy.reduction.working_point import WorkingPoint, mean_pressure, working_point_result
+from squealstudy.reduction.working_point import (
+    WorkingPoint,
+    corner_text,
+    mean_pressure,
+    working_point_result,
+)
 
 POLISHED = 1e-10  # relative gap imbalance at which Newton ends; studies promise 1e-8
 MOST_STEPS = 25  # simplified Newton steps
@@ -72,7 +76,7 @@ class WorkingPointField:
     ) -> list[WorkingPoint | None]:
         """Working points at theta (b, d) after Newton steps.
 
-        None where the imbalance stays too large, or a spring is at a corner of its law.
+        None where the imbalance stays too large, or a point is at a corner of its law.
         """
         working_points: list[WorkingPoint | None] = [None] * len(theta)
         thetas = np.array([anchor.theta for anchor in self.anchors])
@@ -116,7 +120,7 @@ def _polish(
             mean_pressures[i],
             space.spring_points,
         )
-        if residual[i] < POLISHED and not at_a_corner(g[i], space.spring_points)
+        if residual[i] < POLISHED and corner_text(space, equations.operating[i], g[i]) is None
         else None
         for i in range(len(g))
     ]

@@ -18,6 +18,7 @@ from squealstudy.models.parameter_names import FREQUENCY_SCALE
 from squealstudy.models.stacked_assembly import StackedAssembly
 from squealstudy.reduction.free_motions import FREE_MOTION
 from squealstudy.reduction.working_point import (
+    CONTACT_AT_CORNER,
     PRESSES_OPEN,
     SPRING_AT_CORNER,
     expect_consistent_laws,
@@ -29,15 +30,22 @@ from squealstudy.stacked.linear import StackedDamping, StackedLinear, computable
 from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.roots import StackedRoots, stacked_roots
 from squealstudy.stacked.sliding import (
-    AT_CORNER,
     BEYOND_LAW,
+    CONTACT_TOUCHES,
     SINGULAR,
     SOLVED,
+    SPRING_TOUCHES,
     StackedSliding,
     steady_sliding,
 )
 from squealstudy.stacked.structures import StackedStructures
 
+# messages of states of StackedSliding
+REFUSED = {
+    SPRING_TOUCHES: SPRING_AT_CORNER,
+    CONTACT_TOUCHES: CONTACT_AT_CORNER,
+    BEYOND_LAW: PRESSES_OPEN,
+}
 MOST_COORDINATES = 40  # most coordinates of a model for which stacking saves time
 POINTS_PER_BLOCK = 4096  # design points that are solved at once
 Columns = Mapping[str, np.ndarray | float]
@@ -315,10 +323,8 @@ def _reason(state: int, operating: StackedOperating, row: int, pressed: bool) ->
         return "failed", str(error)
     if state == SINGULAR:
         return "singular", FREE_MOTION
-    if state == AT_CORNER:
-        return "working_point", SPRING_AT_CORNER
-    if state == BEYOND_LAW:
-        return "working_point", PRESSES_OPEN
+    if (text := REFUSED.get(state)) is not None:
+        return "working_point", text
     pressure = operating.pressure[row] if pressed else None
     return "working_point", no_sliding_text(operating.friction[row], pressure)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from squealstudy.laws.corners import balanced_at_a_corner
 from squealstudy.laws.spring import at_a_corner, engaged, spring_error
 from squealstudy.reduction.contact_space import UNSUPPORTED_REL_ERROR
 from squealstudy.reduction.working_point import (
@@ -25,7 +26,7 @@ from squealstudy.stacked.operating import StackedOperating
 from squealstudy.stacked.structures import StackedStructures
 
 # codes of StackedSliding.state
-SOLVED, SINGULAR, NO_EQUILIBRIUM, AT_CORNER, BEYOND_LAW = 0, 1, 2, 3, 4
+SOLVED, SINGULAR, NO_EQUILIBRIUM, SPRING_TOUCHES, CONTACT_TOUCHES, BEYOND_LAW = range(6)
 SMALLEST_POSITIVE = 1e-300
 
 
@@ -41,7 +42,8 @@ class StackedSliding:
         As in `WorkingPoint`.
     state : ndarray (m,) of int
         SOLVED, SINGULAR where some motion is free, NO_EQUILIBRIUM where Newton finds none,
-        AT_CORNER where a spring just touches, BEYOND_LAW where an open gap presses.
+        SPRING_TOUCHES and CONTACT_TOUCHES where a spring or contact point just touches,
+        BEYOND_LAW where an open gap presses.
     """
 
     gap: np.ndarray
@@ -70,6 +72,8 @@ class GapEquations:
     moved : ndarray (m, n, 2 c + 1)
         Displacements by a unit normal force and a unit force along T at each contact point, and by
         the loads.
+    load_travel : ndarray (m, c)
+        Sizes of the terms of `by_load`, m.
     springs : ndarray (m, ns, 5)
         Numbers of the last points, which are springs (laws/spring.py).
     """
@@ -82,6 +86,7 @@ class GapEquations:
     k_c: np.ndarray
     area: np.ndarray
     moved: np.ndarray
+    load_travel: np.ndarray
     springs: np.ndarray
 
     @property
@@ -100,6 +105,7 @@ class GapEquations:
             k_c=self.k_c[rows],
             area=self.area[rows],
             moved=self.moved[rows],
+            load_travel=self.load_travel[rows],
             springs=self.springs[rows],
         )
 
@@ -129,9 +135,9 @@ def gap_equations(
     """
     m = len(operating.friction)
     area = np.broadcast_to(structures.area, (m, structures.N.shape[1]))
-    load = (
-        structures.load[..., 0] * operating.pressure[:, None] + structures.load[..., 1]
-    )  # (m, n), rad/s^2 sqrt(kg) m
+    # (m, n, 2), rad/s^2 sqrt(kg) m: both loads, and that by the brake pressure
+    by_pressure = structures.load[..., 0] * operating.pressure[:, None]
+    load = np.stack([by_pressure + structures.load[..., 1], by_pressure], axis=2)
     springs = structures.spring_points
     springs = np.broadcast_to(springs, (m, *springs.shape[1:]))
     touching = area[:, : area.shape[1] - springs.shape[1]]
@@ -145,7 +151,7 @@ def gap_equations(
     right = np.concatenate(
         np.broadcast_arrays(structures.N.swapaxes(1, 2), structures.T.swapaxes(1, 2)), axis=2
     )
-    columns = np.concatenate([np.broadcast_to(right, (m, *right.shape[1:])), load[..., None]], 2)
+    columns = np.concatenate([np.broadcast_to(right, (m, *right.shape[1:])), load], 2)
     responses, is_regular = _solved(K0, columns)
     opened = structures.N @ responses
     c = area.shape[1]
@@ -157,10 +163,19 @@ def gap_equations(
         by_load=opened[:, :, 2 * c],
         k_c=k_c,
         area=area,
-        moved=responses,
+        moved=responses[..., :-1],
+        load_travel=_load_travel(structures.N, responses[..., -2], responses[..., -1]),
         springs=springs,
     )
     return equations, is_regular
+
+
+def _load_travel(N: np.ndarray, both: np.ndarray, by_pressure: np.ndarray) -> np.ndarray:
+    """Sizes (m, c) [m] of the terms of openings by both loads, of movements (m, n) by them.
+
+    The brake pressure and constant loads may leave nothing of each other.
+    """
+    return _times(np.abs(N), np.abs(by_pressure) + np.abs(both - by_pressure))
 
 
 def _mean_pressure_of_loads(
@@ -244,9 +259,11 @@ def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
         F, p, kappa = all_rows.imbalance(gap)
         movement = largest_opening + np.abs(gap).max(axis=1) + SMALLEST_POSITIVE
         residual = np.abs(F).max(axis=1) / movement
-        corner = (state == SOLVED) & at_a_corner(gap, springs)
         of_contact = (x[:, touching] for x in (gap, p, kappa))
-        beyond = (state == SOLVED) & presses_open(*of_contact)
+        solved = state == SOLVED
+        state[solved & presses_open(*of_contact)] = BEYOND_LAW
+        state[solved & _contact_at_corner(equations, gap0, gap)] = CONTACT_TOUCHES
+        state[solved & at_a_corner(gap, springs)] = SPRING_TOUCHES
     return StackedSliding(
         gap=gap,
         pressure=p,
@@ -254,7 +271,16 @@ def _newton(equations: GapEquations, is_regular: np.ndarray) -> StackedSliding:
         residual=residual,
         open_share=_open_share(contact_area, p[:, touching], loaded),
         tangent_error=_tangent_error(area, p, kappa, F, spring_error(gap, F, springs)),
-        state=np.where(corner, AT_CORNER, np.where(beyond, BEYOND_LAW, state)),
+        state=state,
+    )
+
+
+def _contact_at_corner(e: GapEquations, gap0: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """Which design points (m,) have contact balanced where its tangent jumps, at gaps (m, c)."""
+    size = sum(np.abs(x).max(axis=1, initial=0.0) for x in (e.load_travel, gap0, gap))
+    touching = e.touching
+    return balanced_at_a_corner(
+        lambda g: e.operating.contact(g)[1], gap[:, touching], size, e.area[:, touching]
     )
 
 

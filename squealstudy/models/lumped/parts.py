@@ -232,18 +232,26 @@ def _area(table: ContactNumbers, keys: KeyPath, values: Values) -> np.ndarray:
 
 
 def _loads(space: Space, values: Values) -> tuple[np.ndarray, np.ndarray]:
-    """Loads of a unit brake pressure [N/Pa], and constant loads [N], both (m or 1, n)."""
-    loads = [np.zeros((1, space.n)), np.zeros((1, space.n))]
+    """Loads of a unit brake pressure [N/Pa], and constant loads [N], both (m or 1, n).
+
+    0.1 + 0.2 - 0.3 N is no load: a sum within the round-off of its terms has no sign.
+    """
+    sums = [np.zeros((1, space.n)), np.zeros((1, space.n))]
+    sizes = [np.zeros((1, space.n)), np.zeros((1, space.n))]
     for i, table in enumerate(space.file.load):
         row = space.load_row(i, values)
         if table.area is not None:
-            size = bounded(table.area, values, ("load", i, "area"), "m2")
-            loads[0] = loads[0] + np.atleast_1d(size)[:, None] * row
+            kind, number = 0, bounded(table.area, values, ("load", i, "area"), "m2")
         else:
             assert table.force is not None
-            size = value_of(table.force, values, ("load", i, "force"))
-            loads[1] = loads[1] + np.atleast_1d(size)[:, None] * row
-    return loads[0], loads[1]
+            kind, number = 1, value_of(table.force, values, ("load", i, "force"))
+        term = np.atleast_1d(number)[:, None] * row
+        sums[kind], sizes[kind] = sums[kind] + term, sizes[kind] + np.abs(term)
+    round_off = np.finfo(float).eps * len(space.file.load)
+    of_pressure, constant = (
+        np.where(np.abs(x) <= round_off * size, 0.0, x) for x, size in zip(sums, sizes, strict=True)
+    )
+    return of_pressure, constant
 
 
 def _stacked(rows: list[np.ndarray], n: int) -> np.ndarray:
