@@ -52,7 +52,7 @@ contact_law = "cubic"
 [parameters]
 "contact.cubic_stiffness" = 2e20
 damping_ratio = 0.01
-sliding_speed = 3.0
+sliding_speed = 0.3
 [[sweep]]
 parameter = "friction"
 values = [0.8, 0.9]

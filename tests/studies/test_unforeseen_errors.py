@@ -29,7 +29,7 @@ STUDIES = {
     + BAND
     + "[transient]\nduration = 0.02\nstep = 5e-5\n",
     "limit_cycles": study_text("c", "limit_cycles", "hoffmann")
-    + 'contact_law = "cubic"\n[parameters]\n"contact.cubic_stiffness" = 2e20\nsliding_speed = 3.0\n'
+    + 'contact_law = "cubic"\n[parameters]\n"contact.cubic_stiffness" = 2e20\nsliding_speed = 0.3\n'
     + FALLS
     + sweep_text("friction", 0.8, 0.9, 2)
     + BAND
