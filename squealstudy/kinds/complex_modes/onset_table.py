@@ -13,6 +13,7 @@ from rich.console import RenderableType
 
 from squealstudy.kinds.complex_modes.design_lines import GRID, MOST_DESIGNS
 from squealstudy.screen import grid, notes
+from squealstudy.shown_units import prefixed
 from squealstudy.tables.mode_ranking import parameter_columns
 from squealstudy.tables.stability import (
     BRACKETED,
@@ -24,7 +25,7 @@ from squealstudy.tables.stability import (
     OUT_OF,
     REFINED_ONSETS,
 )
-from squealstudy.wording import amount, in_column, with_unit
+from squealstudy.wording import amount
 
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
@@ -61,13 +62,15 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
         return []
     every = len(table)
     table = table.iloc[np.unique(np.linspace(0, every - 1, MOST_ROWS).round().astype(int))]
+    largest = float(np.abs(table.index.to_numpy(float)).max())
+    shown_unit, factor = prefixed(units.get(down, ""), largest)
+    numbers = [f"{factor * number:.4g}" for number in table.index]
+    if len(set(numbers)) < len(numbers):
+        numbers = [f"{factor * number:.9g}" for number in table.index]
     shown = grid(
-        f"value:{with_unit(down, units)}",
+        f"value:{down} {shown_unit}".rstrip(),
         *(f"value:{_title(column, others, units, along)}" for column in table.columns),
-        rows=(
-            [in_column(number, units.get(down, "")), *row]
-            for number, row in zip(table.index, table.to_numpy(), strict=True)
-        ),
+        rows=([number, *row] for number, row in zip(numbers, table.to_numpy(), strict=True)),
     )
     shown_marks = set(first["mark"])
     fewer = f"; {len(table)} of {every} values of {down}" if len(table) < every else ""
