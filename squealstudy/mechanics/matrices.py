@@ -94,6 +94,8 @@ def _real(letter: str, matrix: Any) -> sp.csr_matrix:
     array = matrix if sp.issparse(matrix) else np.asarray(matrix)
     if array.ndim != 2 or array.shape[0] != array.shape[1] or not array.shape[0]:
         raise ModelError(f"{letter}: expected a square matrix, got the shape {array.shape}")
+    if np.ma.is_masked(matrix):
+        raise ModelError(f"{letter}: expected a value of every entry, some are masked")
     if array.dtype.kind not in "iuf":
         raise ModelError(f"{letter}: expected a matrix of real numbers, got {array.dtype}")
     sparse = sp.csr_matrix(array, dtype=float, copy=True)

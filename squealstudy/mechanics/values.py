@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,7 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
+from numpy.exceptions import ComplexWarning
 
 from squealstudy.errors import ParameterError
 from squealstudy.models.model_point import ModelPoint
@@ -35,12 +37,14 @@ def column_of(parameter: StudyParameter, value: Any) -> Column:
     if isinstance(value, int | float):  # bool is an int too, and refused by the check
         return parameter.check(value)
     try:
-        array = np.array(value, dtype=float)
+        with warnings.catch_warnings():  # of complex numbers, which are refused below
+            warnings.simplefilter("ignore", ComplexWarning)
+            array = np.array(value, dtype=float)
     except (TypeError, ValueError):
         text = f"expected a number or an array of numbers, got {value!r}"
         raise ParameterError(parameter.name, text) from None
-    if np.asarray(value).dtype == bool:
-        raise ParameterError(parameter.name, f"expected numbers, got {value!r}")
+    if np.asarray(value).dtype.kind in "bc" or np.ma.is_masked(value):
+        raise ParameterError(parameter.name, f"expected real numbers, got {value!r}")
     if array.ndim == 0:
         return parameter.check(float(array))
     if array.ndim > 1 or not array.size:

@@ -327,6 +327,17 @@ def test_matrices_that_are_there_are_a_model():
         sq.matrices(M, K[:3])
 
 
+@pytest.mark.filterwarnings("error")
+def test_parts_of_numbers_are_not_dropped():
+    """Imaginary parts of a batch were cut off, and masked values and entries counted as given."""
+    masked = np.ma.masked_array([0.1, 0.5], [False, True])
+    for values in (np.array([0.1, 0.5 + 1j]), [0.1 + 1j], masked):
+        with pytest.raises(ParameterError, match="friction"):
+            sq.model("hulten").at(friction=values)
+    with pytest.raises(ModelError, match="K: expected a value of every entry, some are masked"):
+        sq.matrices(np.eye(2), np.ma.masked_array(np.eye(2), np.eye(2) == 0))
+
+
 def test_matrices_are_copied():
     """A stiffness that is changed in place for a second model is not that of the first."""
     own = sp.csr_matrix(np.diag([1e4, 4e4]))
