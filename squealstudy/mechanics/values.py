@@ -44,7 +44,7 @@ def column_of(parameter: StudyParameter, value: Any) -> Column:
         text = f"expected a number or an array of numbers, got {value!r}"
         raise ParameterError(parameter.name, text) from None
     if np.asarray(value).dtype.kind in "bc" or np.ma.is_masked(value):
-        raise ParameterError(parameter.name, f"expected real numbers, got {value!r}")
+        raise ParameterError(parameter.name, f"expected numbers, got {value!r}")
     if array.ndim == 0:
         return parameter.check(float(array))
     if array.ndim > 1 or not array.size:
