@@ -35,9 +35,11 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
     bytes_per_mode = 4 * len(NUMBERS) + 2 * (len(INTEGERS) + len(energies))
     position = np.full(len(results.points), -1)
     position[points.index] = np.arange(len(points))
-    all_modes = results.rows("modes", [ROW, "damping_ratio"])
+    all_modes = results.rows("modes", [ROW, "damping_ratio", "growth_rate", "frequency_hz"])
     is_shown = position[all_modes[ROW].to_numpy()] >= 0
     mode_rows = np.flatnonzero(is_shown)
+    mapped = all_modes.iloc[mode_rows]
+    mapped = mapped.assign(**{ROW: position[mapped[ROW].to_numpy()]})
     max_modes, max_damping_ratio = MAX_BYTES // bytes_per_mode, np.inf
     if len(mode_rows) > max_modes:
         damping = all_modes["damping_ratio"].to_numpy()[mode_rows]
@@ -69,7 +71,7 @@ def modes_content(results: Results, points: pd.DataFrame) -> tuple[Content, list
         "shares": [packed_numbers(modes[name].to_numpy()) for name in energies],
     }
     content |= {name: packed_single(modes[name].to_numpy()) for name in NUMBERS if name in modes}
-    return content, _measures(points, modes)
+    return content, _measures(points, mapped)
 
 
 def _tracks(modes: pd.DataFrame) -> np.ndarray:
@@ -90,7 +92,7 @@ def _flags(modes: pd.DataFrame) -> np.ndarray:
 
 
 def _measures(points: pd.DataFrame, modes: pd.DataFrame) -> list[Content]:
-    """Quantities of design points that a map can show, from the modes on the page."""
+    """Quantities of design points that a map can show, from all their modes."""
     fastest = modes.loc[modes.groupby(ROW)["growth_rate"].idxmax()].set_index(ROW)
     by_point = fastest.reindex(np.arange(len(points)))
     least_damping = modes.groupby(ROW)["damping_ratio"].min().reindex(np.arange(len(points)))

@@ -121,7 +121,8 @@ def test_of_too_many_modes_those_that_grow_and_the_lightest_are_there(results, m
     monkeypatch.setattr(
         complex_modes, "MAX_BYTES", 60 * 24
     )  # 60 modes of 3 columns of 4 bytes and 6 of 2
-    own = content_of(page.explore(results).html)["own"]
+    of_60 = content_of(page.explore(results).html)
+    own = of_60["own"]
     modes = results.modes
     lightest = np.sort(modes["damping_ratio"])[59]
     assert own["lightest"] == pytest.approx(lightest)
@@ -131,6 +132,10 @@ def test_of_too_many_modes_those_that_grow_and_the_lightest_are_there(results, m
     few = content_of(page.explore(results).html)
     assert few["own"]["n"] == modes["unstable"].sum() > 1
     assert any("those that grow" in text for text in few["notes"])
+    fastest = modes.groupby("point_id", sort=False)["growth_rate"].max()  # of those not there, too
+    for content in (few, of_60):
+        (growth,) = [m for m in content["measures"] if m["name"] == "fastest growth"]
+        np.testing.assert_allclose(unpacked(growth["values"]), fastest, rtol=1e-6)
 
 
 def test_a_query_chooses_design_points_and_keeps_their_numbers(results):
