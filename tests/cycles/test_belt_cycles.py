@@ -129,7 +129,6 @@ def test_both_cycles_of_a_soft_belt(found):
     assert outer.levels["contact_velocity"] > SPEED - SATURATION  # friction is not saturated there
 
 
-@pytest.mark.full_size
 def test_the_fold_of_a_soft_belt_over_its_speed(designs, found):
     """Where no displacement gains in a period any more."""
     start = found.cycles[1].motion
