@@ -14,7 +14,14 @@ BETWEEN = "; "  # reasons of a point, each "rule: value"
 MIN_CLOSED_SHARE = 0.5  # closed share of the contact area in steady sliding
 OPEN_RULE = f"the contact is closed over {MIN_CLOSED_SHARE:.0%} of its area or more, open share"
 ALL_OPEN = f"{OPEN_RULE}: 1"
-CLOSED_RULE = "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
+CLOSED_RULE = (
+    "a bilateral contact presses with 1 % of its mean pressure or more everywhere, share of its area "
+    "that does not"
+)
+# as results made before have it
+OLD_CLOSED_RULE = (
+    "a bilateral contact presses everywhere, share of it below 1 % of the mean pressure"
+)
 
 
 def validity_counts(points: pd.DataFrame) -> tuple[int, int, list[tuple[str, int]]]:
@@ -86,7 +93,8 @@ def pulling_rows(points: pd.DataFrame) -> np.ndarray:
     least = 2 if "class" in points else 1
     if "invalid_reason" not in points:
         return np.zeros(0, dtype=int)
-    counts = [str(text).count(CLOSED_RULE) for text in points["invalid_reason"]]
+    texts = points["invalid_reason"].astype(str)
+    counts = [text.count(CLOSED_RULE) + text.count(OLD_CLOSED_RULE) for text in texts]
     return np.flatnonzero(np.array(counts, dtype=int) >= least)
 
 
