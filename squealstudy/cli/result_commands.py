@@ -59,8 +59,10 @@ def rank(
                 text = f"--names and --why are of modes, these are results of kind {opened.kind}"
                 raise ResultsError(f"{results}: {text}")
             mode_facts = (reasons if why else named)(opened, ranking["track"])
-        screen.show(screen.facts(mode_facts))
-        return
+        if mode_facts:
+            screen.show(screen.facts(mode_facts))
+            return
+        screen.warning("--names and --why tell of modes that oscillate and grow: there is none")
     if csv:
         screen.show_csv(opened.rank(by, top, where))
         return

@@ -228,6 +228,18 @@ def test_a_screen_says_what_was_found_how_sure_that_is_and_what_next(study, caps
     assert "points by rung" not in short
 
 
+@pytest.mark.parametrize("option", ["--why", "--names"])
+def test_where_no_mode_grows_a_ranking_says_so_whatever_is_asked_of_it(study, capsys, option):
+    """It printed nothing at all."""
+    study.write_text(study.read_text().replace("stop = 0.6", "stop = 0.1"))
+    assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
+    capsys.readouterr()
+    assert command("rank", "results/lockin", option) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("No mode between")
+    assert "tell of modes that oscillate and grow: there is none" in " ".join(err.split())
+
+
 def test_why_two_modes_of_a_small_model_lock_in(study, capsys):
     """Hulten's undamped model: all growth is of unsymmetric stiffness, from two modes in half."""
     assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
