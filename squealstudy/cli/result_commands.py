@@ -49,7 +49,7 @@ def rank(
     opened = face.open_results(results)
     if names or why:
         from squealstudy.cli.shape import names as named
-        from squealstudy.cli.shape import reasons
+        from squealstudy.cli.shape import points_of_ranking, reasons
         from squealstudy.engine.kind_screen import N_RANKING_ROWS
         from squealstudy.paths import usable_cache
 
@@ -58,7 +58,11 @@ def rank(
             if "track" not in ranking:
                 text = f"--names and --why are of modes, these are results of kind {opened.kind}"
                 raise ResultsError(f"{results}: {text}")
-            mode_facts = (reasons if why else named)(opened, ranking["track"])
+            tracks = ranking["track"]
+            if why:
+                mode_facts = reasons(opened, tracks, points_of_ranking(opened, ranking))
+            else:
+                mode_facts = named(opened, tracks)
         if mode_facts:
             screen.show(screen.facts(mode_facts))
             return

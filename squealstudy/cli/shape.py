@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
+import pandas as pd
 
 from squealstudy.engine.mode_names import track_names
 from squealstudy.engine.mode_shapes import chosen_modes, plan_of, point_shapes
@@ -234,8 +236,10 @@ def _source_text(kind: str, where: str) -> str:
     return f"contact of {words(where)}" if kind == CONTACT else words(where)
 
 
-def reasons(results: Results, tracks: Iterable[int]) -> Rows:
-    """Rows on why ranked modes grow, each at the design point where it grows fastest.
+def reasons(
+    results: Results, tracks: Iterable[int], points: Mapping[int, str] = MappingProxyType({})
+) -> Rows:
+    """Rows on why ranked modes grow, by track at a `point_id`, by default where it grows fastest.
 
     Raises
     ------
@@ -243,29 +247,40 @@ def reasons(results: Results, tracks: Iterable[int]) -> Rows:
         For the reasons of `Results.shape`.
     """
     rows: Rows = []
-    if not has_mesh(plan_of(results).study):
-        return [row for track in tracks if track >= 0 for row in _of_vectors(results, int(track))]
-    for track in tracks:
-        if track >= 0:
-            shape = results.shape(track=int(track))
-            growth = f"growth {shape.growth_rate:+.4g} 1/s {_location(results, shape.label.row)}"
-            name = f"{shape.frequency_hz:.0f} Hz, {name_of(shape).text}"
-            rows += [(track_number(track), f"{name}; {growth}"), *_why(shape)]
+    is_meshed = has_mesh(plan_of(results).study)
+    for track in (int(track) for track in tracks if track >= 0):  # real roots have none
+        if not is_meshed:
+            rows += _of_vectors(results, track, points.get(track))
+            continue
+        shape = results.shape(points.get(track), track=track)
+        growth = f"growth {shape.growth_rate:+.4g} 1/s {_location(results, shape.label.row)}"
+        name = f"{shape.frequency_hz:.0f} Hz, {name_of(shape).text}"
+        rows += [(track_number(track), f"{name}; {growth}"), *_why(shape)]
     return rows
+
+
+def points_of_ranking(results: Results, ranking: pd.DataFrame) -> dict[int, str]:
+    """By track the `point_id` at which it grows fastest of the points that a ranking counts."""
+    modes, point_of = results.modes, dict[int, str]()
+    for track, growth in zip(ranking["track"], ranking["max_growth_rate"], strict=True):
+        fastest = (modes["track"] == track) & (modes["growth_rate"] == growth)
+        if track >= 0:
+            point_of[int(track)] = str(modes.loc[fastest, "point_id"].iloc[0])
+    return point_of
 
 
 def _location(results: Results, row: int) -> str:
     """Text that places a design point, by its number and (if few) the parameters that vary."""
     points, units = results.points, results.units
-    varied = [name for name in results.parameters if points[name].nunique() > 1]
+    varied = [name for name in results.parameters if len(points[name].unique()) > 1]
     texts = [f"{name} {amount(points[name].iloc[row], units.get(name, ''))}" for name in varied]
     prefix = f"at {', '.join(texts)}, " if 0 < len(texts) <= MOST_PLACED else "at "
     return f"{prefix}design point {row}"
 
 
-def _of_vectors(results: Results, track: int) -> Rows:
+def _of_vectors(results: Results, track: int, point: str | None) -> Rows:
     """Rows on why a mode of a model without a mesh grows, and on its vectors by coordinate."""
-    mode = mode_vectors(results, track)
+    mode = mode_vectors(results, track, point)
     hz, growth = abs(mode.lam) / (2 * np.pi), mode.lam.real
     of_contact = results.manifest["model"] != OWN_MATRICES
     head = f"{in_digits(hz, 1)} Hz, growth {growth:+.4g} 1/s {_location(results, mode.row)}"

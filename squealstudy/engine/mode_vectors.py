@@ -65,15 +65,15 @@ class ModeVectors:
     locked_in: bool
 
 
-def mode_vectors(results: ResultTables, track: int) -> ModeVectors:
-    """Solve a tracked mode again, at the design point where it grows fastest.
+def mode_vectors(results: ResultTables, track: int, point: str | None = None) -> ModeVectors:
+    """Solve a tracked mode again, at a `point_id`, by default that where it grows fastest.
 
     Raises
     ------
     ResultsError
         Where there is no such track, or this version finds other modes or no files of the study.
     """
-    row, (number, *_) = chosen_modes(results, None, None, track)
+    row, (number, *_) = chosen_modes(results, point, None, track)
     plan = plan_of(results)
     definition = plan.study.model
     values = {

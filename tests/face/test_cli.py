@@ -252,6 +252,9 @@ def test_why_two_modes_of_a_small_model_lock_in(study, capsys):
     assert "deg out of phase: the two have locked in" in told
     assert "energy in" not in told  # all is in the interfaces of a lumped model
     assert "-0 of damping" not in told  # no sign where there is none
+    assert command("rank", "results/lockin", "--where", "friction < 0.43", "--why") == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "1/s at friction 0.4, design point 8" in told  # not at .6, where the whole study is
     vectors = mode_vectors(open_results("results/lockin"), 1)
     assert vectors.by_stiffness == pytest.approx(vectors.lam.real, rel=1e-9)
     assert vectors.by_velocity == pytest.approx(0.0, abs=1e-9)
