@@ -55,10 +55,12 @@ def counted_points(points: pd.DataFrame, modes: Collection[str], where: str | No
     return selected & (points["status"] == "ok").to_numpy(bool)
 
 
-def units_in_query(
-    where: str, points: Collection[str], modes: Collection[str], units: Mapping[str, str]
+def within_query(
+    where: str | None, points: Collection[str], modes: Collection[str], units: Mapping[str, str]
 ) -> str:
-    """In which units the numbers of a query are, to follow a sentence; empty of pure numbers."""
+    """Words on a query and the units of its numbers, to follow others; empty without a query."""
+    if where is None:
+        return ""
     names = set().union(*(condition.columns for condition in query(where, points, modes)))
     texts = [f"{name} in {units[name]}" for name in sorted(names) if units.get(name)]
-    return f", which has {', '.join(texts)}" if texts else ""
+    return f" within the query, which has {', '.join(texts)}," if texts else " within the query"

@@ -493,6 +493,11 @@ def test_an_empty_ranking_says_over_what_it_is(capsys):
     results = made(points=points, modes=modes, onsets=NO_ONSETS, units={"pressure": "Pa"})
     text, *_ = results.screen.ranking(results, where="pressure > 1e9 and friction < 9")
     assert text == "No design point is solved and within the query, which has pressure in Pa."
+    _, legend = results.screen.ranking(results, where="pressure > 0")  # though it shows bar
+    told = " ".join(str(legend).split())
+    assert "24 solved points within the query, which has pressure in Pa, at which" in told
+    text, *_ = results.screen.ranking(results, where="frequency_hz > 9000 and pressure > 0")
+    assert text.startswith("Within the query, which has pressure in Pa, no mode between")
     failed = points.assign(status="failed")
     text = screen_of(capsys, failed, modes.iloc[:0])
     counted = "24 design points are not ok and count neither way (24 failed)"

@@ -37,7 +37,7 @@ from squealstudy.tables.mode_ranking import (
     settings_of,
 )
 from squealstudy.tables.point_rows import ROW, point_codes
-from squealstudy.tables.ranking_query import counted_points, query, selection, units_in_query
+from squealstudy.tables.ranking_query import counted_points, query, selection, within_query
 from squealstudy.tables.stability import (
     BELOW_RANGE,
     BRACKETED,
@@ -242,15 +242,17 @@ def _unrefined(manifest: Mapping[str, Any]) -> Rows:
     )
 
 
+def _within_query(results: ResultTables, where: str | None) -> str:
+    return within_query(where, results.points.columns, results.columns("modes"), results.units)
+
+
 def _no_mode(results: ResultTables, where: str | None) -> str:
     """A sentence on why a ranking has no row."""
     if not _counted_points(results, where):
         if not where:
             return "No design point is solved."
-        names = results.points.columns, results.columns("modes")
-        units = units_in_query(where, *names, results.units)
-        return f"No design point is solved and within the query{units}."
-    none = "Within the query no mode" if where else "No mode"
+        return f"No design point is solved and{_within_query(results, where).rstrip(',')}."
+    none = f"W{_within_query(results, where)[2:]} no mode" if where else "No mode"
     none += f" {band_text(results.fact('band_hz'))}"  # modes outside it may well be unstable
     if results.boundary is None:
         count = _counted_points(results, where)
@@ -307,11 +309,11 @@ def _left_out(results: ResultTables) -> str:
 def _legend(table: pd.DataFrame, results: ResultTables, where: str | None) -> list[str]:
     """Texts on the columns of the ranking, and on what is left out."""
     query = " within the query" if where else ""
-    counted = _counted(results, where)
+    counted = f"{_counted(results, where)}{_within_query(results, where)}"
     unstable_text = "the mode was found unstable"
     if results.boundary is not None:
         unstable_text += "; a node that was not solved is as the nearest corner of its cell"
-    texts = [f"unstable: share of {counted}{query} at which {unstable_text}"]
+    texts = [f"unstable: share of {counted} at which {unstable_text}"]
     if (table["unstable_points_low"] < table["unstable_points_high"]).any():
         texts += ["in brackets: from points where it is so whatever its error, to where it may be"]
     texts += [_doubt(results, where), _left_out(results)]
