@@ -176,7 +176,30 @@ def test_output4_of_nastran(tmp_path, storage, binary):
         read_matrix(path, "MAA")
 
 
-def output2(matrices):
+@pytest.mark.parametrize("ending", [".op4", ".op2"])
+def test_a_matrix_of_nastran_is_what_its_form_says(tmp_path, ending):
+    """One triangle of a symmetric one, and an identity without entries, were read as they stood."""
+    with np.printoptions():
+        op4 = pytest.importorskip("pyyeti.nastran.op4")
+    A, path = random_matrix(seed=1).toarray(), tmp_path / f"a{ending}"
+    for form, B, text in (
+        (6, A + A.T, ""),
+        (6, np.tril(A + A.T), r"by its form \(6\) it is symmetric, by its entries it is not"),
+        (8, np.zeros_like(A), "found form 8"),
+        (4, np.tril(A), ""),
+    ):
+        if ending == ".op4":
+            op4.write(str(path), ["KAA"], [B], forms=[form], digits=17)
+        else:
+            path.write_bytes(output2([("KAA", B)], form))
+        if text:
+            with pytest.raises(ModelError, match=text):
+                read_matrix(path)
+        else:
+            np.testing.assert_allclose(read_matrix(path).toarray(), B, rtol=1e-15)
+
+
+def output2(matrices, form=1):
     """An OUTPUT2 file of dense matrices in double precision: records, with keys before them."""
 
     def record(body):
@@ -190,7 +213,7 @@ def output2(matrices):
     for number, (name, A) in enumerate(matrices, start=101):
         rows, columns = A.shape
         title = name.ljust(8).encode()
-        trailer = (number, columns, rows, 1, 2, 2 * rows, 10000)
+        trailer = (number, columns, rows, form, 2, 2 * rows, 10000)
         found += keys(2) + record(title) + keys(-1, 7) + record(struct.pack("<7i", *trailer))
         found += keys(-2, 1, 0, 4) + record(title + bytes(8))
         for j in range(columns):

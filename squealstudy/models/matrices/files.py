@@ -15,8 +15,8 @@ import scipy.sparse as sp
 from squealstudy.array_files import expect_room
 from squealstudy.errors import ModelError
 from squealstudy.files import read_whole
-from squealstudy.models.matrices.dmig import read_dmig
-from squealstudy.models.matrices.entries import check_size
+from squealstudy.models.matrices.dmig import SYMMETRIC, read_dmig
+from squealstudy.models.matrices.entries import TRIANGLES_REL_TOLERANCE, check_size
 from squealstudy.models.matrices.harwell_boeing import read_harwell_boeing
 from squealstudy.models.matrices.labelled import LabelledMatrix, read_abaqus, read_calculix
 from squealstudy.models.matrices.matlab import HDF5, MATLAB_5, Variable, variables, version_of
@@ -27,6 +27,8 @@ ResultT = TypeVar("ResultT")
 ABAQUS, NASTRAN = ".mtx", (".pch", ".bdf", ".dat", ".nas", ".blk")
 INDEX_ARRAYS = ("indices", "indptr", "row", "col", "offsets")  # arrays of whole numbers of SciPy
 MOST_ROWS_OP2 = 20_000  # a larger matrix takes more than 3.2 GB, as its reader stores all zeros
+FORM_IN_TRAILER = 3  # of a matrix of OUTPUT2, from 0
+NOT_STORED = (3, 8)  # forms of Nastran whose zeros are no zeros: diagonal, identity
 MAX_LISTED_VARIABLES = 12  # most variables of a file in a message
 
 
@@ -201,13 +203,14 @@ def _op4(path: Path, variable: str | None) -> Any:
             from pyyeti.nastran import op4
     except ImportError:
         raise ModelError(f"{path}: OP4 needs pyyeti: pip install 'squealstudy[op4]'") from None
-    names, matrices, _, _ = op4.load(str(path), into="list", sparse=True)
+    names, matrices, forms, _ = op4.load(str(path), into="list", sparse=True)
     if len(set(names)) < len(names):
         raise ModelError(f"{path} has two matrices of one name")
     small_name = (
         None if variable is None else variable.lower()
     )  # its reader's names are in small ones
-    return _chosen(dict(zip(names, matrices, strict=True)), path, small_name)
+    form_of = zip(matrices, forms, strict=True)
+    return _of_form(*_chosen(dict(zip(names, form_of, strict=True)), path, small_name))
 
 
 def _op2(path: Path, variable: str | None) -> Any:
@@ -230,7 +233,21 @@ def _op2(path: Path, variable: str | None) -> Any:
             f"{path}: '{block.name}' has {rows:,} rows, expected at most {MOST_ROWS_OP2:,} in an "
             "OP2 file: write OP4"
         )
-    return file.rdop2mats([block.name])[block.name]
+    return _of_form(file.rdop2mats([block.name])[block.name], block.trailer[FORM_IN_TRAILER])
+
+
+def _of_form(A: Any, form: int) -> Any:
+    """A matrix of Nastran; ValueError where it is not as stored, or not as its form says."""
+    if form in NOT_STORED:
+        raise ValueError(f"expected a square or symmetric matrix, found form {form}")
+    if form == SYMMETRIC and A.shape[0] == A.shape[1]:
+        difference, size = (abs(sp.coo_matrix(part)).max() for part in (A - A.T, A))
+        if difference > TRIANGLES_REL_TOLERANCE * size:
+            raise ValueError(
+                f"by its form ({form}) it is symmetric, by its entries it is not: "
+                "expected both triangles"
+            )
+    return A
 
 
 READERS: dict[tuple[str, ...], Reader] = {
