@@ -21,6 +21,7 @@ from squealstudy.files import OF_LINES, UnusableFileError, read_whole
 from squealstudy.linalg.real_modes import real_modes
 from squealstudy.models.components.free_modes import rigid_count
 from squealstudy.shapes.names import SAME_NAME_REL_DISTANCE
+from squealstudy.shapes.spans import span
 
 # numbers of the datasets of a universal file
 NODES = (15, 2411)  # coordinates
@@ -250,7 +251,7 @@ class Correlation:
         Mean frequency of each group, Hz.
     mac : ndarray (m, g)
         Share (0 to 1) of each measured shape that a combination of the group's modes describes; for
-        a group of one mode this is the MAC.
+        a group of one mode this is the MAC; 0 for modes at rest at the measured points.
     pairs : tuple of (int, int)
         Indices of measured mode and group, ascending in the measured mode.
     alike : tuple of (int, int, float)
@@ -340,16 +341,19 @@ def correlated(
             f"frequency, {measured.frequency_hz.max():.4g} Hz"
         )
     mode_groups = _groups(hz)
-    computed = rows @ phi[:, first:]
+    elastic = phi[:, first:]
+    computed = rows @ elastic / np.abs(E @ elastic).max(axis=0)
     u = np.array([shape[used][measured.measured_directions[used]] for shape in measured.shapes])
-    spans = [np.linalg.qr(computed[:, group])[0] for group in mode_groups]
+    spans = [span(computed[:, group]) for group in mode_groups]
     size = np.maximum((np.abs(u) ** 2).sum(axis=1), 1e-300)
     mac = np.column_stack([(np.abs(u @ Q) ** 2).sum(axis=1) / size for Q in spans])
     alike = [
         (i, j, float(mac_of_pair))
         for i in range(len(spans))
         for j in range(i)
-        if (mac_of_pair := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > MAX_INDISTINCT_MAC
+        if spans[i].size
+        and spans[j].size
+        and (mac_of_pair := np.linalg.norm(spans[i].T @ spans[j], 2) ** 2) > MAX_INDISTINCT_MAC
     ]
     return Correlation(
         n_rigid=first,
