@@ -131,10 +131,14 @@ def _no_mode(
     point_modes: pd.DataFrame, row: int, mode: int | None, track: int | None
 ) -> ResultsError:
     """Error that explains why a point with these modes does not have the one asked for."""
-    if mode in set(point_modes["mode"]):
+    chosen = point_modes[point_modes["mode"] == mode]
+    if chosen["overdamped"].any():
         return ResultsError(f"mode {mode} of design point {row} is overdamped: it has no shape")
+    if len(chosen):
+        return ResultsError(f"mode {mode} of design point {row} is not of track {track}")
     if mode is None:
-        return ResultsError(f"track {track} has no mode at design point {row}")
+        which = "nothing that oscillates" if track is None else f"no mode of track {track}"
+        return ResultsError(f"design point {row} has {which}")
     return ResultsError(f"design point {row} has no mode {mode}: it has 1 to {len(point_modes)}")
 
 

@@ -175,6 +175,12 @@ def test_points_that_failed_and_overdamped_modes(results):
         results.with_tables(points=points, modes=gone).shape(0)
     with pytest.raises(ResultsError, match="mode 2 of design point 0 is overdamped"):
         with_modes(results, overdamped=results.modes["mode"] == 2).shape(0, 2)
+    with pytest.raises(ResultsError, match="design point 0 has nothing that oscillates"):
+        with_modes(results, overdamped=results.modes["point_id"] == first).shape(0)
+    own = results.modes[results.modes["point_id"] == first].set_index("mode")["track"]
+    other = next(track for track in own if track not in (own[1], -1))
+    with pytest.raises(ResultsError, match=f"mode 1 of design point 0 is not of track {other}"):
+        results.shape(0, 1, other)  # it was told to be overdamped
 
 
 def test_results_without_a_mesh(tmp_path):
