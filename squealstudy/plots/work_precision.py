@@ -28,7 +28,8 @@ from squealstudy.tables.method_quality import at_tolerances, cost_of, on_front, 
 if TYPE_CHECKING:
     from squealstudy.engine.results import Results
 
-LOG_AXIS_FLOOR = 1e-16  # smaller errors, also zero, are drawn at this value of a logarithmic axis
+LOG_AXIS_FLOOR = 1e-16  # smaller errors are drawn as zero
+VALUE_POINTS = 32.0, 12.0  # points: width and height that the value of a setting needs
 NAMES = {
     "frequency": "frequency, light modes [relative]",
     "damping_ratio": "damping ratio, light modes [absolute]",
@@ -80,10 +81,10 @@ def work_precision(results: Results, ax: Axes | None = None) -> Figure:
     reference = measurements[measurements["reference"].to_numpy(bool)]
     styles = _styles(methods)
     for axes, quantity in zip(panels, quantities, strict=False):
-        _panel(axes, methods, quantity, styles)
         axes.axhline(tolerance, color=DARK, lw=1.0, ls=(0, (5, 3)), zorder=1)
         for cost in cost_of(reference, quantity):
             axes.axvline(cost, color=GREY, lw=1.0, ls=":", zorder=1)
+        _panel(axes, methods, quantity, styles)
         name = NAMES.get(quantity, quantity)
         finish(axes, _cost_label(quantity, facts), name.format(friction=friction))
     for axes in panels[len(quantities) :]:
@@ -135,7 +136,8 @@ def _panel(
 ) -> None:
     """Draw the measurements of all methods for one quantity."""
     good = usable(methods)
-    error = np.maximum(methods[f"error_{quantity}"].to_numpy(float), LOG_AXIS_FLOOR)
+    told = methods[f"error_{quantity}"].to_numpy(float)
+    error = np.maximum(told, _least_shown(told[good]))
     cost = cost_of(methods, quantity)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -151,8 +153,17 @@ def _panel(
     order = np.flatnonzero(front)[np.argsort(cost[front])]
     axes.plot(cost[order], error[order], color=GREY, lw=7, alpha=0.35, zorder=0)
     named = np.flatnonzero(good & (front | methods["default"].to_numpy(bool)))
-    _knob_values(axes, methods.iloc[named], cost[named], error[named], styles)
+    named = named[np.argsort(cost[named], kind="stable")]
+    exact = pd.Series(told == 0.0, methods.index)
+    texts = methods["value"].astype(str).where(~exact, "error 0").iloc[named]
+    _knob_values(axes, methods.iloc[named].assign(value=texts), cost[named], error[named], styles)
     _failures(axes, methods[~good], cost[~good], styles)
+
+
+def _least_shown(errors: np.ndarray) -> float:
+    """Where the axis puts errors of zero: a decade below the smallest other one."""
+    others = errors[errors > LOG_AXIS_FLOOR]
+    return 0.1 * float(others.min()) if len(others) else LOG_AXIS_FLOOR
 
 
 def _knob_values(
@@ -162,14 +173,23 @@ def _knob_values(
     error: np.ndarray,
     styles: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write the value of the varied setting beside each measurement."""
-    for text, name, x, y in zip(
-        measurements["value"], measurements["method"], cost, error, strict=True
+    """Write the value of the varied setting beside each measurement, by ascending cost.
+
+    Of neighbours that are close every other text stands below its measurement.
+    """
+    axes.autoscale_view()
+    pixels_a_point = axes.figure.figure.dpi / 72.0
+    places = axes.transData.transform(np.column_stack([cost, error])) / pixels_a_point
+    above = True
+    for k, (text, name) in enumerate(
+        zip(measurements["value"], measurements["method"], strict=True)
     ):
+        across, up = np.abs(places[k] - places[k - 1]) if k else (np.inf, np.inf)
+        above = not above if across < VALUE_POINTS[0] and up < VALUE_POINTS[1] else True
         axes.annotate(
             text,
-            (x, y),
-            xytext=(5, 4),
+            (cost[k], error[k]),
+            xytext=(5, 4) if above else (5, -10),
             textcoords="offset points",
             fontsize=7,
             color=styles[name]["color"],

@@ -7,6 +7,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from made_results import made
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 from study_runs import command, load_plan
 from study_texts import study_text, sweep_text
 from typer.testing import CliRunner
@@ -311,6 +313,28 @@ def test_picture_draws_front_failures_and_tolerance():
     assert [list(c.get_xdata()) for c in crosses] == [[0.5]]
     dashed = [line for line in axes.lines if list(line.get_ydata()) == [1e-2, 1e-2]]
     assert dashed
+
+
+def test_an_error_of_zero_stands_a_decade_below_the_others():
+    table = table_of(error_x=[1e-2, 0.0, np.nan, 0.0])
+    axes = work_precision(table, ["x"], 1e-2, {"over": 10, "reference": "truth"}).axes[0]
+    lines = {line.get_label(): line for line in axes.lines}
+    assert lines["one"].get_ydata() == pytest.approx([1e-2, 1e-3])
+    assert [text.get_text() for text in axes.texts] == ["1", "error 0"]
+
+
+def test_values_of_close_neighbours_do_not_overlap():
+    columns = {"error_x": [1e-3, 1e-3, 1e-3, 0.0], "value": ["0.0001", "0.001", "0.01", ""]}
+    columns |= {"cost": [1.0, 1.2, 1.44, 50.0], "status": "ok", "n_failed": 0, "method": "one"}
+    columns |= {"low_x": np.nan, "high_x": np.nan, "within_x": False, "default": True}
+    table = table_of(**columns)
+    figure = work_precision(table, ["x"], 1e-2, {"over": 10, "reference": "truth"})
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(text, renderer) for text in figure.axes[0].texts]
+    assert len(boxes) == 3
+    assert not boxes[0].overlaps(boxes[1])
+    assert not boxes[1].overlaps(boxes[2])
 
 
 @pytest.mark.parametrize(("unit", "word"), [("N", "friction force"), ("N m", "torque")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -427,6 +428,12 @@ def test_a_mode_that_corners_do_not_show_is_found():
     )
     basis = build_sweep_basis(problem, 1e-4)
     assert basis.V.shape[1] == 4
+
+
+def test_its_seconds_are_those_of_the_processor():
+    started = time.process_time()
+    basis = build_sweep_basis(random_brake(6, 1, 1), 1e-4, report=lambda *_: time.sleep(0.2))
+    assert 0.0 < basis.seconds <= time.process_time() - started < 0.2 + basis.seconds
 
 
 def test_a_box_without_working_points_says_so():

@@ -204,14 +204,14 @@ def points(
         *(["text:transfer"] if transfers else []),
         rows=(cells(k, row) for k, row in enumerate(listed.to_dict("records"))),
     )
-    more = len(table) - len(listed)
     legend = notes(
-        f"{more} more in the points table" if more else "",
+        f"{more} more in the points table" if (more := len(table) - len(listed)) else "",
         f"growth: fitted to the run ({_growth_marks(listed)}); forecast: of the complex mode",
         f"{what}{'' if what == 'torque' else ' of friction'}: its mean; RMS: of its fluctuation, "
         "+-: its error; Hz: of the motion (x2: loudest at twice that; ~: loudest line, where no "
         "period is known)",
         "most energy: the mode that has most, and its share; all over the end of the run",
+        "transfer: which mode hands the lead to which, and when" * transfers,
     )
     parts: list[RenderableType] = [shown, legend]
     if varied and not shown_parameters:

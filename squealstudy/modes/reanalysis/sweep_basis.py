@@ -132,7 +132,7 @@ def build_sweep_basis(
         Where more than half of the samples in the box, or the first points, have no working point
         (``working_point``), or no first point has a mode in the band (``no_modes``).
     """
-    started = time.perf_counter()
+    started = time.process_time()
     samples = _sampled_weights(problem)
     limit = max(WEIGHT_TOLERANCE * tolerance, LEAST_WEIGHT_TOLERANCE)
     cut, last = TRUNCATION * np.sqrt(tolerance), np.inf
@@ -157,7 +157,7 @@ def build_sweep_basis(
         )
         points, errors = _estimates(problem, basis, len(trained))
         worst, error = points[errors.argmax()], float(errors.max())
-        basis = replace(basis, error=error, seconds=time.perf_counter() - started)
+        basis = replace(basis, error=error, seconds=time.process_time() - started)
         good = error <= tolerance
         if len(trained) >= max_points or (good and _all_seen(problem, basis, worst, tolerance)):
             return basis
