@@ -136,8 +136,8 @@ def _panel(
 ) -> None:
     """Draw the measurements of all methods for one quantity."""
     good = usable(methods)
-    told = methods[f"error_{quantity}"].to_numpy(float)
-    error = np.maximum(told, _least_shown(told[good]))
+    all_errors = methods[f"error_{quantity}"].to_numpy(float)
+    error = np.maximum(all_errors, _least_shown(all_errors[good]))
     cost = cost_of(methods, quantity)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -154,7 +154,7 @@ def _panel(
     axes.plot(cost[order], error[order], color=GREY, lw=7, alpha=0.35, zorder=0)
     named = np.flatnonzero(good & (front | methods["default"].to_numpy(bool)))
     named = named[np.argsort(cost[named], kind="stable")]
-    exact = pd.Series(told == 0.0, methods.index)
+    exact = pd.Series(all_errors == 0.0, methods.index)
     texts = methods["value"].astype(str).where(~exact, "error 0").iloc[named]
     _knob_values(axes, methods.iloc[named].assign(value=texts), cost[named], error[named], styles)
     _failures(axes, methods[~good], cost[~good], styles)
@@ -179,12 +179,12 @@ def _knob_values(
     """
     axes.autoscale_view()
     pixels_a_point = axes.figure.figure.dpi / 72.0
-    places = axes.transData.transform(np.column_stack([cost, error])) / pixels_a_point
+    positions = axes.transData.transform(np.column_stack([cost, error])) / pixels_a_point
     above = True
     for k, (text, name) in enumerate(
         zip(measurements["value"], measurements["method"], strict=True)
     ):
-        across, up = np.abs(places[k] - places[k - 1]) if k else (np.inf, np.inf)
+        across, up = np.abs(positions[k] - positions[k - 1]) if k else (np.inf, np.inf)
         above = not above if across < VALUE_POINTS[0] and up < VALUE_POINTS[1] else True
         axes.annotate(
             text,
