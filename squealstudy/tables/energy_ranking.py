@@ -116,6 +116,13 @@ def _summary(lasting: pd.DataFrame, modes: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
+def worst_point(worst: str, points: pd.DataFrame) -> int:
+    """Number of the first design point with the settings of `worst`, in the order of `points`."""
+    names = [part.rpartition("=")[0] for part in worst.split(", ")]
+    rows = points[names].to_dict("records")
+    return next(k for k, row in enumerate(rows) if mode_ranking.settings_text(row) == worst)
+
+
 def _worst(points: pd.DataFrame, modes: pd.DataFrame, names: list[str]) -> pd.DataFrame:
     """Design and torque RMS (N m) where share x RMS of each mode is largest, indexed by mode."""
     torque = points["torque_rms"].to_numpy()[modes["point"].to_numpy(int)]

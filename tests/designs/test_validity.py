@@ -125,7 +125,7 @@ def test_friction_above_one_is_outside_hultens_model(tmp_path):
     assert points["invalid_reason"].tolist()[:2] == ["", ""]
     reason = points["invalid_reason"].iloc[2]
     assert reason.startswith("both contacts press only for friction below 1: 1.2; ")
-    assert "share of its area that does not: 0.36" in reason
+    assert "share of its area that lifts off: 0.36" in reason
     table = pq.read_table(tmp_path / "r" / "points.parquet")
     assert table.column_names[-2:] == ["valid", "invalid_reason"]
 
@@ -225,7 +225,7 @@ def test_in_time_a_bilateral_contact_that_pulls_and_a_far_kick():
     found = with_validity(plan, table)
     assert found["valid"].tolist() == [True, False, False]
     _, pulls, kicked = found["invalid_reason"]
-    assert pulls.endswith("share of its area that does not: 1")
+    assert pulls.endswith("share of its area that lifts off: 1")
     assert kicked.startswith("a step: long; the disturbance is at most 10 times the sliding speed")
     assert kicked.endswith("far from steady sliding: 12.5")
     assert found.columns[-2:].tolist() == ["valid", "invalid_reason"]

@@ -10,10 +10,12 @@ import pytest
 
 from squealstudy.kinds.transient.answer import (
     UNKNOWN_ROUNDING,
+    _settings,
     heard,
     lasting_in_words,
     vibrations_in_words,
 )
+from squealstudy.tables.energy_ranking import worst_point
 
 
 def runs(*levels, error=0.7):
@@ -88,3 +90,12 @@ def test_an_error_without_that_of_rounded_friction_says_so(stick_share, pilot, i
     assert vibrations_in_words(results, "N m").endswith(UNKNOWN_ROUNDING) == (stick_share > 0)
     results.points["class"] = "stable"
     assert UNKNOWN_ROUNDING not in vibrations_in_words(results, "N m")
+
+
+def test_a_run_of_many_parameters_is_told_by_its_number():
+    """Their first three values alone would name two runs alike."""
+    points = pd.DataFrame(np.eye(5)[:, 1:], columns=["a", "b", "c", "d"])
+    told = _settings(points.iloc[4], ["a", "b", "c", "d"], {})
+    assert told == "point 4"
+    assert worst_point("a=0, b=0, c=0, d=1", points) == 4
+    assert worst_point("b=1", points) == 2

@@ -29,8 +29,8 @@ SAME_ONSET = 1e-9  # relative difference of the same onset in two tables
 # relative difference from which a mode's frequency at its onset is told beside that of its growth
 OTHER_FREQUENCY = 0.004
 TAKEN_OVER_NOTE = (
-    "* before an onset: on some line the number is unstable at less, where an unstable mode of "
-    "another number takes it: no onset"
+    "* before an onset: on some line this mode is unstable at less, too: there it continues an "
+    "unstable mode of another number"
 )
 
 Row = Mapping[Hashable, Any]

@@ -32,9 +32,9 @@ UNKNOWN_ROUNDING = (
     "Friction is rounded where the contact sticks: what that does to levels is not known, and not "
     "in their errors."
 )
+MOST_COLUMNS = 2  # parameters with a column of their own; runs with more have numbers
 MOST_MODES = 4  # leading modes named in a sentence
 LEAST_SHARE = 1e-4  # sticking is told if it has at least this share of area and time
-MOST_SETTINGS = 3  # parameters named at the loudest run
 # spread of swings, relative to their mean, above which a sentence says that no period was seen
 UNEVEN_SWINGS = 0.1
 
@@ -109,8 +109,10 @@ def _as_loud(
 
 
 def _settings(row: pd.Series, varied: Sequence[str], units: Mapping[str, str]) -> str:
-    """Values of one run's parameters, of those that differ between runs."""
-    return ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied[:MOST_SETTINGS])
+    """Values of one run's parameters, of those that differ between runs; of many its number."""
+    if len(varied) > MOST_COLUMNS:
+        return f"point {row.name}"
+    return ", ".join(setting(p, float(row[p]), units.get(p, "")) for p in varied)
 
 
 def _uneven(lasting: pd.DataFrame, n_runs: int) -> str:

@@ -11,10 +11,10 @@ from rich.console import RenderableType
 
 from squealstudy.engine.kind_screen import KindScreen
 from squealstudy.errors import ResultsError
-from squealstudy.kinds.transient.answer import level_error, vibrations_in_words
+from squealstudy.kinds.transient.answer import MOST_COLUMNS, level_error, vibrations_in_words
 from squealstudy.kinds.transient.window_screen import in_words, windows
 from squealstudy.screen import Rows, command_text, facts, grid, held_together, notes
-from squealstudy.tables.energy_ranking import rank_energy, tells_parts
+from squealstudy.tables.energy_ranking import rank_energy, tells_parts, worst_point
 from squealstudy.tables.mode_ranking import settings_of
 from squealstudy.wording import (
     CHANGING,
@@ -39,7 +39,6 @@ from squealstudy.wording import (
 if TYPE_CHECKING:
     from squealstudy.engine.result_tables import ResultTables
 
-MOST_COLUMNS = 2  # parameters with a column of their own
 MAX_POINTS_WITHOUT_MAP = 8  # most design points that are shown without a map of letters
 MOST_LONGER = 20  # largest duration that is advised, over the duration of the run
 CHANCE_THAT_TELLS_NOTHING = 1.0  # an error with more relative scatter counts as unknown
@@ -99,16 +98,15 @@ class TransientScreen(KindScreen):
         shown = grid(
             *("mode", "Hz", "energy %", "most %", "leads at"),
             *(["word:energy in"] if energies else []),
-            *(["text:most where"] if varied else []),
-            rows=(
-                _energy(row, varied, energies, results.units) for row in table.to_dict("records")
-            ),
+            *(["text:loudest at"] if varied else []),
+            rows=(_energy(row, varied, energies, results) for row in table.to_dict("records")),
         )
         legend = notes(
             "mode: R1 is the lowest real mode at the nominal working point, or at less friction if "
             "there is none (complex modes have other numbers)",
             "energy: its share of the mechanical energy in runs that keep vibrating, their mean; "
             f"most: the largest share; leads at: in how many runs no mode has more{left_out}",
+            "loudest at: where share times RMS is largest; points are counted from 0" * varied,
         )
         return [shown, legend]
 
@@ -327,9 +325,11 @@ def _leader(row: Mapping[Hashable, Any]) -> str:
 
 
 def _energy(
-    row: dict[Hashable, Any], varied: bool, energies: bool, units: Mapping[str, str]
+    row: dict[Hashable, Any], varied: bool, energies: bool, results: ResultTables
 ) -> list[str]:
-    where = held_together(map(" ".join, settings_of(row["worst"], units).items()))
+    where = held_together(map(" ".join, settings_of(row["worst"], results.units).items()))
+    if str(row["worst"]).count("=") > MOST_COLUMNS:
+        where = f"point {worst_point(row['worst'], results.points)}"
     return [
         real_mode_number(row["mode"]),
         in_digits(row["frequency_hz"]),

@@ -90,8 +90,10 @@ class SweepBasisRung(OverABasis):
             why = f"{scope.damped} is not interpolated over {scope.varied} parameters"
             return Offer(False, why)
         if scope.points < PAYS_FROM:
-            return Offer(False, f"{scope.points} points a structure do not pay for a basis")
-        return Offer(True, f"{scope.points} points a structure pay for a basis")
+            return Offer(
+                False, f"{scope.points} points a structure are too few to gain from a basis"
+            )
+        return Offer(True, f"{scope.points} points a structure gain from a basis")
 
 
 @dataclass(frozen=True)

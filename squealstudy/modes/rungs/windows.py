@@ -83,8 +83,10 @@ class WindowsRung(OverABasis):
         if scope.varied not in MIN_POINTS_FOR_WINDOWS:
             return Offer(False, "")
         if scope.points < MIN_POINTS_FOR_WINDOWS[scope.varied]:
-            return Offer(False, f"{scope.points} points a structure do not pay for a basis")
-        return Offer(True, f"{scope.points} points a structure pay for a basis and patches")
+            return Offer(
+                False, f"{scope.points} points a structure are too few to gain from a basis"
+            )
+        return Offer(True, f"{scope.points} points a structure gain from a basis and patches")
 
 
 @dataclass(frozen=True)
