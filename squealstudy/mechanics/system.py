@@ -155,7 +155,8 @@ class System(Design):
         band : (low, high) or None
             Hz; None: all modes of own matrices (up to 100 coordinates, M regular); of others that
             of `basis`, with a UserWarning where it is the default and a point has no mode there.
-            The basis of a meshed model is made for this band.
+            The basis of a meshed model is made for this band. A band from 0 Hz begins at 1e-5 of
+            its top: slower motion is that of a free body.
 
         Raises
         ------

@@ -330,6 +330,13 @@ def test_recovery_matrices_need_not_be_square(version, kind, tmp_path):
         np.testing.assert_array_equal(read_recovery(tmp_path / name).toarray(), A)
 
 
+@pytest.mark.parametrize("kind", [">f8", ">f4", ">i4", "<f4"])
+def test_arrays_of_any_byte_order(kind, tmp_path):
+    A = np.arange(9.0).reshape(3, 3)
+    np.savez(tmp_path / "a.npz", K=np.asfortranarray(A.astype(kind)))
+    np.testing.assert_array_equal(read_matrix(tmp_path / "a.npz").toarray(), A)
+
+
 def test_what_is_no_recovery_matrix(tmp_path):
     np.savez(tmp_path / "a.npz", R=np.arange(3.0))
     with pytest.raises(ModelError, match="expected a matrix, found 3"):

@@ -262,6 +262,7 @@ def test_of_limit_cycles_it_tells_errors_of_levels_that_runs_decided():
     assert facts["runs in time"] == (
         "2 levels; the largest error is 3.5 %; the error of 1 is not known"
     )
+    assert [name for name in facts if name in CYCLES.sure] == ["cycles", "runs in time"]
     alone = made(kind="limit_cycles", **tables | {"points": points[:1]})
     assert "runs in time" not in dict(CYCLES.facts(alone))
 

@@ -61,7 +61,7 @@ class LimitCyclesScreen(KindScreen):
 
     tables = ("points", "verdicts", "cycles", "branches", "borders", "curves", "velocities")
     found = ("branch", "borders")
-    sure = ("cycles",)
+    sure = ("cycles", "runs in time")
 
     def rank(
         self, results: ResultTables, by: str, top: int | None, where: str | None

@@ -296,7 +296,8 @@ def _checked(A: Any, square: bool = True) -> sp.csr_matrix:
         raise ValueError("expected real values, found complex ones")
     if hasattr(A, "check_format"):  # indices that SciPy would follow out of its arrays
         A.check_format(full_check=True)
-    matrix = sp.csr_matrix(A).astype(float)
+    dense = isinstance(A, np.ndarray)  # SciPy takes no array of another byte order
+    matrix = sp.csr_matrix(A.astype(float) if dense else A).astype(float)
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         wrong = sp.coo_matrix(matrix)
