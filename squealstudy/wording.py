@@ -149,8 +149,8 @@ def expectation(kind: str, context: Mapping[str, Any]) -> str:
 
 
 def plural(n: int, word: str, many: str = "") -> str:
-    """A count with its word; `many` where the plural has no -s."""
-    return f"{n} {word if n == 1 else many or word + 's'}"
+    """A count with its word, thousands apart; `many` where the plural has no -s."""
+    return f"{n:,} {word if n == 1 else many or word + 's'}"
 
 
 def any_of(n: int, word: str) -> str:

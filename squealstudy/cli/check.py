@@ -289,7 +289,7 @@ def _mesh_error(plan: Plan, jobs: int) -> Rows:
 
 def _design(plan: Plan, missing: int, directory: Path) -> str:
     """Text on the number of design points, and on how many a growing design may have."""
-    text = f"{plural(len(plan.tasks), 'point')}, {missing} of them not yet in {directory}"
+    text = f"{plural(len(plan.tasks), 'point')}, {missing:,} of them not yet in {directory}"
     if len(plan.swept) > plan.study.definition.design.limit:
         text += _refused(plan.study)
     if plan.study.grows and missing:

@@ -21,6 +21,7 @@ from squealstudy.wording import (
     VERDICTS,
     amount,
     by_ranges,
+    plural,
     with_error,
 )
 
@@ -234,4 +235,13 @@ def test_an_error_that_is_zero_is_no_power_of_ten():
         "there is none",
         "dense; estimated error 2.5e-05, about 2 s",
         "passed: error 0 of 0.001 allowed, at 1 random point against exact solves",
+    ]
+
+
+def test_counts_have_their_thousands_apart():
+    assert [plural(n, "point") for n in (1, 0, 999, 20_000)] == [
+        "1 point",
+        "0 points",
+        "999 points",
+        "20,000 points",
     ]

@@ -231,8 +231,9 @@ def check_model(start: StartState, prepared_keys: set[str], section: TransientSe
     """Why a state does not fit the models of a study; empty where it fits."""
     if prepared_keys != {start.prepared_key}:
         return (
-            f"'{section.start}' is of another model, basis, nominal point or pressure range "
-            f"(reduction {start.prepared_key}, this study has {', '.join(sorted(prepared_keys))})"
+            f"'{section.start}' is of another model, basis, nominal point, pressure range or "
+            f"version of the package (reduction {start.prepared_key}, this study has "
+            f"{', '.join(sorted(prepared_keys))}): if of the same model, run that study again"
         )
     if start.representation != section.representation:
         return f"'{section.start}' is {start.representation}, this study {section.representation}"

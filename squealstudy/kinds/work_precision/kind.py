@@ -77,7 +77,7 @@ class WorkPrecision(Kind):
             tasks=Runs(Run(name, run) for name, run in runs.items()),
             facts=(
                 ("base", f"{base.source.path}: {base.name}, {base.kind.name}"),
-                ("measured at", f"{len(variants[0].measured)} design points"),
+                ("measured at", plural(len(variants[0].measured), "design point")),
                 (
                     "runs",
                     f"{len(runs)}: {len(methods)} settings of {len(study.definition.method)} "

@@ -91,9 +91,9 @@ class SweepBasisRung(OverABasis):
             return Offer(False, why)
         if scope.points < PAYS_FROM:
             return Offer(
-                False, f"{scope.points} points a structure are too few to gain from a basis"
+                False, f"{scope.points:,} points a structure are too few to gain from a basis"
             )
-        return Offer(True, f"{scope.points} points a structure gain from a basis")
+        return Offer(True, f"{scope.points:,} points a structure gain from a basis")
 
 
 @dataclass(frozen=True)

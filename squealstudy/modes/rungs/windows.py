@@ -84,9 +84,9 @@ class WindowsRung(OverABasis):
             return Offer(False, "")
         if scope.points < MIN_POINTS_FOR_WINDOWS[scope.varied]:
             return Offer(
-                False, f"{scope.points} points a structure are too few to gain from a basis"
+                False, f"{scope.points:,} points a structure are too few to gain from a basis"
             )
-        return Offer(True, f"{scope.points} points a structure gain from a basis and patches")
+        return Offer(True, f"{scope.points:,} points a structure gain from a basis and patches")
 
 
 @dataclass(frozen=True)
