@@ -57,7 +57,8 @@ def build_structures(
     tasks = [build_task(plan, point, threads) for point in missing]
     failures = _make_shared(tasks, workers)
     tasks = [task for task in tasks if task.point.structure not in failures]
-    outcomes = workers.each(build_structure, tasks, "reduction")
+    name = "reduction" if plan.study.model.meshed else "model"
+    outcomes = workers.each(build_structure, tasks, name)
     failures |= {key: reason for key, reason in outcomes if reason}
     if len(failures) == len(plan.structures):
         raise SquealstudyError(f"{plan.study.source.path}: {next(iter(failures.values()))}")

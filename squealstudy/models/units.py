@@ -68,6 +68,8 @@ ZERO_CELSIUS = Fraction("273.15")
 # abbreviations of quotients
 SHORT = {"kph": "km/h", "kmh": "km/h", "mps": "m/s"}
 
+MOST_NAMED = 7  # units that an error names
+
 QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?![eE][+-]?[0-9])"
     r"\s*(?P<unit>[^\s\d.].{0,40}?|1/.{1,40}?)\s*"
@@ -162,7 +164,9 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
             f"{expectation}: got {shown(text)}, whose unit is not known{hint}"
         ) from None
     if written.powers != target.powers:
-        raise ValueError(f"{expectation}: got {shown(text)}")
+        fitting_names = [name for name, (_, powers) in UNITS.items() if powers == target.powers]
+        expected = f"; expected such as {', '.join(fitting_names[:MOST_NAMED])}"
+        raise ValueError(f"{expectation}: got {shown(text)}{expected * bool(fitting_names)}")
     in_si = Fraction(match["number"]) * written.size
     if not difference:
         in_si += ZERO_CELSIUS * ((written.name in CELSIUS) - (target.name in CELSIUS))

@@ -150,7 +150,7 @@ def parameter(name, value, message):
             '[parameters]\npressure = "3 mm"\n',
             7,
             "parameters.pressure",
-            "pressure is in Pa: got '3 mm'",
+            "pressure is in Pa: got '3 mm'; expected such as Pa, hPa, kPa, MPa, GPa, bar, mbar",
         ),
         (
             '[parameters]\nfriction = "3 mm"\n',
