@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from squealstudy.engine.comparison import PARAMETERS, model_files, value_elsewhere
+from squealstudy.engine.manifest import MATRICES_FOLDER, MATRIX_FILES
 from squealstudy.engine.result_tables import ResultTables
 from squealstudy.errors import ResultsError
 from squealstudy.study.sweeps import RANDOM_DESIGNS
@@ -123,6 +124,12 @@ def _changes(before: ResultTables, after: ResultTables) -> list[str]:
             texts.append(f"{'.'.join(name)} {' -> '.join(ends)}")
     files = [model_files(r) for r in both]
     texts += ["the files of the model"] if files[0] != files[1] else []
+    if all(MATRICES_FOLDER in r.manifest for r in both):
+        matrices = [r.manifest.get(MATRIX_FILES, []) for r in both]
+        if not all(matrices):  # results of an earlier version
+            texts.append("perhaps the files of the matrices, which results of old do not tell")
+        elif matrices[0] != matrices[1]:
+            texts.append("the files of the matrices")
     versions = [str(r.manifest.get("versions", {}).get("squealstudy", "")) for r in both]
     return texts + ([f"squealstudy {' -> '.join(versions)}"] if versions[0] != versions[1] else [])
 

@@ -42,12 +42,13 @@ from squealstudy.models.operating import SLIDING_SPEED
 from squealstudy.models.parameter import ModelDefinition
 from squealstudy.parameter import Parameter
 from squealstudy.study.definition import ResolvedStudy
-from squealstudy.study.family import data_folder
+from squealstudy.study.family import data_folder, file_digests
 from squealstudy.study.tabled import knots_between
 from squealstudy.version import __version__
 
 SIDE_STUDIES = "beside"  # key: folders of studies run with it, and why one could not be
 MATRICES_FOLDER = "matrices_folder"  # key: where the files of own matrices are
+MATRIX_FILES = "matrix_files"  # key: hashes of these files, one for each term
 FINISHED_AT = "finished_at"  # key: when the tables were written, UTC
 PACKAGES = (
     "numpy",
@@ -126,11 +127,12 @@ def model_facts(plan: Plan) -> dict[str, Any]:
 
 
 def _matrices(study: ResolvedStudy) -> dict[str, Any]:
-    """Folder of the files of a matrix family: the results may be elsewhere."""
+    """Folder of the files of a matrix family, as the results may be elsewhere, and their hashes."""
     if not isinstance(study.model, FamilyDefinition):
         return {}
     folder = data_folder(study.definition.model, study.source.path)
-    return {MATRICES_FOLDER: str(folder.resolve())}
+    digests = file_digests(study.model, study.source)
+    return {MATRICES_FOLDER: str(folder.resolve()), MATRIX_FILES: digests}
 
 
 def _rotation(plan: Plan) -> dict[str, Any]:

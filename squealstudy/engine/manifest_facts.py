@@ -156,6 +156,7 @@ class Facts(FactGroup):
     design: DesignFacts = DesignFacts()
     model_file: ModelFileFacts | None = None
     matrices_folder: Text = ""
+    matrix_files: list[Name] = Field(default_factory=list)
     rotation: RotationFacts | None = None
     shared_basis: SharedFacts | None = None
     fidelity: FidelityFacts | None = None

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_results import made
+from matrix_families import write_family
 from own_blocks import STUDY, write_blocks
 from reference import MU_C
 from study_runs import solved
@@ -218,6 +219,24 @@ def test_a_parameter_that_follows_another_is_one_change(nominal, tmp_path):
     follows = hulten(tmp_path, "follows", table)
     assert nominal.compare(follows).attrs["changes"] == ["parameters.damping_ratio 0 -> a table"]
     assert follows.compare(nominal).attrs["changes"] == ["parameters.damping_ratio a table -> 0"]
+
+
+def test_other_files_of_own_matrices_are_told(tmp_path):
+    """Of a study run again after its damping file had changed, nothing was said to differ."""
+    follower = [[0.0, 1e6], [-1e6, 0.0]]
+    terms = {"m": ("M", np.eye(2)), "k": ("K", np.diag([1e6, 1.2e6])), "f": ("K", follower)}
+    runs = []
+    for name, damping in (("light", 10.0), ("heavy", 100.0)):
+        text = write_family(tmp_path, terms | {"c": ("C", damping * np.eye(2))}, {"f": "mu"})
+        study = study_text("own", "complex_modes", "matrices") + f'folder = "{tmp_path}"\n{text}'
+        study += "[parameters]\nmu = 0.0\n" + sweep_text("mu", 0.1, 0.3, 3)
+        runs.append(solved(f"{study}[modes]\nband = [10.0, 1000.0]\n", tmp_path / name))
+    light, heavy = runs
+    assert light.compare(heavy).attrs["changes"] == ["the files of the matrices"]
+    assert light.compare(light).attrs["changes"] == []
+    del light.manifest["matrix_files"]
+    (perhaps,) = light.compare(heavy).attrs["changes"]
+    assert perhaps.startswith("perhaps the files of the matrices")
 
 
 def test_points_that_are_not_in_common_are_told_by_their_side(nominal, tmp_path):
