@@ -285,6 +285,18 @@ def tables_text(manifest: Mapping[str, Any]) -> Iterator[str]:
         yield f"{over} acts through tables of {' and '.join(names)}{alone}"
 
 
+def _in_folder(tables: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a study whose matrices are named with the folder that they are read from."""
+    model = tables.get("model")
+    if not isinstance(model, dict) or "folder" not in model:
+        return tables
+    terms = [
+        {**term, "file": (Path(str(model["folder"])) / str(term["file"])).as_posix()}
+        for term in model.get("term", [])
+    ]
+    return {**tables, "model": {**model, "term": terms}}
+
+
 def named_files(tables: Any) -> list[str]:
     """Files that a study's tables name, each once: by the suffixes that a study can read."""
     if isinstance(tables, str):
@@ -323,7 +335,7 @@ def _provenance(results: Results) -> Iterator[str]:
         yield "<h2>To reproduce</h2>"
         yield f"<p>Save what follows as {name}.toml, then <code>squealstudy run {name}.toml</code>"
         yield f" and <code>squealstudy report results/{name}</code>.</p>"
-        if files := named_files(_study_tables(results)):
+        if files := named_files(_in_folder(_study_tables(results))):
             yield "<p>It reads files by paths from the folder it is saved in, which this page does"
             yield f" not hold: {escape(', '.join(files))}.</p>"
         yield f"<pre>{escape(str(text))}</pre>"

@@ -11,7 +11,8 @@ import pytest
 from explored import brake_map
 from made_results import made
 from matplotlib.figure import Figure
-from study_runs import solved
+from matrix_families import write_family
+from study_runs import plan_of, solved
 from study_texts import study_text
 from transient_tables import growth_table, modes_table, points_table
 
@@ -265,6 +266,21 @@ def test_of_limit_cycles_it_tells_errors_of_levels_that_runs_decided():
     assert [name for name in facts if name in CYCLES.sure] == ["cycles", "runs in time"]
     alone = made(kind="limit_cycles", **tables | {"points": points[:1]})
     assert "runs in time" not in dict(CYCLES.facts(alone))
+
+
+@pytest.mark.parametrize("folder", ["parts", None])
+def test_it_tells_files_of_matrices_with_their_folder(folder, tmp_path):
+    """`folder` of [model] was left out: the named files were none of the study's folder."""
+    (tmp_path / "parts").mkdir()
+    text = study_text("own", "complex_modes", "matrices")
+    text += 'folder = "parts"\n' if folder else ""
+    place = tmp_path / (folder or "")
+    text += write_family(place, {"m": ("M", np.eye(2)), "k": ("K", 1e6 * np.eye(2))}, {})
+    plan = plan_of(text + "[modes]\nband = [10.0, 1000.0]\n", tmp_path / "own.toml")
+    page = report([solved(plan, tmp_path / "results")], False)
+    assert (
+        f"not hold: {'parts/' if folder else ''}m.npz, {'parts/' if folder else ''}k.npz." in page
+    )
 
 
 def test_of_limit_cycles_it_tells_events_of_branches_with_units():
