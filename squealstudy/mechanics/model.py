@@ -221,8 +221,8 @@ class Model:
         -------
         DataFrame
             A row for each mode with the columns of `modes`, ``point``, the number of the design
-            point from 0, and the values swept. Points that failed have no rows:
-            ``attrs["failed"]`` has the reasons by number.
+            point from 0, and the values swept, in units of ``attrs["units"]``. Points that failed
+            have no rows: ``attrs["failed"]`` has the reasons by number.
 
         Raises
         ------
@@ -251,6 +251,9 @@ class Model:
             point: str(why) for point, (n, why) in enumerate(counts_and_messages) if not n and why
         }
         table.attrs["failed"] = failed
+        swept = (name for name in values if name in table)
+        units = {name: parse_parameter(name, self.definition).unit for name in swept}
+        table.attrs["units"] = table.attrs["units"] | units
         return table
 
     @property

@@ -623,6 +623,8 @@ def test_a_sweep_over_many_parameters_varies_the_first_fastest():
     points = many.groupby("point").first()
     assert points["friction"].tolist() == [0.1, 0.2] * 3
     assert points["sliding_speed"].tolist() == [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
+    units = many.attrs["units"]  # those of swept values were missing
+    assert (units["sliding_speed"], units["friction"], units["growth_rate"]) == ("m/s", "", "1/s")
     np.testing.assert_allclose(
         many["frequency_hz"], sq.model("hulten").sweep(**swept)["frequency_hz"], rtol=1e-12
     )
