@@ -173,7 +173,8 @@ class LimitCyclesScreen(KindScreen):
                 became = self.counted(results, words)
             followed_texts.append(f"mode {number} near {_frequencies_text(rows)} Hz: {became}")
         if followed_texts:
-            text += f"; followed was {'; '.join(followed_texts)}"
+            verb = "was" if len(followed_texts) == 1 else "were"
+            text += f"; followed {verb} {'; '.join(followed_texts)}"
         return f"{text}."
 
     def next_steps(self, results: ResultTables) -> Rows:
