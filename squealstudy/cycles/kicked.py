@@ -234,7 +234,8 @@ def _with_level(
             reason = f"{family.reason}; the design squeals, a run in time from {name} lasts"
         if run.band:
             hz = contact.point.growing.frequency_outside
-            reason += f"; the level is that within the band: a mode outside it, at {hz:,.0f} Hz, grows too"
+            reason += "; the level is that within the band: "
+            reason += f"a mode outside it, at {hz:,.0f} Hz, grows too"
         families[number] = replace(family, run=run, reason=reason)
         if run.outcome == LASTS:
             break
