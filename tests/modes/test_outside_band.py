@@ -181,3 +181,13 @@ def test_divergence_is_told_of_whatever_the_band(band, told, tmp_path):
         "diverges, without oscillation, at 6 of 11 design points looked at, within mu 0.5 to 1."
     )
     assert (sentence in results.screen.verdict(results)) == told
+
+
+def test_what_is_slower_than_was_sought_is_not_said_to_be_stable():
+    """A divergence below 1e-5 of the band's top counts as the motion of a free body."""
+    facts = {"looked": 2, "reach_hz": None, "below": None, "above": None}
+    manifest = {"outside_band": facts, "n_points": 2}
+    told = outside_text(manifest | {"band_hz": (500.0, 8000.0)}, {})
+    assert told.startswith("nothing grows from 0.08 to 500 Hz or above 8000 Hz at 2 design points")
+    told = outside_text(manifest | {"band_hz": (0.0, 1e6)}, {})
+    assert told.endswith("; no motion was sought below 10 Hz")

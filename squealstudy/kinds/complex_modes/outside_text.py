@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from squealstudy.root_pairs import RIGID_SHARE
 from squealstudy.wording import amount, in_digits, plural
 
 
@@ -23,8 +24,10 @@ def outside_text(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
     beyond = f"; none were sought above {reach:g} Hz" if reach else ""
     if parts:
         return f"{'; '.join(parts)} (looked for at {where}){beyond}"
-    below = f"below {low:g} Hz or " if low > 0 else ""
-    return f"nothing grows {below}{_above(facts, high)} at {where}{beyond}"
+    least = RIGID_SHARE * high  # slower motion counts as that of a free body
+    below = f"from {least:.2g} to {low:g} Hz or " if low > least else ""
+    slower = "" if low > 0 else f"; no motion was sought below {least:.2g} Hz"
+    return f"nothing grows {below}{_above(facts, high)} at {where}{beyond}{slower}"
 
 
 def grows_outside(manifest: Mapping[str, Any], units: Mapping[str, str]) -> str:
