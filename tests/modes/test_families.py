@@ -232,7 +232,7 @@ def test_check_and_run_name_the_limit_before_points_are_made(
     monkeypatch.setattr("squealstudy.engine.plan.design_points", lambda _: pytest.fail("made"))
     rows = dict(check(read_study(path), tmp_path / "out", 1, False, False, None))
     assert "1,210,000 points; `run` refuses more than design.limit = 20,000" in rows["design"]
-    assert rows["  friction"] == "0.1 to 0.9, 1100 values"
+    assert rows["  friction"] == "0.1 to 0.9, 1,100 values"
     with pytest.raises(StudyFileError, match="1,210,000 design points, more than the limit"):
         run(path, tmp_path / "out")
 

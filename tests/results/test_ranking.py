@@ -448,7 +448,7 @@ def test_the_legend_of_a_mode_whose_number_changes_is_true_of_its_other_number(c
     text = " ".join(capsys.readouterr().out.split())
     assert " *0.71 " in text
     assert "<= " not in text
-    assert "* before an onset: on some line the number is unstable at less" in text
+    assert "* before an onset: on some line this mode is unstable at less, too" in text
     assert text.endswith("stability does not depend on it")
     assert "energy in: mean of the mode's unstable points" in text
     results = made(**tables | {"onsets": onsets[onsets["track"] == 3]}, facts=results.manifest)

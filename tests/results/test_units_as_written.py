@@ -94,7 +94,7 @@ def test_columns_of_screens_and_reports():
 def test_where_a_mode_has_most_energy_is_in_the_unit_of_the_file():
     row = {"mode": 1, "frequency_hz": 2e3, "energy_share": 0.5, "energy_share_max": 0.6}
     row |= {"dominant_points": 2, "worst": "friction=0.4, pressure=1.2e+06"}
-    cells = _energy(row, True, False, results_of(HEAD + SWEEP).units)
+    cells = _energy(row, True, False, results_of(HEAD + SWEEP))
     assert cells[-1].replace("\xa0", " ") == "friction 0.4, pressure 12 bar"
 
 
