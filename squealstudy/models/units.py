@@ -166,7 +166,8 @@ def in_unit_of(text: str, unit: str, difference: bool = False) -> float:
     if written.powers != target.powers:
         fitting_names = [name for name, (_, powers) in UNITS.items() if powers == target.powers]
         expected = f"; expected such as {', '.join(fitting_names[:MOST_NAMED])}"
-        raise ValueError(f"{expectation}: got {shown(text)}{expected * bool(fitting_names)}")
+        has_unit = bool(unit and fitting_names)
+        raise ValueError(f"{expectation}: got {shown(text)}{expected * has_unit}")
     in_si = Fraction(match["number"]) * written.size
     if not difference:
         in_si += ZERO_CELSIUS * ((written.name in CELSIUS) - (target.name in CELSIUS))
