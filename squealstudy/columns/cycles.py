@@ -86,8 +86,13 @@ VERDICTS = (
         leaves_out="The error of the reduced model.",
     ),
     number(
-        "growth_rate|damping_ratio",
-        "Of small motion along the mode.",
+        "growth_rate",
+        "Real part of the root of small motion along the mode.",
+        leaves_out="The error of the reduced model.",
+    ),
+    number(
+        "damping_ratio",
+        "Damping ratio of small motion along the mode.",
         leaves_out="The error of the reduced model.",
     ),
     flag("unstable", "Whether small motion grows."),

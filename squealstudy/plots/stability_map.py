@@ -222,7 +222,7 @@ def _boundary(axes: Axes, boundary: Boundary, along: str | None, cells: bool) ->
             "markersize": 4.5,
             "linestyle": "none",
         }
-        handles.append(Line2D([], [], label="onset that was solved", **dot))
+        handles.append(Line2D([], [], label="onset, refined", **dot))
     if cells:
         side = "also beyond the boundary" if boundary.lines else "on both sides of an onset"
         label = f"a cell is coloured by the point in it, {side}; grey: none unstable"

@@ -570,7 +570,7 @@ def test_it_is_said_whether_damping_destabilises(trap) -> None:
     assert (table["growth_by_damping"] < 0).all()
     told = lambda t: as_text(trap.screen.findings(trap.with_tables(**t)))  # noqa: E731
     tables = {name: trap.table(name) for name in trap.tables}
-    raises = "a larger damping_ratio raises the growth of "
+    raises = "a larger damping_ratio would raise the growth of "
     assert f"{raises}no mode (slope" in " ".join(told(tables).split())
     other = tables["slopes"].assign(d_growth_rate=5.0)
     assert f"{raises}{table['name'][0]}" in " ".join(told(tables | {"slopes": other}).split())

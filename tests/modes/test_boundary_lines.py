@@ -55,6 +55,6 @@ def test_the_boundary_is_dashed_between_the_onsets_that_were_solved(destabilised
     (legend,) = figure.legends
     texts = " ".join(text.get_text() for text in legend.get_texts())
     assert "dashed where joined, not solved" in texts
-    assert "onset that was solved" in texts
+    assert "onset, refined" in texts
     assert "a cell is coloured by the point in it" in texts
     save_figure(figure, tmp_path / "map.png")

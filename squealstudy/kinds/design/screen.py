@@ -235,7 +235,8 @@ def _by_damping(table: pd.DataFrame) -> str:
     raised = with_slope.loc[(with_slope["growth_by_damping"] > 0).to_numpy(bool), "name"].tolist()
     of = "" if len(with_slope) == len(table) else f" of the {len(with_slope)} whose slope is known"
     names = ", ".join(raised) if raised else f"no mode{of}"
-    return f"a larger damping_ratio raises the growth of {names} (slope at each one's worst point)"
+    text = f"a larger damping_ratio would raise the growth of {names}"
+    return f"{text} (slope at each one's worst point)"
 
 
 def _modes(table: pd.DataFrame) -> list[RenderableType]:

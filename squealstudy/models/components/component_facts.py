@@ -178,7 +178,7 @@ def _measured(
         texts = [f"{mode.computed_hz:.1f} Hz"]
         if mode.frequency_scale is not None:
             change = 100 * (mode.frequency_scale - 1)
-            texts.append(f"measured {mode.frequency_hz:.1f} Hz ({change:+.2f} %)")
+            texts.append(f"measured {mode.frequency_hz:.1f} Hz ({change:+.2f} % from computed)")
             if abs(mode.frequency_scale - 1) > DOUBTFUL:
                 inspection.doubts.append(
                     f"{name}: mode {mode.number} is measured at {mode.frequency_hz:.1f} Hz and "
