@@ -24,12 +24,12 @@ from squealstudy.cycles.continuation import Steps, newton
 from squealstudy.cycles.curve import CurveMotion, Path, between
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import Floquet
-from squealstudy.cycles.folds import fold_error
+from squealstudy.cycles.folds import FOLD, fold_error, folds_alone
 from squealstudy.cycles.moving import Moving, Oscillators
 from squealstudy.cycles.projection import DAMPING_HELD, SIZE_HELD
 from squealstudy.errors import ConvergenceError
 
-HOPF, FOLD, NS, PD, BP = "H", "F", "NS", "PD", "BP"
+HOPF, NS, PD, BP = "H", "NS", "PD", "BP"  # events beside a FOLD
 RANGE, SHRUNK, CLOSED = "range", "hopf", "closed"  # why branches end, beside what `stop` says
 # a step may close a loop if the start of the branch lies near it: at most so many step lengths
 # along the step, and sideways from it
@@ -188,29 +188,8 @@ def cycles_along(
         while curve[-2].event and loop.passed(curve[-2].motion):
             del curve[-2]
         curve[-1] = curve[0]
-    curve = _folds_alone(curve, ONE_VALUE_REL_WIDTH * abs(bounds[1] - bounds[0]))
+    curve = folds_alone(curve, ONE_VALUE_REL_WIDTH * abs(bounds[1] - bounds[0]))
     return moving, _cut(moving, curve, bounds) if end == RANGE else curve, end
-
-
-def _folds_alone(curve: list[CurveMotion], one_value: float) -> list[CurveMotion]:
-    """The curve without folds of round-off where its cycles lie at one value of the parameter.
-
-    Where many neighbours lie at one value the first turn among them stays a fold if the parameter
-    arrives and leaves on the same side; the others are round-off.
-    """
-    values = np.array([point.motion.parameter for point in curve])
-    folds, counted = list(curve), -1  # index of the last neighbour of a fold that stays
-    for k, point in enumerate(curve):
-        if point.event != FOLD:
-            continue
-        is_apart = np.abs(values - values[k]) > one_value
-        before, after = np.flatnonzero(is_apart[:k]), k + 1 + np.flatnonzero(is_apart[k + 1 :])
-        sides = [values[j[0]] - values[k] for j in (before[::-1], after) if len(j)]
-        if k <= counted or len(sides) < 2 or sides[0] * sides[1] < 0.0:
-            folds[k] = replace(point, event="")
-        else:
-            counted = int(after[0]) - 1
-    return folds
 
 
 def branch(
@@ -272,7 +251,17 @@ def branch(
     if end == SHRUNK:
         steps_to_end = abs(curve[-1].motion.parameter - curve[-2].motion.parameter)
         points[-1] = replace(points[-1], event=HOPF, apart=HOPF_STEPS * steps_to_end)
-    return _with_changes(moving, points, highest, abs(bounds[1] - bounds[0])), end
+    with_changes = _with_changes(moving, points, highest, abs(bounds[1] - bounds[0]))
+    return [point for point in with_changes if not _is_of_a_fold(point, points)], end
+
+
+def _is_of_a_fold(point: BranchPoint, points: list[BranchPoint]) -> bool:
+    """Whether the multiplier that passes 1 at a point does so at a fold, within both errors."""
+    return point.event == BP and any(
+        abs(point.motion.parameter - other.motion.parameter) <= point.apart + other.apart
+        for other in points
+        if other.event == FOLD
+    )
 
 
 def _fold_apart(moving: Moving, curve: list[CurveMotion], k: int) -> float:

@@ -1,4 +1,6 @@
-"""The error of the parameter at a fold of a branch, as series of motions are cut off.
+"""Folds of a branch: which turns of its parameter are folds, and the error of the value there.
+
+The error is that of motions whose series are cut off.
 
 At a fixed size the balance is regular at a fold, and as a function of size the parameter has an
 extremum there. This holds for any number of harmonics, also where forces have corners and the slope
@@ -15,12 +17,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from squealstudy.cycles.continuation import newton
+from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.harmonics import with_harmonics
 from squealstudy.cycles.moving import Moving
 from squealstudy.cycles.projection import SIZE_HELD
 from squealstudy.errors import ConvergenceError
 
+FOLD = "F"  # name of the event
 FOLD_SERIES_SAFETY_FACTOR = (
     3.0  # over the change by more harmonics; contact that opens asks for 2.4
 )
@@ -93,3 +97,43 @@ def _extremum(
     if not 0 < best < len(tried) - 1:
         raise ConvergenceError("not_converged", "no fold between the motions beside it")
     return tried[best][1]
+
+
+def _at_the_turn(curve: list[CurveMotion], one_value: float) -> list[CurveMotion]:
+    """The curve with each fold at the point where the parameter turns back, of three beside it.
+
+    The balance jumps where a kink of a force passes a node of time: the slope may change its sign
+    in a jump, a little before or after the largest or least value.
+    """
+    values = np.array([point.motion.parameter for point in curve])
+    moved = list(curve)
+    for k in range(2, len(curve) - 2):
+        before, after = values[k - 2] - values[k], values[k + 2] - values[k]
+        if curve[k].event != FOLD or before * after <= 0.0:
+            continue
+        turn = k - 1 + int((-np.sign(before) * values[k - 1 : k + 2]).argmax())
+        if abs(values[turn] - values[k]) > one_value and not curve[turn].event:
+            moved[k], moved[turn] = replace(curve[k], event=""), replace(curve[turn], event=FOLD)
+    return moved
+
+
+def folds_alone(curve: list[CurveMotion], one_value: float) -> list[CurveMotion]:
+    """The curve without folds of round-off where its cycles lie at one value of the parameter.
+
+    Where many neighbours lie at one value the first turn among them stays a fold if the parameter
+    arrives and leaves on the same side; the others are round-off.
+    """
+    curve = _at_the_turn(curve, one_value)
+    values = np.array([point.motion.parameter for point in curve])
+    folds, counted = list(curve), -1  # index of the last neighbour of a fold that stays
+    for k, point in enumerate(curve):
+        if point.event != FOLD:
+            continue
+        is_apart = np.abs(values - values[k]) > one_value
+        before, after = np.flatnonzero(is_apart[:k]), k + 1 + np.flatnonzero(is_apart[k + 1 :])
+        sides = [values[j[0]] - values[k] for j in (before[::-1], after) if len(j)]
+        if k <= counted or len(sides) < 2 or sides[0] * sides[1] < 0.0:
+            folds[k] = replace(point, event="")
+        else:
+            counted = int(after[0]) - 1
+    return folds

@@ -10,10 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from squealstudy.cycles.branch import FOLD, branch
+from squealstudy.cycles.branch import HOPF, SHRUNK, branch
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
+from squealstudy.cycles.folds import FOLD
 
 W, FORCE, XI = 200 * np.pi, 200 * np.pi, 0.05  # the model's defaults, mass 1 kg
 DYNAMIC, RATIO, FALL = 0.5, 2.0, 0.5
@@ -27,13 +28,14 @@ class Belt:
     """x'' + 2 xi w x' + w^2 x = -f(v + x'), f straight up to its bound mu(s) F."""
 
     speed: float
+    saturation: float = SATURATION
 
     def bound(self, s):
         return FORCE * DYNAMIC * (1 + (RATIO - 1) * np.exp(-s / FALL))
 
     def beyond(self, s):
         """Positive where the straight line is above the bound."""
-        return DYNAMIC * RATIO * FORCE / SATURATION * s - self.bound(s)
+        return DYNAMIC * RATIO * FORCE / self.saturation * s - self.bound(s)
 
     def force(self, s):
         """Straight up to the bound."""
@@ -129,17 +131,22 @@ def test_both_cycles_of_a_soft_belt(found):
     assert outer.levels["contact_velocity"] > SPEED - SATURATION  # friction is not saturated there
 
 
-def test_the_fold_of_a_soft_belt_over_its_speed(designs, found):
-    """Where no displacement gains in a period any more."""
-    start = found.cycles[1].motion
-    points, _ = branch(
+@pytest.mark.parametrize("saturation", [0.3, SATURATION, 0.45])
+def test_the_fold_of_a_soft_belt_over_its_speed(saturation):
+    """Where no displacement gains in a period any more; kinks pass nodes of time beside it."""
+    designs = models.Designs("belt", {"sliding_speed": SPEED}, law=None, saturation=saturation)
+    search = Search(None, 5e-4, 1.2 * SPEED)
+    ((_, family),) = families(designs.at(), (1.0, 1e6), [1], 1e-9, search).families
+    start = family.cycles[1].motion
+    points, end = branch(
         lambda speed: designs.at(sliding_speed=speed).oscillator,
         PeriodicMotion(start.Q, start.omega, SPEED),
-        (1.2, 1.7),
+        (0.5, 3.0),
         1.0,
         models.shrunk(designs.at().oscillator, 1e-4),
     )
-    fold = next(p.motion for p in points if p.event == FOLD)
-    speeds = 0.98 * fold.parameter, 1.02 * fold.parameter
-    exact = brentq(lambda v: Belt(v).best()[1], *speeds, xtol=1e-5)
-    assert fold.parameter == pytest.approx(exact, rel=EQUAL)
+    assert ([p.event for p in points if p.event], end) == ([FOLD, HOPF], SHRUNK)
+    fold = next(p for p in points if p.event == FOLD)
+    speeds = 0.98 * fold.motion.parameter, 1.02 * fold.motion.parameter
+    exact = brentq(lambda v: Belt(v, saturation).best()[1], *speeds, xtol=1e-7)
+    assert abs(fold.motion.parameter - exact) < fold.apart < 2e-4

@@ -12,8 +12,9 @@ from test_limit_cycles_study import STUDY, study
 
 import squealstudy as sq
 from squealstudy.cycles.borders import MET, TURNED, BorderPoint, fold_near, follow_border
-from squealstudy.cycles.branch import FOLD, RANGE, cycles_along
+from squealstudy.cycles.branch import RANGE, cycles_along
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.folds import FOLD
 from squealstudy.errors import ConvergenceError, StudyFileError
 from squealstudy.kinds.limit_cycles import bordering, continued, onset
 from squealstudy.kinds.limit_cycles.designs import request

@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 
 import squealstudy as sq
 from squealstudy.cycles import cycle
-from squealstudy.cycles.branch import FOLD, HOPF, BranchPoint
+from squealstudy.cycles.branch import HOPF, BranchPoint
 from squealstudy.cycles.branch_levels import level_on_branch
 from squealstudy.cycles.cycle import Search
+from squealstudy.cycles.folds import FOLD
 from squealstudy.cycles.projection import Projection
 from squealstudy.cycles.trials import state_of
 from squealstudy.kinds.limit_cycles.branch_words import _levels_error, _uncertainty

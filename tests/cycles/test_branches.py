@@ -14,7 +14,6 @@ import squealstudy.cycles.projection as projected
 from squealstudy.cycles.branch import (
     BP,
     CLOSED,
-    FOLD,
     HOPF,
     NS,
     PD,
@@ -22,7 +21,6 @@ from squealstudy.cycles.branch import (
     SHRUNK,
     BranchPoint,
     Loop,
-    _folds_alone,
     _with_changes,
     branch,
     cycles_along,
@@ -33,6 +31,7 @@ from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import Floquet
+from squealstudy.cycles.folds import FOLD, folds_alone
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.moving import Moving
 from squealstudy.cycles.oscillator import LocalForces, Oscillator
@@ -348,6 +347,8 @@ def test_where_all_sizes_lie_at_one_value_no_torus_is_born(pair, events):
         ([0.3, 0.2, 0.2 + 1e-12, 0.2, 0.3], [2, 3], [2]),  # turns back
         ([0.3, 0.2, 0.3, 0.4, 0.3], [1, 3], [1, 3]),
         ([0.3, 0.2, 0.2 + 1e-12, 0.2], [2, 3], []),  # ends there
+        ([0.3, 0.4, 0.41, 0.40999, 0.4, 0.3], [3], [2]),  # in a jump behind the largest value,
+        ([0.3, 0.4, 0.40999, 0.41, 0.4, 0.3], [2], [3]),  # and in one before it
     ],
 )
 def test_turns_by_round_off_are_no_folds(values, turns, folds):
@@ -357,7 +358,7 @@ def test_turns_by_round_off_are_no_folds(values, turns, folds):
             values, [FOLD if k in turns else "" for k in range(len(values))], strict=True
         )
     ]
-    assert [k for k, p in enumerate(_folds_alone(curve, 1e-7)) if p.event == FOLD] == folds
+    assert [k for k, p in enumerate(folds_alone(curve, 1e-7)) if p.event == FOLD] == folds
 
 
 def test_a_fold_of_a_cycle_that_sticks_is_within_its_error():

@@ -13,13 +13,14 @@ from scipy.integrate import solve_ivp
 import squealstudy as sq
 from squealstudy.cycles import growth
 from squealstudy.cycles.balance import Balance
-from squealstudy.cycles.branch import FOLD, HOPF, branch
+from squealstudy.cycles.branch import HOPF, branch
 from squealstudy.cycles.continuation import Steps, follow
 from squealstudy.cycles.curve import CurveMotion
 from squealstudy.cycles.cycle import Search
 from squealstudy.cycles.equations import CycleEquations, PeriodicMotion
 from squealstudy.cycles.families import families
 from squealstudy.cycles.floquet import floquet, monodromy
+from squealstudy.cycles.folds import FOLD
 from squealstudy.cycles.growth import (
     FAR,
     family_curve,

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from squealstudy.cycles.borders import BorderPoint, fold_near, follow_border
-from squealstudy.cycles.branch import FOLD, HOPF, NS, branch
+from squealstudy.cycles.branch import HOPF, NS, branch
 from squealstudy.cycles.equations import PeriodicMotion
 from squealstudy.cycles.floquet import floquet
+from squealstudy.cycles.folds import FOLD
 from squealstudy.cycles.harmonics import derivative
 
 pytestmark = [

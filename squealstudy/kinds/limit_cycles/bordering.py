@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from squealstudy.cycles.borders import BorderPoint, fold_near, follow_border
-from squealstudy.cycles.branch import FOLD, RANGE
+from squealstudy.cycles.branch import RANGE
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.folds import FOLD
 from squealstudy.cycles.oscillator import MAX_UNPROJECTED_COORDINATES
 from squealstudy.engine.plan import Plan
 from squealstudy.engine.rows import REAL, TEXT

@@ -11,21 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from squealstudy.cycles.branch import (
-    CLOSED,
-    FOLD,
-    HOPF,
-    RANGE,
-    SHRUNK,
-    BranchPoint,
-    branch,
-    cycles_along,
-)
+from squealstudy.cycles.branch import CLOSED, HOPF, RANGE, SHRUNK, BranchPoint, branch, cycles_along
 from squealstudy.cycles.branch_levels import level_on_branch
 from squealstudy.cycles.contact import ContactOscillator
 from squealstudy.cycles.curve import between
 from squealstudy.cycles.cycle import Cycle, cycle_near
 from squealstudy.cycles.equations import PeriodicMotion
+from squealstudy.cycles.folds import FOLD
 from squealstudy.cycles.growth import FAR
 from squealstudy.cycles.projection import Projection
 from squealstudy.engine.cache import NewGaps
