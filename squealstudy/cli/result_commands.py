@@ -60,7 +60,7 @@ def rank(
                 raise ResultsError(f"{results}: {text}")
             tracks = ranking["track"]
             if why:
-                mode_facts = reasons(opened, tracks, points_of_ranking(opened, ranking))
+                mode_facts = reasons(opened, tracks, points_of_ranking(opened, ranking, where))
             else:
                 mode_facts = named(opened, tracks)
         if mode_facts:

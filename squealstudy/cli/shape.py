@@ -27,6 +27,8 @@ from squealstudy.shapes.page import page
 from squealstudy.shapes.picture import draw, sources, title, words
 from squealstudy.shapes.shape import Shape
 from squealstudy.shapes.sources import ASSEMBLY, CONTACT
+from squealstudy.tables.point_rows import point_codes
+from squealstudy.tables.ranking_query import selection
 from squealstudy.wording import amount, in_digits, plural, track_number
 
 ALL, UNSTABLE = "all", "unstable"
@@ -259,9 +261,12 @@ def reasons(
     return rows
 
 
-def points_of_ranking(results: Results, ranking: pd.DataFrame) -> dict[int, str]:
+def points_of_ranking(results: Results, ranking: pd.DataFrame, where: str | None) -> dict[int, str]:
     """By track the `point_id` at which it grows fastest of the points that a ranking counts."""
-    modes, point_of = results.modes, dict[int, str]()
+    modes, points, point_of = results.modes, results.points, dict[int, str]()
+    point_rows = point_codes(points, modes)
+    counted, wanted = selection(points, modes, point_rows, where)
+    modes = modes[wanted & counted[point_rows]]
     for track, growth in zip(ranking["track"], ranking["max_growth_rate"], strict=True):
         fastest = (modes["track"] == track) & (modes["growth_rate"] == growth)
         if track >= 0:

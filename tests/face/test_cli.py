@@ -240,6 +240,16 @@ def test_where_no_mode_grows_a_ranking_says_so_whatever_is_asked_of_it(study, ca
     assert "tell of modes that oscillate and grow: there is none" in " ".join(err.split())
 
 
+def test_why_tells_of_a_point_within_the_query_if_others_grow_alike(tmp_path, monkeypatch, capsys):
+    """Roots of Hoffmann's oscillator do not depend on the sliding speed."""
+    monkeypatch.chdir(tmp_path)
+    study = sq.model("hoffmann").study("alike")
+    sq.run(study.with_(friction=[0.6, 0.9], sliding_speed=[0.5, 1.0, 2.0]))
+    for where, told in (("sliding_speed > 1.5", "2 m/s"), ("sliding_speed < 0.7", "0.5 m/s")):
+        assert command("rank", "results/alike", "--where", where, "--why") == 0
+        assert f"at friction 0.9, sliding_speed {told}" in capsys.readouterr().out
+
+
 def test_why_two_modes_of_a_small_model_lock_in(study, capsys):
     """Hulten's undamped model: all growth is of unsymmetric stiffness, from two modes in half."""
     assert command("run", "study.toml", "-j", "1", "--no-pictures") == 0
