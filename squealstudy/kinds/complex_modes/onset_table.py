@@ -64,7 +64,8 @@ def onset_table(results: ResultTables) -> list[RenderableType]:
     table = table.iloc[np.unique(np.linspace(0, every - 1, MOST_ROWS).round().astype(int))]
     largest = float(np.abs(table.index.to_numpy(float)).max())
     shown_unit, factor = prefixed(units.get(down, ""), largest)
-    numbers = [f"{factor * number:.4g}" for number in table.index]
+    digits = 4 if factor * largest < 1e4 else 6
+    numbers = [f"{factor * number:.{digits}g}" for number in table.index]
     if len(set(numbers)) < len(numbers):
         numbers = [f"{factor * number:.9g}" for number in table.index]
     shown = grid(
