@@ -33,7 +33,7 @@ FAR_OFF = 0.4  # correction over the step: a longer one may have met another cur
 # steps of at most this arc-length may turn by more, as friction that reverses bends curves sharply
 CORNER_ARC_LENGTH = 0.03
 EVENT_REL_TOLERANCE = 1e-10  # error of an event over the step in which it is
-MAX_JUMP_ARC_LENGTH = 1e-3  # longest step at an end of which an event within a jump is put
+MAX_JUMP_ARC_LENGTH = 1e-3  # a choice: an event in a jump is put at an end of no longer step
 # an unknown may fall between two points, as a cubic, to this share of its smaller end
 MIN_DIP_SHARE = 0.5
 DIP_TEST_MIN_ARC_LENGTH = 0.02  # where it falls further, steps are halved down to this length

@@ -94,7 +94,7 @@ def with_thresholds(name, count):
 @pytest.mark.parametrize("name", DRAWN)
 @pytest.mark.parametrize("count", [1, pytest.param(10, marks=pytest.mark.full_size)])
 def test_below_a_threshold_motions_decay_and_above_it_they_grow(name, count):
-    """Ten designs each with `pytest -m full_size`; of ten, one may go to another large motion."""
+    """Ten designs each with `pytest -m full_size`; of ten, the contact of one gives way instead."""
     above = []
     for contact, family in with_thresholds(name, count):
         assert family.verdict == IF_KICKED
