@@ -265,8 +265,8 @@ def points_of_ranking(results: Results, ranking: pd.DataFrame, where: str | None
     """By track the `point_id` at which it grows fastest of the points that a ranking counts."""
     modes, points, point_of = results.modes, results.points, dict[int, str]()
     point_rows = point_codes(points, modes)
-    counted, wanted = selection(points, modes, point_rows, where)
-    modes = modes[wanted & counted[point_rows]]
+    counted, in_query = selection(points, modes, point_rows, where)
+    modes = modes[in_query & counted[point_rows]]
     for track, growth in zip(ranking["track"], ranking["max_growth_rate"], strict=True):
         fastest = (modes["track"] == track) & (modes["growth_rate"] == growth)
         if track >= 0:

@@ -106,15 +106,18 @@ def _at_the_turn(curve: list[CurveMotion], one_value: float) -> list[CurveMotion
     in a jump, a little before or after the largest or least value.
     """
     values = np.array([point.motion.parameter for point in curve])
-    moved = list(curve)
+    relabelled = list(curve)
     for k in range(2, len(curve) - 2):
         before, after = values[k - 2] - values[k], values[k + 2] - values[k]
         if curve[k].event != FOLD or before * after <= 0.0:
             continue
         turn = k - 1 + int((-np.sign(before) * values[k - 1 : k + 2]).argmax())
         if abs(values[turn] - values[k]) > one_value and not curve[turn].event:
-            moved[k], moved[turn] = replace(curve[k], event=""), replace(curve[turn], event=FOLD)
-    return moved
+            relabelled[k], relabelled[turn] = (
+                replace(curve[k], event=""),
+                replace(curve[turn], event=FOLD),
+            )
+    return relabelled
 
 
 def folds_alone(curve: list[CurveMotion], one_value: float) -> list[CurveMotion]:

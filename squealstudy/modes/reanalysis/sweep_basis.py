@@ -61,7 +61,7 @@ class SweepBasis:
     trained : ndarray (q, d)
         Design points whose modes are in the basis.
     seconds : float
-        Time that it took to make it.
+        Processor seconds that it took to make it.
     interpolated : float
         Largest error of roots, relative to their moduli, by interpolation of the problem over the
         box. Estimates at design points do not include it.
